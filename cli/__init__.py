@@ -1,0 +1,1 @@
+"""The Typer app: parse, call a stage, print."""

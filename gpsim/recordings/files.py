@@ -1,0 +1,162 @@
+"""Recordings on disk: recording.csv or recording.parquet beside recording.yaml (the format is a contract)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pandas as pd
+import yaml
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.errors import UsageError
+from gpsim.recordings.recording import Episode, HeldOut, Recording
+
+TableFormat = Literal["csv", "parquet"]
+META_NAME = "recording.yaml"
+_KNOWN = {
+    "system", "parameters", "integrator", "dt", "state", "action", "velocities", "clock", "noise", "held_out",
+    "wraps", "provenance",
+}  # fmt: skip
+
+
+def write_recording(recording: Recording, folder: Path, table: TableFormat = "parquet") -> None:
+    """Write recording.<table> and recording.yaml into an existing folder."""
+    frame = to_frame(recording)
+    if table == "csv":
+        frame.to_csv(folder / "recording.csv", index=False, lineterminator="\n")
+    else:
+        frame.to_parquet(folder / "recording.parquet", index=False)
+    text = yaml.safe_dump(_metadata(recording), sort_keys=False, allow_unicode=True)
+    (folder / META_NAME).write_text(text, encoding="utf-8")
+
+
+def to_frame(recording: Recording) -> pd.DataFrame:
+    """One row a sample: episode, t, state channels, action channels (NaN in an episode's last row)."""
+    frames = []
+    for episode in recording.episodes:
+        columns: dict[str, Any] = {"episode": episode.name, "t": episode.t}
+        columns |= {name: episode.states[:, i] for i, name in enumerate(recording.state.names)}
+        actions = np.vstack([episode.actions, np.full((1, len(recording.action)), np.nan)])
+        columns |= {name: actions[:, i] for i, name in enumerate(recording.action.names)}
+        frames.append(pd.DataFrame(columns))
+    return pd.concat(frames, ignore_index=True)
+
+
+def _metadata(recording: Recording) -> dict[str, Any]:
+    meta: dict[str, Any] = {
+        "system": recording.system,
+        "parameters": {k: float(v) for k, v in recording.parameters.items()},
+        "integrator": recording.integrator,
+        "dt": float(recording.dt),
+        "state": recording.state.units,
+        "action": recording.action.units,
+        "clock": recording.clock,
+    }
+    wraps = [channel.name for channel in recording.state if channel.wraps]
+    if wraps:
+        meta["wraps"] = wraps
+    if recording.velocities is not None:
+        meta["velocities"] = recording.velocities
+    if recording.noise:
+        meta["noise"] = {k: float(v) for k, v in recording.noise.items()}
+    if recording.held_out is not None:
+        meta["held_out"] = {k: v for k, v in vars(recording.held_out).items() if v is not None}
+    if recording.provenance:
+        meta["provenance"] = dict(recording.provenance)
+    return meta
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a recording folder; every fault ends in a UsageError that says what, where and what to do."""
+    folder = path if path.is_dir() else path.parent
+    meta = _read_metadata(folder / META_NAME)
+    frame, table = _read_table(folder)
+    state = Channels.of(meta["state"], wraps=meta.get("wraps", ()))
+    action = Channels.of(meta.get("action") or {})
+    needed = ("episode", "t", *state.names, *action.names)
+    missing = [name for name in needed if name not in frame.columns]
+    if missing:
+        raise UsageError(f"{table}: column(s) {', '.join(missing)} missing; {META_NAME} names them")
+    episodes = tuple(
+        _episode(str(name), rows, state, action, table) for name, rows in frame.groupby("episode", sort=False)
+    )
+    return Recording(
+        system=str(meta["system"]),
+        state=state,
+        action=action,
+        episodes=episodes,
+        dt=float(meta["dt"]),
+        parameters={k: float(v) for k, v in (meta.get("parameters") or {}).items()},
+        integrator=str(meta.get("integrator", "euler")),
+        velocities=meta.get("velocities"),
+        clock=meta.get("clock", "episode"),
+        noise={k: float(v) for k, v in (meta.get("noise") or {}).items()},
+        held_out=HeldOut(**meta["held_out"]) if meta.get("held_out") else None,
+        provenance=meta.get("provenance") or {},
+    )
+
+
+def _read_metadata(path: Path) -> Mapping[str, Any]:
+    if not path.is_file():
+        raise UsageError(f"{path.parent}: no {META_NAME}; a recording is a folder with {META_NAME} and recording.csv")
+    try:
+        meta = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(meta, dict):
+        raise UsageError(f"{path}: expected a mapping with system, dt, state and action")
+    lacking = [key for key in ("system", "dt", "state") if key not in meta]
+    if lacking:
+        raise UsageError(f"{path}: {', '.join(lacking)} missing")
+    unknown = sorted(set(meta) - _KNOWN)
+    if unknown:
+        raise UsageError(f"{path}: unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted(_KNOWN))}")
+    return meta
+
+
+def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
+    parquet, csv = folder / "recording.parquet", folder / "recording.csv"
+    table = parquet if parquet.is_file() else csv
+    if not table.is_file():
+        raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
+    try:
+        if table == parquet:
+            frame = pd.read_parquet(table)
+        else:
+            frame = pd.read_csv(table, dtype={"episode": str}, float_precision="round_trip")
+    except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
+        raise UsageError(f"{table}: cannot be read: {' '.join(str(error).split())[:200]}") from error
+    if frame.empty:
+        raise UsageError(f"{table}: no rows")
+    return frame, table
+
+
+def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, table: Path) -> Episode:
+    try:
+        t = rows["t"].to_numpy(dtype=np.float64)
+        states = rows[list(state.names)].to_numpy(dtype=np.float64)
+        actions = rows[list(action.names)].to_numpy(dtype=np.float64).reshape(len(rows), len(action))[:-1]
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"{table}: episode {name}: a value is not a number: {error}") from error
+    _check_finite(t[:, None], ("t",), name, rows, table)
+    _check_finite(states, state.names, name, rows, table)
+    _check_finite(actions, action.names, name, rows, table)
+    backwards = np.flatnonzero(np.diff(t) <= 0)
+    if backwards.size:
+        row = int(rows.index[int(backwards[0]) + 1])
+        raise UsageError(f"{table}: episode {name}, row {row}: t does not increase; sort or re-import the log")
+    return Episode(name, t, states, actions)
+
+
+def _check_finite(values: FloatArray, names: tuple[str, ...], episode: str, rows: pd.DataFrame, table: Path) -> None:
+    bad = np.argwhere(~np.isfinite(values))
+    if bad.size:
+        row, column = (int(i) for i in bad[0])
+        value = values[row, column]
+        raise UsageError(
+            f"{table}: episode {episode}, row {int(rows.index[row])}, channel {names[column]}: {value} is not finite"
+            f" ({len(bad)} such value(s)); drop or repair the rows and import again"
+        )

@@ -1,0 +1,130 @@
+"""The Recording: a timestamped log in episodes, and the transitions it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
+from gpsim.errors import UsageError
+
+Clock = Literal["session", "episode"]
+Velocities = Literal["measured", "differentiated"]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode: K + 1 samples of the state and the K actions between them.
+
+    name: as in the file's `episode` column. t: (K + 1,) s, increasing. states: (K + 1, S).
+    actions: (K, A); actions[k] is what was commanded from t[k] to t[k + 1].
+    """
+
+    name: str
+    t: FloatArray
+    states: FloatArray
+    actions: FloatArray
+
+    def __post_init__(self) -> None:
+        rows = len(self.t)
+        if rows < 1 or self.states.shape[0] != rows or self.actions.shape[0] != rows - 1:
+            raise UsageError(
+                f"episode {self.name}: expected K + 1 states and K actions for K + 1 times, got "
+                f"{rows} times, {self.states.shape[0]} states and {self.actions.shape[0]} actions"
+            )
+
+    def __len__(self) -> int:
+        """Number of transitions K."""
+        return len(self.t) - 1
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Which part is kept for judging: episodes from a number on, or time from a moment on [s]."""
+
+    episodes_from: int | None = None
+    time_from: float | None = None
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """All transitions of a recording, in order.
+
+    states, next_states: (N, S); actions: (N, A); dt: (N,) s; t: (N,) s, the clock at the state;
+    episode: (N,) index into the recording's episodes.
+    """
+
+    states: FloatArray
+    actions: FloatArray
+    next_states: FloatArray
+    dt: FloatArray
+    t: FloatArray
+    episode: IntArray
+
+    def __len__(self) -> int:
+        return len(self.dt)
+
+    def take(self, rows: IntArray | BoolArray) -> Transitions:
+        """The transitions at `rows` (indices or a mask)."""
+        return Transitions(
+            self.states[rows],
+            self.actions[rows],
+            self.next_states[rows],
+            self.dt[rows],
+            self.t[rows],
+            self.episode[rows],
+        )
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What happened: episodes of measured states and commanded actions on one clock.
+
+    `system`, `parameters`, `integrator` and `dt` describe the base simulator that the recording is to be
+    compared with; `noise` is the known measurement noise (standard deviation by channel), if any;
+    `provenance` is free-form metadata (how it was collected, imported, smoothed) and is kept as it is.
+    """
+
+    system: str
+    state: Channels
+    action: Channels
+    episodes: tuple[Episode, ...]
+    dt: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    integrator: str = "euler"
+    velocities: Velocities | None = None
+    clock: Clock = "episode"
+    noise: Mapping[str, float] = field(default_factory=dict)
+    held_out: HeldOut | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.episodes:
+            raise UsageError("the recording has no episodes")
+        if not self.dt > 0:
+            raise UsageError(f"the recording's dt must be positive, got {self.dt}")
+        for episode in self.episodes:
+            expected = (len(self.state), len(self.action))
+            got = (episode.states.shape[1], episode.actions.shape[1])
+            if got != expected:
+                raise UsageError(f"episode {episode.name}: expected (state, action) columns {expected}, got {got}")
+
+    @property
+    def transition_count(self) -> int:
+        """Number of transitions over all episodes."""
+        return sum(len(episode) for episode in self.episodes)
+
+    def transitions(self) -> Transitions:
+        """All transitions in order; episodes of a single sample contribute none."""
+        parts = self.episodes
+        return Transitions(
+            states=np.concatenate([e.states[:-1] for e in parts]),
+            actions=np.concatenate([e.actions for e in parts]),
+            next_states=np.concatenate([e.states[1:] for e in parts]),
+            dt=np.concatenate([np.diff(e.t) for e in parts]),
+            t=np.concatenate([e.t[:-1] for e in parts]),
+            episode=np.concatenate([np.full(len(e), i, dtype=np.int64) for i, e in enumerate(parts)]),
+        )
