@@ -1,0 +1,6 @@
+"""Tasks: initial states, reward, termination; no dynamics."""
+
+from gpsim.tasks.balance import Balance
+from gpsim.tasks.task import Start, Task
+
+__all__ = ["Balance", "Start", "Task"]

@@ -1,0 +1,272 @@
+"""Artifacts: immutable versions on disk, written whole or not at all, verified when read.
+
+runs/<experiment>/<stage>/v0001/ holds the stage's files, manifest.json (what it was made from and the sha256 of every
+file) and timings.json (wall-clock facts, outside every hash, so that the same seed gives the same bytes).
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import signal
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gpsim.errors import UsageError
+from gpsim.provenance import git_commit, package_versions
+
+MANIFEST, TIMINGS = "manifest.json", "timings.json"
+SCHEMA = "gpsim.artifact/1"
+_VERSION = re.compile(r"v(\d{4,})")
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Artifact:
+    """A finished version on disk. `digest` is the sha256 of its manifest, which holds the sha256 of every file."""
+
+    path: Path
+    manifest: Json
+    digest: str
+
+    @property
+    def stage(self) -> str:
+        """The stage that made it."""
+        return str(self.manifest["stage"])
+
+    @property
+    def key(self) -> str:
+        """Identity of stage, configuration and parents: equal keys mean equal contents."""
+        return str(self.manifest["key"])
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What an artifact is made from: everything that decides its bytes."""
+
+    stage: str
+    config: Json
+    parents: Mapping[str, Artifact]
+    seeds: Json
+
+    @property
+    def key(self) -> str:
+        """sha256 of stage, configuration, seeds and the parents' digests."""
+        parents = {role: parent.digest for role, parent in sorted(self.parents.items())}
+        content = {"stage": self.stage, "config": self.config, "seeds": self.seeds, "parents": parents}
+        return hashlib.sha256(canonical(content)).hexdigest()
+
+
+def canonical(content: Any) -> bytes:
+    """JSON bytes that are equal for equal content; NaN and infinity are refused."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Readable JSON with a stable byte order."""
+    path.write_text(json.dumps(content, indent=2, sort_keys=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def file_digest(path: Path) -> str:
+    """sha256 of a file, read in chunks."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def folder_digests(folder: Path) -> dict[str, str]:
+    """POSIX path to sha256 for every file below `folder` but the manifest and the timings, sorted."""
+    paths = sorted(p for p in folder.rglob("*") if p.is_file())
+    relative = {p.relative_to(folder).as_posix(): p for p in paths}
+    return {name: file_digest(p) for name, p in relative.items() if name not in (MANIFEST, TIMINGS)}
+
+
+def read_artifact(path: Path, stage: str | None = None) -> Artifact:
+    """Open and verify an artifact; a changed, missing or added byte is a UsageError."""
+    try:
+        raw = (path / MANIFEST).read_bytes()
+        manifest = json.loads(raw)
+        expected, made_by = manifest["files"], manifest["stage"]
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
+    except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError, OSError) as error:
+        raise UsageError(f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again") from error
+    if stage is not None and made_by != stage:
+        raise UsageError(f"{path}: made by '{made_by}', expected an artifact of '{stage}'")
+    recorded = manifest.pop("sha256", None)
+    if recorded != hashlib.sha256(canonical(manifest)).hexdigest():
+        raise UsageError(f"{path / MANIFEST}: changed after it was written; delete the folder and make it again")
+    actual = folder_digests(path)
+    for name in sorted(set(expected) | set(actual)):
+        if expected.get(name) != actual.get(name):
+            problem = "missing" if name not in actual else "added" if name not in expected else "changed"
+            raise UsageError(f"{path / name}: {problem} after it was written; delete the folder and make it again")
+    return Artifact(path, manifest, str(recorded))
+
+
+def read_timings(path: Path) -> Json:
+    """Wall-clock facts of an artifact; empty when there are none."""
+    try:
+        content: Json = json.loads((path / TIMINGS).read_text(encoding="utf-8"))
+    except (OSError, json.JSONDecodeError):
+        return {}
+    return content
+
+
+@dataclass(frozen=True)
+class Store:
+    """All artifacts of one experiment: <root>/<experiment>/<stage>/vNNNN."""
+
+    root: Path
+    experiment: str
+
+    def versions(self, stage: str) -> Iterator[Path]:
+        """Finished versions of a stage, newest first."""
+        folder = self.root / self.experiment / stage
+        if not folder.is_dir():
+            return
+        found = [p for p in folder.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir()]
+        yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
+
+    def find(self, recipe: Recipe) -> Artifact | None:
+        """The artifact with the same key, verified; None when there is none yet."""
+        for path in self.versions(recipe.stage):
+            if _key_of(path) == recipe.key:
+                return read_artifact(path, recipe.stage)
+        return None
+
+    def publish(
+        self, recipe: Recipe, write: Callable[[Path], Json | None], *, out: Path | None = None, number: int | None = None
+    ) -> Artifact:
+        """Run `write(folder)` in a temporary folder, seal it with a manifest and rename it into place.
+
+        `write` may return facts that go to timings.json. `out` names the folder instead of the next version;
+        `number` asks for a version, the next free one is taken when it is gone. A crash leaves only a temporary
+        folder, which the next publication of that stage removes.
+        """
+        shelf = out.parent if out else self.root / self.experiment / recipe.stage
+        if out is not None and out.exists():
+            raise UsageError(f"{out}: exists already; artifacts are never overwritten, choose another --out")
+        with _disk_errors(shelf):
+            shelf.mkdir(parents=True, exist_ok=True)
+            _sweep(shelf)
+            temporary = shelf / f".tmp-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+            temporary.mkdir()
+            try:
+                started = time.time()
+                facts = write(temporary) or {}
+                digest = _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
+                path = _place(temporary, shelf, out, number)
+            except BaseException:
+                shutil.rmtree(temporary, ignore_errors=True)
+                raise
+        return Artifact(path, json.loads((path / MANIFEST).read_bytes()), digest)
+
+    def free_numbers(self, stage: str) -> Iterator[int]:
+        """Version numbers that no finished artifact holds, ascending."""
+        taken = {int(path.name[1:]) for path in self.versions(stage)}
+        number = 1
+        while True:
+            if number not in taken:
+                yield number
+            number += 1
+
+
+def _key_of(path: Path) -> str | None:
+    try:
+        key = json.loads((path / MANIFEST).read_bytes())["key"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return str(key)
+
+
+def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
+    manifest: Json = {
+        "schema": SCHEMA,
+        "stage": recipe.stage,
+        "key": recipe.key,
+        "config": recipe.config,
+        "seeds": recipe.seeds,
+        "parents": {
+            role: {"stage": parent.stage, "sha256": parent.digest} for role, parent in sorted(recipe.parents.items())
+        },
+        "packages": package_versions(),
+        "git_commit": git_commit(),
+        "files": folder_digests(folder),
+    }
+    digest = hashlib.sha256(canonical(manifest)).hexdigest()
+    write_json(folder / MANIFEST, manifest | {"sha256": digest})
+    lineage = {role: str(parent.path) for role, parent in sorted(recipe.parents.items())}
+    write_json(folder / TIMINGS, {"finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "parents": lineage} | facts)
+    for path in sorted(folder.rglob("*")):
+        _fsync(path)
+    _fsync(folder)
+    return digest
+
+
+def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None) -> Path:
+    """Rename into place; another process may take a number at the same moment, so try until one is ours."""
+    if out is not None:
+        temporary.rename(out)
+        _fsync(shelf)
+        return out
+    taken = [int(p.name[1:]) for p in shelf.iterdir() if _VERSION.fullmatch(p.name)]
+    wanted = number if number is not None and number not in taken else max(taken, default=0) + 1
+    while True:
+        path = shelf / f"v{wanted:04d}"
+        try:
+            temporary.rename(path)  # fails when the folder exists, as a version never is empty
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            wanted += 1
+            continue
+        _fsync(shelf)
+        return path
+
+
+def _fsync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sweep(shelf: Path) -> None:
+    """Remove the temporary folders of processes that are no more."""
+    for path in shelf.glob(".tmp-*"):
+        owner = path.name.split("-")[1]
+        if owner.isdigit() and int(owner) != os.getpid() and not _alive(int(owner)):
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, signal.SIG_DFL)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+@contextmanager
+def _disk_errors(shelf: Path) -> Iterator[None]:
+    """A full or read-only disk is the user's to mend: one line, and nothing half-written."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise UsageError(f"{shelf}: no space left on the device; finished artifacts are whole, free space and run again") from error
+        if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.EEXIST):
+            raise UsageError(f"{shelf}: cannot write here ({error.strerror}); choose another runs_dir") from error
+        raise

@@ -1,0 +1,121 @@
+"""Plant x task as Gymnasium environments: one episode at a time, or a batch stepped as NumPy arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.simulators.plant import Memory, Plant, restart
+from gpsim.tasks import Start, Task
+from gpsim.tasks.task import Actions
+
+
+class Episodes:
+    """A batch of running episodes of a task on a plant: the one place where episodes begin, step and end."""
+
+    def __init__(self, plant: Plant, task: Task, count: int, rng: np.random.Generator) -> None:
+        self.plant, self.task, self.count, self.rng = plant, task, count, rng
+        self.states: FloatArray
+        self.context: FloatArray
+        self.memory: Memory
+        self.steps: NDArray[np.int64]
+
+    def begin(self, start: Start | None = None) -> NDArray[np.float32]:
+        """Start every episode anew, from `start` if given; returns the observations (B, O)."""
+        start = start or self.task.start(self.count, self.rng)
+        self.states, self.context = start.states.copy(), start.context.copy()
+        self.memory = self.plant.begin(self.count, self.rng)
+        self.steps = np.zeros(self.count, dtype=np.int64)
+        return self.task.observe(self.states, self.context)
+
+    def step(self, actions: Actions) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """One control step; returns rewards, terminated and truncated, each (B,); does not restart anything."""
+        before = self.states
+        self.states = self.plant.step(before, self.task.command(actions), self.memory, self.rng)
+        self.steps += 1
+        rewards = self.task.reward(before, actions, self.states, self.context)
+        terminated = self.task.terminated(self.states, self.context)
+        return rewards, terminated, (self.steps >= self.task.max_steps) & ~terminated
+
+    def observe(self) -> NDArray[np.float32]:
+        """(B, O): what the policy sees now."""
+        return self.task.observe(self.states, self.context)
+
+    def restart(self, rows: BoolArray) -> None:
+        """Begin new episodes in the masked rows."""
+        count = int(rows.sum())
+        start = self.task.start(count, self.rng)
+        self.states[rows], self.context[rows] = start.states, start.context
+        restart(self.memory, rows, self.plant.begin(count, self.rng))
+        self.steps[rows] = 0
+
+
+class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, FloatArray]):
+    """A Gymnasium VectorEnv whose episodes step as one NumPy batch and restart within the same step."""
+
+    def __init__(self, plant: Plant, task: Task, count: int, seed: int) -> None:
+        self.num_envs = count
+        self.single_observation_space = task.observation_space
+        self.single_action_space = task.action_space
+        self.observation_space = batch_space(task.observation_space, count)
+        self.action_space = batch_space(task.action_space, count)
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.episodes = Episodes(plant, task, count, np.random.default_rng(seed))
+
+    def reset(  # type: ignore[override]
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start every episode anew; `options={"states": (B, S)}` sets the initial states."""
+        if seed is not None:
+            self.episodes.rng = np.random.default_rng(seed)
+        return self.episodes.begin(_given_start(options)), {}
+
+    def step(
+        self, actions: Actions
+    ) -> tuple[NDArray[np.float32], FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """One control step of every episode; ended ones restart, their last observation is in `final_obs`."""
+        rewards, terminated, truncated = self.episodes.step(actions)
+        observations = self.episodes.observe()
+        done = terminated | truncated
+        info: dict[str, Any] = {}
+        if done.any():
+            info = {"final_obs": observations, "_final_obs": done}
+            self.episodes.restart(done)
+            observations = self.episodes.observe()
+        return observations, rewards, terminated, truncated, info
+
+
+class SingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
+    """One episode at a time, for any tool that expects a plain Gymnasium environment."""
+
+    def __init__(self, plant: Plant, task: Task) -> None:
+        self.observation_space = task.observation_space
+        self.action_space = task.action_space
+        self._plant, self._task = plant, task
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode; `options={"states": (1, S)}` sets the initial state."""
+        super().reset(seed=seed)
+        self._episodes = Episodes(self._plant, self._task, 1, self.np_random)
+        return self._episodes.begin(_given_start(options))[0], {}
+
+    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """One control step."""
+        rewards, terminated, truncated = self._episodes.step(np.asarray(action)[None])
+        return self._episodes.observe()[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), {}
+
+
+def _given_start(options: dict[str, Any] | None) -> Start | None:
+    if not options or "states" not in options:
+        return None
+    states = np.atleast_2d(np.asarray(options["states"], dtype=np.float64))
+    context = np.asarray(options.get("context", np.empty((len(states), 0))), dtype=np.float64)
+    return Start(states, context)

@@ -1,0 +1,240 @@
+"""Fit the hyper-parameters by maximising (4.10): L-BFGS-B on logarithms, early stopping, a few starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import OptimizeResult, minimize
+
+from .exact import Likelihood, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood, posterior
+from .fit_report import FitOutcome, FitReport, at_bounds
+from .kernels import Bounds, FloatArray, HyperParameters
+from .training_data import Standardisation, TrainingData, checked_inputs, checked_targets, constant_columns
+
+# Stands for "minus infinity" where no Cholesky factor exists: the line search needs a number to shrink from.
+_UNUSABLE = 1e25
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How to fit. `bounds`: box of the optimiser in standardised units.
+
+    `restarts`: random starts besides the data-driven first one; each start is followed for `screening_iterations`,
+    the best one to the end (0 restarts: no screening). The ascent stops when the likelihood gained less than
+    `minimum_improvement` (natural logarithm units) over `patience` iterations, or at `max_iterations`.
+    `average_replicates`: rows with identical inputs collapse to their mean; exact, and faster where there are any.
+    """
+
+    bounds: Bounds = field(default_factory=Bounds)
+    restarts: int = 4
+    screening_iterations: int = 10
+    max_iterations: int = 500
+    minimum_improvement: float = 1e-3
+    patience: int = 5
+    average_replicates: bool = True
+
+    def __post_init__(self) -> None:
+        if self.restarts < 0 or min(self.screening_iterations, self.max_iterations, self.patience) < 1:
+            raise ValueError(f"restarts must be at least 0 and iteration counts and patience at least 1: {self}")
+        if not self.minimum_improvement > 0.0:
+            raise ValueError(f"minimum_improvement must be positive, got {self.minimum_improvement}")
+
+
+@dataclass(frozen=True, eq=False)
+class GaussianProcess:
+    """One GP: data, hyper-parameters (standardised units) and the posterior's terms. Predict with `Predictor`.
+
+    `report` is None where the hyper-parameters were given and not fitted.
+    """
+
+    standardisation: Standardisation
+    data: TrainingData
+    hyper_parameters: HyperParameters
+    terms: PosteriorTerms
+    report: FitReport | None
+
+    @property
+    def hyper_parameters_original(self) -> HyperParameters:
+        """In units of the raw inputs and targets; the linear term and the bias are about the mean input."""
+        return _original(self.hyper_parameters, self.standardisation)
+
+
+def condition(
+    inputs: ArrayLike,
+    targets: ArrayLike,
+    hyper_parameters: HyperParameters,
+    *,
+    average_replicates: bool = True,
+    standardisation: Standardisation | None = None,
+) -> GaussianProcess:
+    """GP with given hyper-parameters, in standardised units; inputs (N, D) and targets (N,) raw.
+
+    `standardisation`: measured on these rows unless given. ValueError as in `fit`, and for a D that disagrees.
+    """
+    raw_inputs = checked_inputs(inputs, hyper_parameters.dimension)
+    raw_targets = checked_targets(targets, len(raw_inputs))
+    scaling = standardisation or Standardisation.of(raw_inputs, raw_targets)
+    data = TrainingData.of(scaling.inputs(raw_inputs), scaling.targets(raw_targets), average_replicates)
+    return GaussianProcess(scaling, data, hyper_parameters, posterior(data, hyper_parameters), None)
+
+
+def fit(
+    inputs: ArrayLike, targets: ArrayLike, settings: FitSettings, rng: np.random.Generator
+) -> GaussianProcess:
+    """Fit one GP to raw inputs (N, D) and raw targets (N,); its `report` says how that went.
+
+    `rng` draws the random starts and nothing else. Raises ValueError for wrong shapes and for values that are not
+    finite, naming row and column.
+    """
+    raw_inputs = checked_inputs(inputs)
+    raw_targets = checked_targets(targets, len(raw_inputs))
+    scaling = Standardisation.of(raw_inputs, raw_targets)
+    data = TrainingData.of(scaling.inputs(raw_inputs), scaling.targets(raw_targets), settings.average_replicates)
+    search = _Search(data, settings)
+    starts = [first_start(data), *(random_start(data, rng) for _ in range(settings.restarts))]
+    hyper = search.run(starts)
+    reached = log_marginal_likelihood(data, hyper)
+    report = FitReport(
+        outcome=search.outcome,
+        log_marginal_likelihood=reached,
+        initial_log_marginal_likelihood=search.initial,
+        log_marginal_likelihood_original=reached - data.rows * float(np.log(scaling.target_scale)),
+        hyper_parameters=hyper,
+        hyper_parameters_original=_original(hyper, scaling),
+        evaluations=search.likelihood.evaluations,
+        iterations=search.iterations,
+        rows=data.rows,
+        distinct_rows=data.counts.size,
+        start_likelihoods=search.start_likelihoods,
+        at_bounds=at_bounds(hyper, settings.bounds),
+        data_warnings=_data_warnings(raw_inputs, raw_targets),
+    )
+    return GaussianProcess(scaling, data, hyper, posterior(data, hyper), report)
+
+
+def fit_outputs(
+    inputs: ArrayLike, targets: ArrayLike, settings: FitSettings, rng: np.random.Generator
+) -> tuple[GaussianProcess, ...]:
+    """One independent GP per column of the raw targets (N, R), each with its own child of `rng`."""
+    columns = np.asarray(targets, dtype=np.float64)
+    if columns.ndim != 2:
+        raise ValueError(f"targets must have shape (N, R), one column per output, got {columns.shape}")
+    bad = np.argwhere(~np.isfinite(columns))
+    if bad.size:
+        raise ValueError(f"targets row {bad[0, 0]}, column {bad[0, 1]} is {columns[tuple(bad[0])]}: must be finite")
+    children = rng.spawn(columns.shape[1])
+    return tuple(fit(inputs, column, settings, child) for column, child in zip(columns.T, children, strict=True))
+
+
+def first_start(data: TrainingData) -> HyperParameters:
+    """Start read off the data: a least-squares line takes what it can, the RBF term gets the rest.
+
+    Lengthscales start at sqrt(D), so that two typical standardised rows (distance sqrt(2 D)) keep a correlation of
+    exp(-1); the noise starts at a tenth of what the line leaves.
+    """
+    dimension = data.inputs.shape[1]
+    root = np.sqrt(data.counts)
+    # Ridge of one row's worth: defined for N < D and for constant columns as well.
+    weighted = data.inputs * root[:, None]
+    slopes = np.linalg.solve(weighted.T @ weighted + np.eye(dimension), weighted.T @ (data.targets * root))
+    left = data.targets - data.inputs @ slopes
+    spread = float(np.sqrt((data.counts @ left**2 + data.scatter) / data.rows))
+    return HyperParameters(
+        signal_std=max(spread, 0.05),
+        lengthscales=np.full(dimension, np.sqrt(dimension)),
+        linear_stds=np.maximum(np.abs(slopes), 0.05),
+        bias_std=0.1,
+        noise_std=max(0.1 * spread, 0.01),
+    )
+
+
+def random_start(data: TrainingData, rng: np.random.Generator) -> HyperParameters:
+    """Log-uniform over what is plausible for standardised data."""
+    dimension = data.inputs.shape[1]
+    ranges = [(0.3, 3.0), *[(0.3, 10.0)] * dimension, *[(0.01, 1.0)] * dimension, (0.01, 1.0), (0.003, 0.5)]
+    low, high = np.log(np.array(ranges)).T
+    return HyperParameters.from_log_vector(rng.uniform(low, high))
+
+
+class _Search:
+    """Ascents on one likelihood, and the book-keeping that the report needs."""
+
+    def __init__(self, data: TrainingData, settings: FitSettings) -> None:
+        self.likelihood = Likelihood(data)
+        self.settings = settings
+        self.box = settings.bounds.log_box(data.inputs.shape[1])
+        self.initial = -np.inf
+        self.outcome = FitOutcome.ITERATION_LIMIT
+        self.iterations = 0
+        self.start_likelihoods: tuple[float, ...] = ()
+
+    def run(self, starts: list[HyperParameters]) -> HyperParameters:
+        """Screen the starts, follow the best to the end."""
+        vectors = [np.clip(start.to_log_vector(), *self.box.T) for start in starts]
+        self.initial = -self._negative(vectors[0])[0]
+        if len(vectors) > 1:
+            screened = [self._ascend(vector, self.settings.screening_iterations) for vector in vectors]
+            self.start_likelihoods = tuple(_likelihood_of(result) for result in screened)
+            vectors = [screened[int(np.argmax(self.start_likelihoods))].x]
+        result = self._ascend(vectors[0], self.settings.max_iterations)
+        if len(starts) == 1:
+            self.start_likelihoods = (_likelihood_of(result),)
+        self.outcome, self.iterations = _outcome_of(result), int(result.nit)
+        return HyperParameters.from_log_vector(result.x)
+
+    def _negative(self, log_vector: FloatArray) -> tuple[float, FloatArray]:
+        try:
+            value, gradient = self.likelihood(log_vector)
+        except NotPositiveDefiniteError:
+            return _UNUSABLE, np.zeros_like(log_vector)
+        return -value, -gradient
+
+    def _ascend(self, start: FloatArray, iterations: int) -> OptimizeResult:
+        reached: list[float] = []
+
+        def stop_early(intermediate_result: OptimizeResult) -> None:
+            reached.append(float(intermediate_result.fun))
+            patience = self.settings.patience
+            if len(reached) > patience and reached[-1 - patience] - reached[-1] < self.settings.minimum_improvement:
+                raise StopIteration
+
+        # ftol 0: our own rule above decides. maxfun is out of the way, iterations are what counts.
+        options = {"maxiter": iterations, "maxfun": 50 * iterations, "ftol": 0.0, "gtol": 1e-6, "maxcor": 20}
+        return minimize(
+            self._negative, start, jac=True, method="L-BFGS-B", bounds=self.box, callback=stop_early, options=options
+        )
+
+
+def _likelihood_of(result: OptimizeResult) -> float:
+    return -float(result.fun) if result.fun < _UNUSABLE else -np.inf
+
+
+def _outcome_of(result: OptimizeResult) -> FitOutcome:
+    """From the status of scipy's L-BFGS-B (99: the callback stopped it; 0 with ftol 0: no change or no gradient)."""
+    gradient = "GRADIENT" in str(result.message)
+    by_status = {
+        0: FitOutcome.GRADIENT_VANISHED if gradient else FitOutcome.LIKELIHOOD_SETTLED,
+        1: FitOutcome.ITERATION_LIMIT,
+        99: FitOutcome.LIKELIHOOD_SETTLED,
+    }
+    return by_status.get(int(result.status), FitOutcome.LINE_SEARCH_FAILED)
+
+
+def _original(hyper: HyperParameters, scaling: Standardisation) -> HyperParameters:
+    return hyper.scaled(scaling.input_scale, scaling.target_scale)
+
+
+def _data_warnings(inputs: FloatArray, targets: FloatArray) -> tuple[str, ...]:
+    found = [
+        f"input column {column} is constant ({inputs[0, column]:g}): the data say nothing about it, "
+        "predictions at other values are guesses"
+        for column in np.flatnonzero(constant_columns(inputs))
+    ]
+    if constant_columns(targets[:, None])[0]:
+        found.append(f"the targets are constant ({targets[0]:g}): there is nothing to learn")
+    parameters = 2 * inputs.shape[1] + 3
+    if len(targets) < parameters:
+        found.append(f"{len(targets)} row(s) cannot determine {parameters} hyper-parameters: add data")
+    return tuple(found)

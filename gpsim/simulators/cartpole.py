@@ -1,0 +1,56 @@
+"""The frictionless cart-pole: a uniform pole on a pivot on a cart that a force pushes along a track.
+
+Barto, Sutton and Anderson (1983), "Neuronlike adaptive elements that can solve difficult learning control
+problems"; equations as corrected by Florian (2007), "Correct equations for the dynamics of the cart-pole system",
+(23) and (24), here written as the manipulator equations so that a generalised force can act on either coordinate.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.simulators.simulator import Coordinate, MechanicalSimulator, Parameter, Parameters
+
+
+class CartPole(MechanicalSimulator):
+    """State (x [m], x_dot [m/s], theta [rad, 0 upright], theta_dot [rad/s]); action force [N] on the cart.
+
+    Rates x_acc [m/s^2] and theta_acc [rad/s^2]. theta grows to the right: the pole's tip is at
+    (x + 2 l sin theta, 2 l cos theta) with l the HALF length.
+    """
+
+    name: ClassVar[str] = "cartpole"
+    state: ClassVar[Channels] = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"})
+    action: ClassVar[Channels] = Channels.of({"force": "N"})
+    rate: ClassVar[Channels] = Channels.of({"x_acc": "m/s^2", "theta_acc": "rad/s^2"})
+    coordinates: ClassVar[tuple[Coordinate, ...]] = (
+        Coordinate("x", "x_dot", "x_acc", "N"),
+        Coordinate("theta", "theta_dot", "theta_acc", "N m"),
+    )
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "gravity": Parameter("m/s^2", 9.8, 0.0, 30.0, "acceleration of free fall"),
+        "cart_mass": Parameter("kg", 1.0, 1e-3, 1e3, "mass of the cart"),
+        "pole_mass": Parameter("kg", 0.1, 1e-4, 1e3, "mass of the pole, uniform along its length"),
+        "pole_half_length": Parameter("m", 0.5, 1e-3, 1e2, "pivot to the pole's centre of mass"),
+    }
+
+    def rates(
+        self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
+    ) -> FloatArray:
+        """Accelerations (B, 2): the two by two mass matrix solved in closed form."""
+        g, m = parameters["gravity"], parameters["pole_mass"]
+        l, total = parameters["pole_half_length"], parameters["cart_mass"] + parameters["pole_mass"]
+        sin, cos = np.sin(state[:, 2]), np.cos(state[:, 2])
+        push = action[:, 0] + m * l * state[:, 3] ** 2 * sin
+        turn = m * g * l * sin
+        if forces is not None:
+            push, turn = push + forces[:, 0], turn + forces[:, 1]
+        # [total, m l cos; m l cos, 4/3 m l^2] (x_acc, theta_acc) = (push, turn)
+        m11, m12, m22 = total, m * l * cos, 4.0 / 3.0 * m * l**2
+        determinant = m11 * m22 - m12**2
+        x_acc = (m22 * push - m12 * turn) / determinant
+        theta_acc = (m11 * turn - m12 * push) / determinant
+        return np.stack([x_acc, theta_acc], axis=1)

@@ -1,0 +1,100 @@
+"""A plant is anything that a policy can drive in batches: a simulator, a corrected simulator or the target."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from gpsim.channels import BoolArray, Channels, FloatArray
+from gpsim.simulators.simulator import Integrator, Simulator
+
+Memory = dict[str, FloatArray]
+"""What a plant remembers of the running episodes: arrays whose first axis is the batch."""
+
+
+class Plant(Protocol):
+    """Steps a batch of episodes; what an episode remembers is in `memory`, fresh from `begin` at each reset."""
+
+    @property
+    def state(self) -> Channels:
+        """The state's channels."""
+        ...
+
+    @property
+    def action(self) -> Channels:
+        """The action's channels."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """The control step [s]."""
+        ...
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """The memory of `count` new episodes."""
+        ...
+
+    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """(B, S): the next state; `memory` is changed in place."""
+        ...
+
+
+def restart(memory: Memory, rows: BoolArray, fresh: Memory) -> None:
+    """Put `fresh` (for rows.sum() episodes) in the place of the masked rows."""
+    for key, values in memory.items():
+        values[rows] = fresh[key]
+
+
+@dataclass(frozen=True)
+class SimulatorPlant:
+    """A simulator with fixed parameters; it remembers nothing."""
+
+    simulator: Simulator
+    parameters: Mapping[str, float]
+    integrator: Integrator
+    dt: float
+
+    @property
+    def state(self) -> Channels:
+        """The simulator's state channels."""
+        return self.simulator.state
+
+    @property
+    def action(self) -> Channels:
+        """The simulator's action channels."""
+        return self.simulator.action
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:  # noqa: ARG002 - the protocol's signature
+        """Nothing to remember."""
+        return {}
+
+    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+        """One control step with the action held."""
+        dt = np.full(len(state), self.dt)
+        return self.simulator.step(state, action, self.parameters, dt, self.integrator)
+
+
+@dataclass(frozen=True)
+class RandomisedPlant(SimulatorPlant):
+    """Domain randomisation: every episode draws each parameter uniformly within +-spread of its value.
+
+    Tobin et al. (2017), "Domain randomization for transferring deep neural networks from simulation to the real
+    world"; the thesis (section 4.5.1) uses spread 0.1.
+    """
+
+    spread: float = 0.1
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """One draw (count,) of every parameter."""
+        return {
+            name: value * rng.uniform(1.0 - self.spread, 1.0 + self.spread, count)
+            for name, value in self.parameters.items()
+        }
+
+    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+        """One control step under each episode's own parameters."""
+        dt = np.full(len(state), self.dt)
+        return self.simulator.step(state, action, memory, dt, self.integrator)

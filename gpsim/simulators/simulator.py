@@ -1,0 +1,133 @@
+"""What a simulator declares (channels, parameters, coordinates) and how it steps: rates, then integration."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray, difference
+from gpsim.errors import UsageError
+
+Integrator = Literal["euler", "semi_implicit", "rk4"]
+INTEGRATORS: tuple[Integrator, ...] = ("euler", "semi_implicit", "rk4")
+Parameters = Mapping[str, float | FloatArray]
+"""Parameter values: one number for the whole batch, or (B,) one value a row."""
+RateFunction = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One physical parameter: unit, default, and the bounds it makes sense in."""
+
+    unit: str
+    default: float
+    low: float
+    high: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A generalised coordinate: its position, velocity and rate channels and the unit of its force."""
+
+    name: str
+    velocity: str
+    rate: str
+    force_unit: str
+
+
+class Simulator(ABC):
+    """A chain command -> rates(state, action, parameters, forces) -> integration; it knows no reward.
+
+    Arrays are batched: state (B, S), action (B, A), forces (B, C) (generalised, on `coordinates`), rates (B, R).
+    A subclass declares the class variables and writes `rates`, `derivative` and `measured_rates`.
+    """
+
+    name: ClassVar[str]
+    state: ClassVar[Channels]
+    action: ClassVar[Channels]
+    rate: ClassVar[Channels]
+    parameters: ClassVar[Mapping[str, Parameter]]
+    coordinates: ClassVar[tuple[Coordinate, ...]] = ()
+
+    @abstractmethod
+    def rates(
+        self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
+    ) -> FloatArray:
+        """(B, R): what integration turns into the next state."""
+
+    @abstractmethod
+    def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
+        """(B, S): d state / dt that the rates imply."""
+
+    @abstractmethod
+    def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
+        """(B, R): the mean rates over a step of dt (B,) s that the two states show."""
+
+    def defaults(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """All parameter values, `given` ones checked against the declaration."""
+        given = dict(given or {})
+        unknown = sorted(set(given) - set(self.parameters))
+        if unknown:
+            known = ", ".join(self.parameters)
+            raise UsageError(f"simulator {self.name}: no parameter '{unknown[0]}'; it has: {known}")
+        for name, value in given.items():
+            bounds = self.parameters[name]
+            if not bounds.low <= value <= bounds.high:
+                raise UsageError(
+                    f"simulator {self.name}: {name}={value:g} {bounds.unit} outside [{bounds.low:g}, {bounds.high:g}]"
+                )
+        return {name: float(given.get(name, p.default)) for name, p in self.parameters.items()}
+
+    def integrate(self, state: FloatArray, rates_of: RateFunction, dt: FloatArray, integrator: Integrator) -> FloatArray:
+        """One step of dt (B,) s; `rates_of(state)` gives the (corrected) rates with the action held.
+
+        euler is explicit; semi_implicit steps the velocities first and the positions with the new ones;
+        rk4 is the classical Runge-Kutta scheme.
+        """
+        h = dt[:, None]
+        if integrator == "euler":
+            return state + h * self.derivative(state, rates_of(state))
+        if integrator == "semi_implicit":
+            rates = rates_of(state)
+            ahead = state + h * self.derivative(state, rates)
+            new = ahead.copy()
+            for coordinate in self.coordinates:
+                column = self.state.index(coordinate.name)
+                new[:, column] = state[:, column] + dt * ahead[:, self.state.index(coordinate.velocity)]
+            return new
+        if integrator == "rk4":
+            k1 = self.derivative(state, rates_of(state))
+            second = state + h / 2 * k1
+            k2 = self.derivative(second, rates_of(second))
+            third = state + h / 2 * k2
+            k3 = self.derivative(third, rates_of(third))
+            fourth = state + h * k3
+            k4 = self.derivative(fourth, rates_of(fourth))
+            return state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        raise UsageError(f"unknown integrator '{integrator}'; choose one of {', '.join(INTEGRATORS)}")
+
+    def step(
+        self, state: FloatArray, action: FloatArray, parameters: Parameters, dt: FloatArray, integrator: Integrator
+    ) -> FloatArray:
+        """(B, S): the state after dt (B,) s with the action held."""
+        return self.integrate(state, lambda s: self.rates(s, action, parameters), dt, integrator)
+
+
+class MechanicalSimulator(Simulator):
+    """A simulator whose state is (position, velocity) per coordinate and whose rates are the accelerations."""
+
+    def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
+        """Velocities and accelerations in state order."""
+        out = np.empty_like(state)
+        out[:, 0::2] = state[:, 1::2]
+        out[:, 1::2] = rates
+        return out
+
+    def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
+        """Velocity differences over dt."""
+        return difference(next_state, state, self.state)[:, 1::2] / dt[:, None]

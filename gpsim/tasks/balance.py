@@ -1,0 +1,62 @@
+"""Balance the pole: Gymnasium's CartPole task with the thesis's angle threshold (Table 4.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.tasks.task import Actions, Start
+
+X, THETA = 0, 2
+
+
+@dataclass(frozen=True)
+class Balance:
+    """+1 a step while |theta| <= angle_limit and, unless position_limit is None, |x| <= position_limit.
+
+    Actions 0 and 1 push with -force and +force [N]; all four state variables start uniform in +-start_range.
+    """
+
+    force: float = 10.0
+    angle_limit: float = 0.2
+    position_limit: float | None = 2.4
+    start_range: float = 0.05
+    max_steps: int = 500
+
+    @property
+    def observation_space(self) -> gymnasium.Space[Any]:
+        """The raw state (4,)."""
+        return gymnasium.spaces.Box(-np.inf, np.inf, (4,), np.float32)
+
+    @property
+    def action_space(self) -> gymnasium.Space[Any]:
+        """Push left or right."""
+        return gymnasium.spaces.Discrete(2)
+
+    def start(self, count: int, rng: np.random.Generator) -> Start:
+        """Uniform in +-start_range on every state variable."""
+        return Start(rng.uniform(-self.start_range, self.start_range, (count, 4)), np.empty((count, 0)))
+
+    def observe(self, states: FloatArray, context: FloatArray) -> NDArray[np.float32]:  # noqa: ARG002
+        """The state itself."""
+        return states.astype(np.float32)
+
+    def command(self, actions: Actions) -> FloatArray:
+        """(B, 1): force [N]."""
+        return np.where(actions == 1, self.force, -self.force)[:, None]
+
+    def reward(self, states: FloatArray, actions: Actions, next_states: FloatArray, context: FloatArray) -> FloatArray:  # noqa: ARG002
+        """One a step, the falling one included, as in Gymnasium."""
+        return np.ones(len(states))
+
+    def terminated(self, states: FloatArray, context: FloatArray) -> BoolArray:  # noqa: ARG002
+        """The pole or the cart has left its limits, or the numbers have ceased to be finite."""
+        over = ~(np.abs(states[:, THETA]) <= self.angle_limit)
+        if self.position_limit is not None:
+            over |= ~(np.abs(states[:, X]) <= self.position_limit)
+        return over
