@@ -99,7 +99,8 @@ class Smoothing:
 class EpisodeRule:
     """What starts an episode besides a file and a gap: a flag that must equal `equals`, or a column's value.
 
-    min_duration [s]: shorter pieces are dropped and counted. variants: name -> {channel: other field}, for tables that hold several experiments side by side.
+    min_duration [s]: shorter pieces are dropped and counted. variants: name -> {channel: other field},
+    for tables that hold several experiments side by side.
     """
 
     by: Literal["file", "flag", "column"] = "file"
@@ -136,8 +137,8 @@ class ImportMapping:
     """A whole mapping. rate: Hz, or None to keep the stamps of the first state channel's topic.
 
     gap_limit [s]: a longer silence of a state topic ends the episode; hold_limit [s]: the same for commands,
-    None to hold them however long it takes. commands: `hold` takes the command standing at t_k, `mean` its time
-    average over the step. layout: `files` (each file a log) or `folder` (each folder a log, its files topics).
+    None to hold them however long it takes. commands: `hold` takes the command standing at t_k, `mean` its
+    time average over the step. layout: `files` (each file a log) or `folder` (each folder a log of topics).
     """
 
     system: str

@@ -1,0 +1,120 @@
+"""Where episodes lie: intervals of time, cut by gaps, flags and length, and what is held out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.recordings.mapping import HeldOutRule
+from gpsim.recordings.recording import Episode, HeldOut
+
+Interval = tuple[float, float]
+
+
+def covered(t: FloatArray, gap_limit: float | None) -> list[Interval]:
+    """Intervals [s] in which consecutive stamps t (N,) are no further apart than gap_limit."""
+    if not len(t):
+        return []
+    limit = np.inf if gap_limit is None else gap_limit * (1.0 + 1e-9)
+    breaks = np.flatnonzero(np.diff(t) > limit)
+    starts = np.concatenate([t[:1], t[breaks + 1]])
+    ends = np.concatenate([t[breaks], t[-1:]])
+    return [(float(a), float(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def standing(t: FloatArray, hold_limit: float | None, end: float) -> list[Interval]:
+    """Intervals in which a held command stands: from each stamp to the next, at most hold_limit [s] on."""
+    if not len(t):
+        return []
+    until = np.append(t[1:], max(end, t[-1]))
+    if hold_limit is not None:
+        until = np.minimum(until, t + hold_limit)
+    return joined(zip(t.tolist(), until.tolist(), strict=True))
+
+
+def flagged(t: FloatArray, on: BoolArray, end: float) -> list[Interval]:
+    """Intervals in which a held flag is on, from the stamp that sets it to the stamp that clears it."""
+    until = np.append(t[1:], max(end, t[-1])) if len(t) else t
+    return joined(zip(t[on].tolist(), until[on].tolist(), strict=True))
+
+
+def constant_pieces(t: FloatArray, values: FloatArray) -> list[Interval]:
+    """Intervals from the first to the last stamp of each run of one value (an episode column)."""
+    if not len(t):
+        return []
+    breaks = np.flatnonzero(np.diff(values) != 0)
+    starts = np.concatenate([t[:1], t[breaks + 1]])
+    ends = np.concatenate([t[breaks], t[-1:]])
+    return [(float(a), float(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def joined(intervals: Iterable[Interval]) -> list[Interval]:
+    """Sorted intervals with touching neighbours merged."""
+    out: list[Interval] = []
+    for a, b in intervals:
+        if out and a <= out[-1][1]:
+            out[-1] = (out[-1][0], max(b, out[-1][1]))
+        else:
+            out.append((a, b))
+    return out
+
+
+def common(first: Sequence[Interval], second: Sequence[Interval]) -> list[Interval]:
+    """The intersection of two sorted lists of intervals; pieces of no length are left out."""
+    out, i, j = [], 0, 0
+    while i < len(first) and j < len(second):
+        a, b = max(first[i][0], second[j][0]), min(first[i][1], second[j][1])
+        if a < b:
+            out.append((a, b))
+        if first[i][1] < second[j][1]:
+            i += 1
+        else:
+            j += 1
+    return out
+
+
+def inside(t: FloatArray, intervals: Sequence[Interval]) -> BoolArray:
+    """(N,) whether each time lies in one of the sorted intervals, ends included."""
+    if not intervals:
+        return np.zeros(len(t), dtype=np.bool_)
+    starts, ends = np.array(intervals).T
+    index = np.searchsorted(starts, t, side="right") - 1
+    found: NDArray[np.bool_] = (index >= 0) & (t <= ends[np.clip(index, 0, None)])
+    return found
+
+
+def stands_inside(t: FloatArray, intervals: Sequence[Interval]) -> BoolArray:
+    """(N,) whether a command given at t (sorted) stands at some moment of one of the intervals."""
+    if not intervals or not len(t):
+        return np.zeros(len(t), dtype=np.bool_)
+    starts, ends = np.array(intervals).T
+    until = np.append(t[1:], np.inf)
+    index = np.searchsorted(ends, t, side="left")  # the first interval that ends at or after the command
+    begins = starts[np.clip(index, 0, len(starts) - 1)]
+    found: NDArray[np.bool_] = (index < len(ends)) & (until > begins)
+    return found
+
+
+def hold_out(episodes: Sequence[Episode], rule: HeldOutRule, session: bool) -> HeldOut | None:
+    """What to keep for judging: by default about the last `share` of the episodes, or of the time when few.
+
+    With fewer than five episodes on their own clocks the last one is held out; a single episode, or few on
+    one clock, are cut at a moment.
+    """
+    if rule.episodes_from is not None or rule.time_from is not None:
+        return HeldOut(rule.episodes_from, rule.time_from)
+    if rule.share == 0.0:
+        return None
+    count = len(episodes)
+    if count >= 5 or (count > 1 and not session):
+        return HeldOut(episodes_from=count - max(1, round(rule.share * count)))
+    left = (1.0 - rule.share) * sum(float(e.t[-1] - e.t[0]) for e in episodes)
+    for episode in episodes:
+        length = float(episode.t[-1] - episode.t[0])
+        if left <= length:
+            break
+        left -= length
+    return HeldOut(time_from=round(float(episode.t[0]) + min(left, length), 6))

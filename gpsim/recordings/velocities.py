@@ -1,0 +1,73 @@
+"""Velocities offline: smooth, then differentiate, with honest edges."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import savgol_coeffs
+
+from gpsim.channels import FloatArray
+from gpsim.recordings.mapping import Smoothing
+
+TRUNCATE = 4.0  # the Gaussian kernel ends at this many sigma
+
+
+def reach(smoothing: Smoothing, derivative: bool) -> int:
+    """Samples at either end that a full window cannot serve."""
+    if smoothing.method == "savgol":
+        return smoothing.window // 2
+    kernel = ceil(TRUNCATE * smoothing.sigma) if smoothing.method == "gaussian" else 0
+    return kernel + (1 if derivative else 0)
+
+
+def even_grid(t: FloatArray) -> FloatArray:
+    """Times (M,) from t[0] to t[-1] [s] in equal steps, as near as can be to the median interval of t."""
+    steps = max(1, round((t[-1] - t[0]) / float(np.median(np.diff(t)))))
+    return np.linspace(t[0], t[-1], steps + 1)
+
+
+def smoothed(values: FloatArray, smoothing: Smoothing) -> FloatArray:
+    """Values (N,) on an even grid, smoothed; the ends by a line or polynomial fitted inside the data."""
+    return _filtered(values, 1.0, smoothing, derivative=False)
+
+
+def derivative(values: FloatArray, step: float, smoothing: Smoothing) -> FloatArray:
+    """The rate of change (N,) per second of samples on an even grid of `step` [s].
+
+    gaussian: Gaussian smoothing of sigma samples, then central differences; savgol: the derivative of the
+    polynomial fitted in each window (Savitzky and Golay 1964); none: central differences. The first and last
+    `reach` samples come from a one-sided fit; nothing is reflected.
+    """
+    return _filtered(values, step, smoothing, derivative=True)
+
+
+def _filtered(values: FloatArray, step: float, smoothing: Smoothing, derivative: bool) -> FloatArray:
+    edge = min(reach(smoothing, derivative), (len(values) - 1) // 2)
+    if len(values) < 2:
+        return np.zeros_like(values) if derivative else values.copy()
+    if smoothing.method == "savgol":
+        kernel = savgol_coeffs(smoothing.window, smoothing.order, deriv=int(derivative), delta=step)
+        inner = np.convolve(values, kernel, mode="same") if len(values) >= smoothing.window else values * 0.0
+    else:
+        inner = values
+        if smoothing.method == "gaussian":
+            inner = gaussian_filter1d(values, smoothing.sigma, mode="nearest", truncate=TRUNCATE)
+        inner = np.gradient(inner, step) if derivative else inner
+    inner = np.asarray(inner, dtype=np.float64).copy()
+    for i in (*range(edge), *range(len(values) - edge, len(values))):
+        inner[i] = _one_sided(values, i, step, smoothing, derivative)
+    return inner
+
+
+def _one_sided(values: FloatArray, i: int, step: float, smoothing: Smoothing, derivative: bool) -> float:
+    """A line (gaussian, none) or polynomial (savgol) through the samples that exist around sample i."""
+    half = max(2, reach(smoothing, derivative=True))
+    low, high = max(0, i - half), min(len(values), i + half + 1)
+    x = np.arange(low, high) - float(i)
+    weight = np.exp(-0.25 * (x / smoothing.sigma) ** 2) if smoothing.method == "gaussian" else np.ones(len(x))
+    order = min(smoothing.order if smoothing.method == "savgol" else 1, len(x) - 1)
+    powers = np.vander(x, order + 1, increasing=True)
+    fit = np.linalg.lstsq(powers * weight[:, None], values[low:high] * weight, rcond=None)[0]
+    return float(fit[1] / step if derivative else fit[0])
