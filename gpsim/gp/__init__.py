@@ -1,4 +1,4 @@
-"""Gaussian processes: what nobody can name. Exact fit and fast prediction in float64 (thesis section 4.2.3)."""
+"""Gaussian processes: what nobody can name. Exact fit, fast prediction, float64 (thesis section 4.2.3)."""
 
 from .arrays import from_arrays, to_arrays
 from .exact import JITTER, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood

@@ -18,11 +18,11 @@ _PARTS = ("hyper_parameters", "input_mean", "input_scale", "target", "support", 
 
 
 def to_arrays(predictor: Predictor) -> tuple[dict[str, FloatArray], dict[str, Any]]:
-    """All that the predictor is, exactly: `from_arrays` gives bitwise the same predictions on the same machine.
+    """All that the predictor is: `from_arrays` then predicts the same bits on the same machine.
 
-    Arrays per output r: `r/hyper_parameters` (2 D + 3,) standardised, `r/input_mean` (D,), `r/input_scale` (D,),
-    `r/target` (2,) mean and scale, `r/support` (M, D), `r/weights` (M,), `r/root` (M, P); the root is what makes
-    the file large (8 M^2 bytes).
+    Arrays per output r: `r/hyper_parameters` (2 D + 3,) standardised, `r/input_mean` (D,), `r/input_scale`
+    (D,), `r/target` (2,) mean and scale, `r/support` (M, D), `r/weights` (M,), `r/root` (M, P). The root is
+    what makes the file large (8 M^2 bytes).
     """
     arrays: dict[str, FloatArray] = {}
     for index, output in enumerate(predictor.outputs):
@@ -48,7 +48,7 @@ def to_arrays(predictor: Predictor) -> tuple[dict[str, FloatArray], dict[str, An
 
 
 def from_arrays(arrays: Mapping[str, FloatArray], metadata: Mapping[str, Any]) -> Predictor:
-    """Inverse of `to_arrays`; ValueError for another schema, a missing array, a wrong dtype or a wrong shape."""
+    """Inverse of `to_arrays`; ValueError for another schema, a missing array, a wrong dtype or shape."""
     if metadata.get("schema") != SCHEMA:
         raise ValueError(f"expected GP arrays of schema {SCHEMA!r}, got {metadata.get('schema')!r}")
     count, dimension = int(metadata["outputs"]), int(metadata["dimension"])

@@ -1,8 +1,8 @@
 """Exact GP: log marginal likelihood with analytic gradient, and the posterior's terms (GPML algorithm 2.1).
 
-Everything here is in standardised units. The noise variance of a row is v / n_i with v = sigma^2 + JITTER: the
-jitter is added here, once, as part of the noise, and nowhere else in the package (so averaging replicates stays
-exact). It is not part of the noise that predictions report.
+Everything here is in standardised units. The noise variance of a row is v / n_i with v = sigma^2 + JITTER:
+the jitter is added here, once, as part of the noise, and nowhere else in the package (so averaging replicates
+stays exact). It is not part of the noise that predictions report.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ _LOG_2PI = float(np.log(2.0 * np.pi))
 
 
 class NotPositiveDefiniteError(ArithmeticError):
-    """K + v/n I has no Cholesky factor at these hyper-parameters: the noise is too small for the prior variance."""
+    """K + v/n I has no Cholesky factor here: the noise is too small for the prior variance."""
 
 
 def log_marginal_likelihood(data: TrainingData, hyper: HyperParameters) -> float:
-    """log p(y | X, theta) of (4.10), GPML (2.30), of all rows, replicates included.
+    """Log p(y | X, theta) of (4.10), GPML (2.30), of all rows, replicates included.
 
     Raises NotPositiveDefiniteError where the Cholesky factorisation breaks down.
     """
@@ -48,17 +48,15 @@ def _cholesky(data: TrainingData, hyper: HyperParameters, noise: float) -> Float
 
 def _likelihood(lower: FloatArray, targets: FloatArray, weights: FloatArray) -> float:
     """GPML algorithm 2.1, line 7."""
-    return float(
-        -0.5 * targets @ weights - np.log(np.diagonal(lower)).sum() - 0.5 * targets.size * _LOG_2PI
-    )
+    return float(-0.5 * targets @ weights - np.log(np.diagonal(lower)).sum() - 0.5 * targets.size * _LOG_2PI)
 
 
 def _grouped_likelihood(data: TrainingData, noise: float) -> float:
     """What averaging replicates takes out of the likelihood: the deviations from each group's mean.
 
     Rotating the n_i replicates of a group turns them into sqrt(n_i) times their mean and n_i - 1 independent
-    contrasts of variance v whose squares add up to the scatter; -log(n_i) / 2 is the Jacobian of that sqrt(n_i).
-    Zero where every count is one.
+    contrasts of variance v whose squares add up to the scatter; -log(n_i) / 2 is the Jacobian of that
+    sqrt(n_i). Zero where every count is one.
     """
     contrasts = data.rows - data.counts.size
     if contrasts == 0:
@@ -83,7 +81,7 @@ class PosteriorTerms:
 
 
 def posterior(data: TrainingData, hyper: HyperParameters) -> PosteriorTerms:
-    """GPML algorithm 2.1, lines 2, 3 and 5, with L^-1 formed once so that a prediction is a matrix product."""
+    """GPML algorithm 2.1, lines 2, 3 and 5, with L^-1 formed once: a prediction is then a matrix product."""
     lower = _cholesky(data, hyper, hyper.noise_std**2 + JITTER)
     weights, _ = lapack.dpotrs(lower, data.targets, lower=1)
     inverse, _ = lapack.dtrtri(lower, lower=1, overwrite_c=1)
@@ -141,11 +139,13 @@ class Likelihood:
         self._gram += self._rbf
         self._gram.flat[:: self.data.counts.size + 1] += noise / self.data.counts
 
-    def _gradient(self, hyper: HyperParameters, noise: float, alpha: FloatArray, inverse: FloatArray) -> FloatArray:
+    def _gradient(
+        self, hyper: HyperParameters, noise: float, alpha: FloatArray, inverse: FloatArray
+    ) -> FloatArray:
         """GPML (5.9): d/d theta = tr((alpha alpha^T - Ky^-1) dK/d theta) / 2, with W for the bracket.
 
-        For a kernel term A(x, x') of (4.9) the trace is the sum of W * A, entry by entry; by log ell_d the RBF part
-        brings the factor (x_d - x'_d)^2 / ell_d^2, whose weighted sum is two matrix products.
+        For a kernel term A(x, x') of (4.9) the trace is the sum of W * A, entry by entry; by log ell_d the
+        RBF part brings the factor (x_d - x'_d)^2 / ell_d^2, whose weighted sum is two matrix products.
         Only the lower triangle of `inverse` is valid; `inverse` is overwritten.
         """
         data, ones = self.data, self._with_ones
@@ -160,7 +160,12 @@ class Likelihood:
         squares = data.inputs**2
         lengths = (products[:, -1] @ squares - quadratic[:-1]) / hyper.lengthscales**2
         gradient = np.concatenate(
-            [[quadratic[-1]], lengths, linear[:-1] * hyper.linear_stds**2, [linear[-1] * hyper.bias_std**2, 0.0]]
+            [
+                [quadratic[-1]],
+                lengths,
+                linear[:-1] * hyper.linear_stds**2,
+                [linear[-1] * hyper.bias_std**2, 0.0],
+            ]
         )
         contrasts = data.rows - data.counts.size
         by_noise = 0.5 * (diagonal + data.scatter / noise**2 - contrasts / noise)

@@ -21,8 +21,8 @@ class FitOutcome(enum.Enum):
         "or raise minimum_improvement if the remaining gain does not matter."
     )
     LINE_SEARCH_FAILED = (
-        "The line search found no better point before the likelihood settled: look for hyper-parameters at their "
-        "bounds, and raise the noise floor (bounds.noise_std.low) if the covariance is ill-conditioned."
+        "The line search found no better point before the likelihood settled: look for hyper-parameters "
+        "at their bounds, and raise the noise floor (bounds.noise_std.low) if K is ill-conditioned."
     )
 
     @property
@@ -51,17 +51,26 @@ class AtBound:
 
 
 _ADVICE: dict[tuple[str, str], tuple[str, bool]] = {
-    ("signal_std", "lower"): ("the RBF term is switched off; linear term and noise explain the targets.", True),
-    ("signal_std", "upper"): ("the RBF term acts as a polynomial; predictions between the data are loose.", False),
-    ("lengthscales", "lower"): ("the GP memorises rows instead of learning along this input; add data.", False),
+    ("signal_std", "lower"): (
+        "the RBF term is switched off; linear term and noise explain the targets.",
+        True,
+    ),
+    ("signal_std", "upper"): (
+        "the RBF term acts as a polynomial; predictions between the data are loose.",
+        False,
+    ),
+    ("lengthscales", "lower"): (
+        "the GP memorises rows instead of learning along this input; add data.",
+        False,
+    ),
     ("lengthscales", "upper"): ("the RBF term ignores this input.", True),
     ("linear_stds", "lower"): ("the linear term ignores this input.", True),
     ("linear_stds", "upper"): ("the slope along this input is barely bounded by the prior.", False),
     ("bias_std", "lower"): ("the bias is switched off (the targets are centred already).", True),
     ("bias_std", "upper"): ("the offset is barely bounded by the prior.", False),
     ("noise_std", "lower"): (
-        "this is the noise floor: the data look noise-free to the GP, so the noise is a choice of the bounds and "
-        "not an estimate, and samples scatter by the latent variance almost alone.",
+        "this is the noise floor: the data look noise-free to the GP, so the noise is a choice of the bounds "
+        "and not an estimate, and samples scatter by the latent variance almost alone.",
         False,
     ),
     ("noise_std", "upper"): ("the noise swallows the targets: the inputs explain nothing.", False),
@@ -69,7 +78,7 @@ _ADVICE: dict[tuple[str, str], tuple[str, bool]] = {
 
 
 def at_bounds(hyper: HyperParameters, bounds: Bounds) -> tuple[AtBound, ...]:
-    """Every hyper-parameter (standardised units) that lies at one of its bounds, in `HyperParameters.names` order."""
+    """Every hyper-parameter (standardised units) at one of its bounds, in `HyperParameters.names` order."""
     box = bounds.log_box(hyper.dimension)
     found = []
     for name, value, (low, high) in zip(hyper.names(), hyper.to_log_vector(), box, strict=True):
@@ -85,11 +94,12 @@ def at_bounds(hyper: HyperParameters, bounds: Bounds) -> tuple[AtBound, ...]:
 class FitReport:
     """Result of one fit; likelihoods are natural logarithms over all rows, replicates included.
 
-    `log_marginal_likelihood` and `initial_log_marginal_likelihood` (at the first, data-driven start) are of the
-    standardised targets; `log_marginal_likelihood_original` is of the raw targets, the one to compare with other
-    models. `hyper_parameters` are standardised, `hyper_parameters_original` in the units of the raw data (bias_std:
-    about the mean input). `start_likelihoods`: reached from each start after screening (-inf: never evaluated
-    successfully). `evaluations` counts likelihood evaluations over all starts, `iterations` the final ascent's.
+    `log_marginal_likelihood` and `initial_log_marginal_likelihood` (at the first, data-driven start) are of
+    the standardised targets; `log_marginal_likelihood_original` is of the raw targets, the one to compare
+    with other models. `hyper_parameters` are standardised, `hyper_parameters_original` in the units of the
+    raw data (bias_std: about the mean input). `start_likelihoods`: reached from each start after screening
+    (-inf: never evaluated successfully). `evaluations` counts likelihood evaluations over all starts,
+    `iterations` the final ascent's.
     """
 
     outcome: FitOutcome

@@ -21,10 +21,11 @@ _UNUSABLE = 1e25
 class FitSettings:
     """How to fit. `bounds`: box of the optimiser in standardised units.
 
-    `restarts`: random starts besides the data-driven first one; each start is followed for `screening_iterations`,
-    the best one to the end (0 restarts: no screening). The ascent stops when the likelihood gained less than
-    `minimum_improvement` (natural logarithm units) over `patience` iterations, or at `max_iterations`.
-    `average_replicates`: rows with identical inputs collapse to their mean; exact, and faster where there are any.
+    `restarts`: random starts besides the data-driven first one; each start is followed for
+    `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent stops when the
+    likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience` iterations, or
+    at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean; exact, and
+    faster where there are any.
     """
 
     bounds: Bounds = field(default_factory=Bounds)
@@ -37,14 +38,16 @@ class FitSettings:
 
     def __post_init__(self) -> None:
         if self.restarts < 0 or min(self.screening_iterations, self.max_iterations, self.patience) < 1:
-            raise ValueError(f"restarts must be at least 0 and iteration counts and patience at least 1: {self}")
+            raise ValueError(
+                f"restarts must be at least 0 and iteration counts and patience at least 1: {self}"
+            )
         if not self.minimum_improvement > 0.0:
             raise ValueError(f"minimum_improvement must be positive, got {self.minimum_improvement}")
 
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcess:
-    """One GP: data, hyper-parameters (standardised units) and the posterior's terms. Predict with `Predictor`.
+    """One GP: data, hyper-parameters (standardised units) and posterior terms. Predict with `Predictor`.
 
     `report` is None where the hyper-parameters were given and not fitted.
     """
@@ -71,7 +74,8 @@ def condition(
 ) -> GaussianProcess:
     """GP with given hyper-parameters, in standardised units; inputs (N, D) and targets (N,) raw.
 
-    `standardisation`: measured on these rows unless given. ValueError as in `fit`, and for a D that disagrees.
+    `standardisation`: measured on these rows unless given. ValueError as in `fit`, and for a D that
+    disagrees.
     """
     raw_inputs = checked_inputs(inputs, hyper_parameters.dimension)
     raw_targets = checked_targets(targets, len(raw_inputs))
@@ -85,13 +89,15 @@ def fit(
 ) -> GaussianProcess:
     """Fit one GP to raw inputs (N, D) and raw targets (N,); its `report` says how that went.
 
-    `rng` draws the random starts and nothing else. Raises ValueError for wrong shapes and for values that are not
-    finite, naming row and column.
+    `rng` draws the random starts and nothing else. Raises ValueError for wrong shapes and for values that are
+    not finite, naming row and column.
     """
     raw_inputs = checked_inputs(inputs)
     raw_targets = checked_targets(targets, len(raw_inputs))
     scaling = Standardisation.of(raw_inputs, raw_targets)
-    data = TrainingData.of(scaling.inputs(raw_inputs), scaling.targets(raw_targets), settings.average_replicates)
+    data = TrainingData.of(
+        scaling.inputs(raw_inputs), scaling.targets(raw_targets), settings.average_replicates
+    )
     search = _Search(data, settings)
     starts = [first_start(data), *(random_start(data, rng) for _ in range(settings.restarts))]
     hyper = search.run(starts)
@@ -123,16 +129,20 @@ def fit_outputs(
         raise ValueError(f"targets must have shape (N, R), one column per output, got {columns.shape}")
     bad = np.argwhere(~np.isfinite(columns))
     if bad.size:
-        raise ValueError(f"targets row {bad[0, 0]}, column {bad[0, 1]} is {columns[tuple(bad[0])]}: must be finite")
+        raise ValueError(
+            f"targets row {bad[0, 0]}, column {bad[0, 1]} is {columns[tuple(bad[0])]}: must be finite"
+        )
     children = rng.spawn(columns.shape[1])
-    return tuple(fit(inputs, column, settings, child) for column, child in zip(columns.T, children, strict=True))
+    return tuple(
+        fit(inputs, column, settings, child) for column, child in zip(columns.T, children, strict=True)
+    )
 
 
 def first_start(data: TrainingData) -> HyperParameters:
     """Start read off the data: a least-squares line takes what it can, the RBF term gets the rest.
 
-    Lengthscales start at sqrt(D), so that two typical standardised rows (distance sqrt(2 D)) keep a correlation of
-    exp(-1); the noise starts at a tenth of what the line leaves.
+    Lengthscales start at sqrt(D), so that two typical standardised rows (distance sqrt(2 D)) keep a
+    correlation of exp(-1); the noise starts at a tenth of what the line leaves.
     """
     dimension = data.inputs.shape[1]
     root = np.sqrt(data.counts)
@@ -197,13 +207,22 @@ class _Search:
         def stop_early(intermediate_result: OptimizeResult) -> None:
             reached.append(float(intermediate_result.fun))
             patience = self.settings.patience
-            if len(reached) > patience and reached[-1 - patience] - reached[-1] < self.settings.minimum_improvement:
+            if (
+                len(reached) > patience
+                and reached[-1 - patience] - reached[-1] < self.settings.minimum_improvement
+            ):
                 raise StopIteration
 
         # ftol 0: our own rule above decides. maxfun is out of the way, iterations are what counts.
         options = {"maxiter": iterations, "maxfun": 50 * iterations, "ftol": 0.0, "gtol": 1e-6, "maxcor": 20}
         return minimize(
-            self._negative, start, jac=True, method="L-BFGS-B", bounds=self.box, callback=stop_early, options=options
+            self._negative,
+            start,
+            jac=True,
+            method="L-BFGS-B",
+            bounds=self.box,
+            callback=stop_early,
+            options=options,
         )
 
 
@@ -212,7 +231,7 @@ def _likelihood_of(result: OptimizeResult) -> float:
 
 
 def _outcome_of(result: OptimizeResult) -> FitOutcome:
-    """From the status of scipy's L-BFGS-B (99: the callback stopped it; 0 with ftol 0: no change or no gradient)."""
+    """From scipy's status (99: the callback stopped it; 0, as ftol is 0: no gradient or no change)."""
     gradient = "GRADIENT" in str(result.message)
     by_status = {
         0: FitOutcome.GRADIENT_VANISHED if gradient else FitOutcome.LIKELIHOOD_SETTLED,

@@ -1,13 +1,12 @@
 """The thesis's covariance function (4.9): ARD RBF + ARD linear + bias, with Gaussian noise (4.5) beside it.
 
-Notation after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (GPML, 2006); docs/gp.md has the
-table of symbols. Noise is never part of `covariance`: whoever needs it adds it, by name.
+Notation after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (GPML, 2006); docs/gp.md has
+the table of symbols. Noise is never part of `covariance`: whoever needs it adds it, by name.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import NamedTuple
 
 import numpy as np
@@ -27,9 +26,9 @@ def read_only(values: ArrayLike) -> FloatArray:
 class HyperParameters:
     """Hyper-parameters of (4.9) and (4.5), all of them standard deviations or lengths (never variances).
 
-    `signal_std` sigma_f; `lengthscales` ell_d, shape (D,), unit of input d; `linear_stds` sigma_l,d, shape (D,),
-    unit of the target per unit of input d; `bias_std` sigma_b; `noise_std` sigma. Zero switches a linear term, the
-    bias or the noise off, but then there is no logarithm to optimise.
+    `signal_std` sigma_f; `lengthscales` ell_d, shape (D,), unit of input d; `linear_stds` sigma_l,d, shape
+    (D,), unit of the target per unit of input d; `bias_std` sigma_b; `noise_std` sigma. Zero switches a
+    linear term, the bias or the noise off, but then there is no logarithm to optimise.
     Raises ValueError for a negative or non-finite value, a zero in the RBF term or shapes that disagree.
     """
 
@@ -52,7 +51,9 @@ class HyperParameters:
         values = self.to_vector()
         positive = values[: 1 + self.lengthscales.size]
         if not np.all(np.isfinite(values)) or np.any(values < 0.0) or np.any(positive == 0.0):
-            raise ValueError(f"hyper-parameters must be finite, not negative, the RBF term's positive: {self}")
+            raise ValueError(
+                f"hyper-parameters must be finite, not negative, the RBF term's positive: {self}"
+            )
 
     @property
     def dimension(self) -> int:
@@ -72,7 +73,9 @@ class HyperParameters:
         if values.ndim != 1 or values.size < 5 or values.size % 2 == 0:
             raise ValueError(f"a hyper-parameter vector has shape (2 D + 3,), got {values.shape}")
         d = (values.size - 3) // 2
-        return HyperParameters(values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1], values[-2], values[-1])
+        return HyperParameters(
+            values[0], values[1 : d + 1], values[d + 1 : 2 * d + 1], values[-2], values[-1]
+        )
 
     def to_log_vector(self) -> FloatArray:
         """Natural logarithms of `to_vector`, what the optimiser moves; ValueError if a value is zero."""
@@ -129,24 +132,24 @@ class Interval(NamedTuple):
 class Bounds:
     """Box of the optimiser, in units of the standardised data (inputs and targets have standard deviation 1).
 
-    The noise floor, `noise_std.low`, is the one bound that noise-free data always reach: a well-fitted GP then
-    explains everything and drives its noise to zero, where the Cholesky factor of K + sigma^2 I loses all its
-    digits. The default 1e-3 (a thousandth of the targets' standard deviation) keeps the condition number below
-    about 1e6 N for a prior variance near 1; the fit reports that the floor was reached.
+    The noise floor, `noise_std.low`, is the one bound that noise-free data always reach: a well-fitted GP
+    then explains everything and drives its noise to zero, where the Cholesky factor of K + sigma^2 I loses
+    all its digits. The default 1e-3 (a thousandth of the targets' standard deviation) keeps the condition
+    number below about 1e6 N for a prior variance near 1; the fit reports that the floor was reached.
     """
 
-    signal_std: Interval = Interval(1e-3, 1e2)
-    lengthscales: Interval = Interval(1e-2, 1e3)
-    linear_stds: Interval = Interval(1e-4, 1e1)
-    bias_std: Interval = Interval(1e-4, 1e1)
-    noise_std: Interval = Interval(1e-3, 1e1)
+    signal_std: Interval = field(default=Interval(1e-3, 1e2))
+    lengthscales: Interval = field(default=Interval(1e-2, 1e3))
+    linear_stds: Interval = field(default=Interval(1e-4, 1e1))
+    bias_std: Interval = field(default=Interval(1e-4, 1e1))
+    noise_std: Interval = field(default=Interval(1e-3, 1e1))
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            low, high = getattr(self, field.name)
+        for item in fields(self):
+            low, high = getattr(self, item.name)
             if not 0.0 < low < high < np.inf:
-                raise ValueError(f"bounds of {field.name} need 0 < low < high < inf, got ({low}, {high})")
-            object.__setattr__(self, field.name, Interval(float(low), float(high)))
+                raise ValueError(f"bounds of {item.name} need 0 < low < high < inf, got ({low}, {high})")
+            object.__setattr__(self, item.name, Interval(float(low), float(high)))
 
     def log_box(self, dimension: int) -> FloatArray:
         """(2 D + 3, 2): logarithms of low and high in the order of `HyperParameters.to_vector`."""
@@ -157,9 +160,11 @@ class Bounds:
 def rbf_covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> FloatArray:
     """First term of (4.9), GPML (5.1) without noise: inputs (A, D) and (B, D) -> (A, B)."""
     scaled_a, scaled_b = a / hyper.lengthscales, b / hyper.lengthscales
-    # |p - q|^2 = p p' + q q' - 2 p q': one matrix product instead of an (A, B, D) array; rounding may leave it
-    # a hair below zero where p = q.
-    distance = np.sum(scaled_a**2, axis=1)[:, None] + np.sum(scaled_b**2, axis=1) - 2.0 * scaled_a @ scaled_b.T
+    # |p - q|^2 = p p' + q q' - 2 p q': one matrix product instead of an (A, B, D) array; rounding may leave
+    # it a hair below zero where p = q.
+    distance = (
+        np.sum(scaled_a**2, axis=1)[:, None] + np.sum(scaled_b**2, axis=1) - 2.0 * scaled_a @ scaled_b.T
+    )
     return np.asarray(hyper.signal_std**2 * np.exp(-0.5 * np.maximum(distance, 0.0)))
 
 

@@ -1,8 +1,9 @@
 """Fast batch prediction (GPML algorithm 2.1, lines 4 to 6) for the GPs of all rates over the same raw inputs.
 
-With features phi(x) = [z, z^2, 1], z the standardised input, everything that a prediction needs of x is a matrix
-product: the RBF's exponent against every training row, the linear covariances, the prior variance, and the whole
-linear and bias part of the mean, which collapses to one weight vector. A call is a handful of BLAS calls and one exp.
+With features phi(x) = [z, z^2, 1], z the standardised input, everything that a prediction needs of x is a
+matrix product: the RBF's exponent against every training row, the linear covariances, the prior variance, and
+the whole linear and bias part of the mean, which collapses to one weight vector. A call is a handful of BLAS
+calls and one exp.
 """
 
 from __future__ import annotations
@@ -26,11 +27,16 @@ class PosteriorOutput(Protocol):
     """What one output of a predictor is made of; `GaussianProcess` and `Output` are such."""
 
     @property
-    def standardisation(self) -> Standardisation: ...
+    def standardisation(self) -> Standardisation:
+        """Between raw and standardised units."""
+
     @property
-    def hyper_parameters(self) -> HyperParameters: ...
+    def hyper_parameters(self) -> HyperParameters:
+        """In standardised units."""
+
     @property
-    def terms(self) -> PosteriorTerms: ...
+    def terms(self) -> PosteriorTerms:
+        """In standardised units."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +49,12 @@ class Output:
 
 
 class Predictor:
-    """Means, variances and samples of R GPs at B raw inputs of D columns, all in float64 and the targets' units.
+    """Means, variances and samples of R GPs at B raw inputs of D columns, in the targets' units.
 
-    Variances are of the latent function f (4.8), without noise; `noise_variances` (R,), in squared target units,
-    is what the observation noise adds. An input that is not finite gives a prediction that is not finite: check
-    before, where that can happen. Large batches are worked through in chunks (`CHUNK_ELEMENTS`), so memory stays
-    bounded; the variance costs B N^2 multiplications, which at N = 3000 is a hundred times the mean's price.
+    Variances are of the latent function f (4.8), without noise; `noise_variances` (R,), in squared target
+    units, is what the observation noise adds. An input that is not finite gives a prediction that is not
+    finite: check before, where that can happen. Large batches are worked through in chunks
+    (`CHUNK_ELEMENTS`), so memory stays bounded; the variance still costs B N^2 multiplications.
     """
 
     def __init__(self, outputs: Sequence[PosteriorOutput]) -> None:
@@ -58,7 +64,9 @@ class Predictor:
         self.outputs = tuple(Output(o.standardisation, o.hyper_parameters, o.terms) for o in outputs)
         dimensions = {output.hyper_parameters.dimension for output in self.outputs}
         if len(dimensions) != 1:
-            raise ValueError(f"all GPs of a predictor take the same inputs, got numbers of inputs {sorted(dimensions)}")
+            raise ValueError(
+                f"all GPs of a predictor take the same inputs, got numbers of inputs {sorted(dimensions)}"
+            )
         self.dimension = dimensions.pop()
         reference = self.outputs[0].standardisation
         self._shift, self._inverse_scale = reference.input_mean, 1.0 / reference.input_scale
@@ -91,7 +99,7 @@ class Predictor:
         return means
 
     def mean_and_variance(self, inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Predictive mean (4.7) and latent variance (4.8), noise left out: raw inputs (B, D) -> (B, R) and (B, R)."""
+        """Mean (4.7) and latent variance (4.8), noise left out: raw inputs (B, D) -> (B, R) and (B, R)."""
         features = self._features(inputs)
         if len(features) <= self._chunk:
             return self._mean_and_variance_of(features)
@@ -104,8 +112,9 @@ class Predictor:
     def sample(self, inputs: ArrayLike, rng: np.random.Generator, *, include_noise: bool) -> FloatArray:
         """One draw per row and output, all independent (the thesis's per-step sampling): (B, D) -> (B, R).
 
-        Independent rows: two equal rows get different draws, so this is not one function drawn from the posterior.
-        `include_noise`: draw an observation (latent variance plus noise variance) instead of the latent function.
+        Independent rows: two equal rows get different draws, so this is not one function drawn from the
+        posterior. `include_noise`: draw an observation (latent variance plus noise variance) instead of the
+        latent function.
         """
         means, variances = self.mean_and_variance(inputs)
         if include_noise:
@@ -157,7 +166,7 @@ class Predictor:
 
 @dataclass(frozen=True, eq=False)
 class _LinearForms:
-    """Coefficients of phi(x) = [z, z^2, 1] for one output: (2 D + 1, M), (2 D + 1, M), (2 D + 1,), (2 D + 1,)."""
+    """Coefficients of phi(x) = [z, z^2, 1] for one output: (2 D + 1, M) twice, then (2 D + 1,) twice."""
 
     exponent: FloatArray
     cross: FloatArray
@@ -166,7 +175,7 @@ class _LinearForms:
 
 
 def _linear_forms(output: Output, reference: Standardisation) -> _LinearForms:
-    """All of (4.9) as linear forms of phi, z being standardised by `reference` and not by the output's own scaling.
+    """All of (4.9) as linear forms of phi, where z is standardised by `reference`, not by the output.
 
     The output's own standardised input is a z + b; for GPs fitted to the same rows a = 1 and b = 0.
     """

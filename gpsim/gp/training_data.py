@@ -16,8 +16,8 @@ CONSTANT_RELATIVE_SPREAD = 1e-13
 def checked_inputs(inputs: ArrayLike, dimension: int | None = None) -> FloatArray:
     """Inputs as float64 (N, D), N and D at least 1.
 
-    Raises ValueError for another shape, for a D that is not `dimension`, and for the first value that is not finite
-    (naming its row and column).
+    Raises ValueError for another shape, for a D that is not `dimension`, and for the first value that is not
+    finite (naming its row and column).
     """
     array = np.asarray(inputs, dtype=np.float64)
     if array.ndim != 2 or array.shape[0] == 0 or array.shape[1] == 0:
@@ -35,7 +35,7 @@ def checked_inputs(inputs: ArrayLike, dimension: int | None = None) -> FloatArra
 
 
 def checked_targets(targets: ArrayLike, rows: int) -> FloatArray:
-    """Targets as float64 (N,); ValueError for another shape or the first value that is not finite (its row named)."""
+    """Targets as float64 (N,); ValueError for another shape or a value that is not finite (its row named)."""
     array = np.asarray(targets, dtype=np.float64)
     if array.shape != (rows,):
         raise ValueError(f"targets must have shape ({rows},), one per row of the inputs, got {array.shape}")
@@ -96,8 +96,9 @@ def constant_columns(columns: FloatArray) -> np.ndarray:
 class TrainingData:
     """Standardised data of one GP; with averaged replicates one row per distinct input.
 
-    `inputs` (M, D); `targets` (M,) mean of each row's replicates; `counts` (M,) n_i replicates of row i, so that the
-    noise variance of row i is sigma^2 / n_i; `scatter` sum over all rows of squared deviations from their group's mean.
+    `inputs` (M, D); `targets` (M,) mean of each row's replicates; `counts` (M,) n_i replicates of row i, so
+    that the noise variance of row i is sigma^2 / n_i; `scatter` sum over all rows of squared deviations from
+    their group's mean.
     """
 
     inputs: FloatArray
@@ -112,7 +113,7 @@ class TrainingData:
 
     @staticmethod
     def of(inputs: FloatArray, targets: FloatArray, average_replicates: bool) -> TrainingData:
-        """From standardised rows (N, D) and (N,); distinct inputs keep the order of their first appearance."""
+        """From standardised rows (N, D) and (N,); distinct inputs keep the order of first appearance."""
         if average_replicates:
             # + 0.0 turns -0.0 into 0.0: equal inputs must fall into one group.
             _, first, group, counts = np.unique(
