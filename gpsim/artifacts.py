@@ -12,7 +12,6 @@ import json
 import os
 import re
 import shutil
-import signal
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -168,7 +167,8 @@ class Store:
             except BaseException:
                 shutil.rmtree(temporary, ignore_errors=True)
                 raise
-        return Artifact(path, json.loads((path / MANIFEST).read_bytes()), digest)
+        manifest = json.loads((path / MANIFEST).read_bytes())
+        return Artifact(path, {k: v for k, v in manifest.items() if k != "sha256"}, digest)
 
     def free_numbers(self, stage: str) -> Iterator[int]:
         """Version numbers that no finished artifact holds, ascending."""
@@ -251,7 +251,7 @@ def _sweep(shelf: Path) -> None:
 
 def _alive(pid: int) -> bool:
     try:
-        os.kill(pid, signal.SIG_DFL)
+        os.kill(pid, 0)
     except ProcessLookupError:
         return False
     except PermissionError:

@@ -38,6 +38,7 @@ class PpoSettings:
     ent_coef: float = 0.0
     hidden: Sequence[int] = (64, 64)  # tanh units, for the actor and for the critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
+    reward_scale: float = 1.0  # rewards are multiplied by it while training; a critic learns small targets faster
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def train_ppo(env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progr
     n_steps = min(settings.n_steps, max(settings.total_steps // settings.n_envs, 2))
     model = PPO(
         "MlpPolicy",
-        _StableBaselinesEnv(env, scale),
+        _StableBaselinesEnv(env, scale, settings.reward_scale),
         n_steps=n_steps,
         batch_size=min(settings.batch_size, n_steps * settings.n_envs),
         n_epochs=settings.n_epochs,
@@ -115,9 +116,9 @@ class _Watcher(BaseCallback):
 class _StableBaselinesEnv(VecEnv):
     """The batched environment in stable-baselines3's vector interface, with scaled observations."""
 
-    def __init__(self, env: BatchedEnv, scale: NDArray[np.float32]) -> None:
+    def __init__(self, env: BatchedEnv, scale: NDArray[np.float32], reward_scale: float) -> None:
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self._env, self._scale = env, scale
+        self._env, self._scale, self._reward_scale = env, scale, reward_scale
         self._returns = np.zeros(env.num_envs)
         self._finished: list[float] = []
 
@@ -140,7 +141,7 @@ class _StableBaselinesEnv(VecEnv):
             }
             self._finished.append(float(self._returns[i]))
             self._returns[i] = 0.0
-        return observations / self._scale, rewards.astype(np.float32), done, infos
+        return observations / self._scale, (rewards * self._reward_scale).astype(np.float32), done, infos
 
     def take_finished(self) -> list[float]:
         """The returns of the episodes that ended since the last call."""

@@ -1,0 +1,1 @@
+"""Stages: one file a command; inputs and configuration in, one artifact out."""

@@ -1,0 +1,77 @@
+"""The corrected simulator: base rates plus what recordings have taught about them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.features import Features
+from gpsim.gp import Predictor
+from gpsim.simulators.plant import Memory, SimulatorPlant
+
+Prediction = Literal["mean", "sample"]
+PREDICTIONS: tuple[Prediction, ...] = ("mean", "sample")
+
+
+class RateCorrection(Protocol):
+    """Something added to the simulator's rates, held over a control step; it owns its memory."""
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """The memory of `count` new episodes."""
+        ...
+
+    def rates(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """(B, R): added to the base rates."""
+        ...
+
+
+@dataclass(frozen=True)
+class GpCorrection:
+    """A Gaussian process per rate on features of (state, action): the thesis's correction (section 4.3.1).
+
+    prediction `mean` adds the posterior mean; `sample` draws anew at every step, from the posterior of the function
+    or, with sample_noise, from the predictive distribution of an observation (function plus Gaussian noise).
+    """
+
+    predictor: Predictor
+    features: Features
+    prediction: Prediction
+    sample_noise: bool
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:  # noqa: ARG002 - the protocol's signature
+        """Draws are independent from step to step: nothing to remember."""
+        return {}
+
+    def rates(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+        """(B, R) correction of the rates."""
+        inputs = self.features(np.hstack([state, action]))
+        if self.prediction == "mean":
+            return self.predictor.mean(inputs)
+        return self.predictor.sample(inputs, rng, include_noise=self.sample_noise)
+
+
+@dataclass(frozen=True)
+class CorrectedPlant(SimulatorPlant):
+    """A simulator whose rates are corrected; the correction is taken at the step's start and held over it.
+
+    That is how residuals are defined: mean rates over a step at the state and action it starts from.
+    """
+
+    correction: RateCorrection
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """The correction's memory."""
+        return self.correction.begin(count, rng)
+
+    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """One control step with action and correction held."""
+        extra = self.correction.rates(state, action, memory, rng)
+        return self.simulator.integrate(
+            state,
+            lambda s: self.simulator.rates(s, action, self.parameters) + extra,
+            np.full(len(state), self.dt),
+            self.integrator,
+        )

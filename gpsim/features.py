@@ -1,0 +1,50 @@
+"""Inputs of a Gaussian process: channels, or sign, sin and cos of a channel."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.errors import UsageError
+
+_FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"sign": np.sign, "sin": np.sin, "cos": np.cos}
+_TERM = re.compile(r"(?:(\w+)\()?(\w+)\)?")
+
+
+@dataclass(frozen=True)
+class Features:
+    """Columns computed from the channels of state and action, as `x_dot` or `sign(x_dot)`.
+
+    A smooth kernel rounds off a jump; the sign of a velocity as an input of its own lets it jump there.
+    """
+
+    names: tuple[str, ...]
+    columns: tuple[int, ...]
+    functions: tuple[str | None, ...]
+
+    @classmethod
+    def of(cls, names: Sequence[str], channels: Channels) -> Features:
+        """Parse the names; raises UsageError with the channels and functions there are."""
+        columns, functions = [], []
+        for name in names:
+            match = _TERM.fullmatch(name.replace(" ", ""))
+            function = match.group(1) if match else None
+            if match is None or (function is not None and (function not in _FUNCTIONS or not name.endswith(")"))):
+                raise UsageError(f"gp.inputs: '{name}' is neither a channel nor one of sign, sin, cos of a channel")
+            columns.append(channels.index(match.group(2)))
+            functions.append(function)
+        if not columns:
+            raise UsageError("gp.inputs is empty: name at least one channel")
+        return cls(tuple(names), tuple(columns), tuple(functions))
+
+    def __call__(self, values: FloatArray) -> FloatArray:
+        """(B, S + A) state and action -> (B, D)."""
+        out = values[:, list(self.columns)]
+        for i, function in enumerate(self.functions):
+            if function is not None:
+                out[:, i] = _FUNCTIONS[function](out[:, i])
+        return out

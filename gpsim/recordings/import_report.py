@@ -1,0 +1,192 @@
+"""The import report: what was read, kept and dropped, and why, in numbers that add up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from io import StringIO
+from typing import Any
+
+from rich.console import Console, Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from gpsim.recordings.clock import Lag
+
+LISTED = 40  # episodes listed one by one; longer recordings are summed up
+
+
+@dataclass(frozen=True)
+class TopicCount:
+    """One topic of one log. read = kept + sum(dropped); noticed: kept, but odd.
+
+    kept: rows inside an episode (for commands: rows that stood at some moment of one). delay: median, 5 % and
+    95 % of receive minus header [s], None without a header.
+    """
+
+    source: str
+    topic: str
+    type: str
+    clock: str
+    read: int
+    kept: int
+    dropped: Mapping[str, int] = field(default_factory=dict)
+    noticed: Mapping[str, int] = field(default_factory=dict)
+    delay: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.read != self.kept + sum(self.dropped.values()):
+            raise AssertionError(
+                f"{self.source} {self.topic}: {self.read} rows read, but {self.kept} kept and {self.dropped}"
+            )
+
+
+@dataclass(frozen=True)
+class EpisodeCount:
+    """One episode: name, the log it is from, start on that log's clock [s], duration [s], transitions."""
+
+    name: str
+    source: str
+    start: float
+    duration: float
+    transitions: int
+
+
+@dataclass(frozen=True)
+class ImportReport:
+    """Everything an import decided. notes: sentences; warnings: sentences that ask for a second look."""
+
+    topics: tuple[TopicCount, ...]
+    episodes: tuple[EpisodeCount, ...]
+    rate: str
+    lags: tuple[Lag, ...] = ()
+    applied: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def summed(self) -> tuple[TopicCount, ...]:
+        """The topics with the logs added up."""
+        groups: dict[tuple[str, str, str], list[TopicCount]] = {}
+        for count in self.topics:
+            groups.setdefault((count.topic, count.type, count.clock), []).append(count)
+        return tuple(_sum(group) for group in groups.values())
+
+    def as_metadata(self) -> dict[str, Any]:
+        """Plain numbers for recording.yaml."""
+        return {
+            "topics": {
+                f"{c.topic} ({c.clock})": {"read": c.read, "kept": c.kept}
+                | ({"dropped": dict(c.dropped)} if c.dropped else {})
+                | ({"noticed": dict(c.noticed)} if c.noticed else {})
+                for c in self.summed()
+            },
+            "lags": {
+                lag.command: {
+                    "response": lag.response,
+                    "lag_s": round(lag.lag, 4),
+                    "correlation": round(lag.correlation, 3),
+                }
+                for lag in self.lags
+                if lag.usable
+            },
+            "offsets_applied_s": {topic: round(value, 6) for topic, value in self.applied.items()},
+        }
+
+
+def _sum(group: Sequence[TopicCount]) -> TopicCount:
+    first = group[0]
+    delays = [count.delay for count in group if count.delay is not None]
+    middle = delays[len(delays) // 2] if delays else None
+    return TopicCount(
+        source=first.source if len(group) == 1 else f"{len(group)} logs",
+        topic=first.topic,
+        type=first.type,
+        clock=first.clock,
+        read=sum(c.read for c in group),
+        kept=sum(c.kept for c in group),
+        dropped=_added(c.dropped for c in group),
+        noticed=_added(c.noticed for c in group),
+        delay=middle,
+    )
+
+
+def _added(tables: Iterable[Mapping[str, int]]) -> dict[str, int]:
+    total: dict[str, int] = {}
+    for table in tables:
+        for reason, number in table.items():
+            total[reason] = total.get(reason, 0) + number
+    return total
+
+
+def render(report: ImportReport) -> RenderableType:
+    """The report for a terminal."""
+    parts: list[RenderableType] = [_topic_table(report.summed()), Text(""), _episode_table(report)]
+    lines = [f"rate: {report.rate}", *_lag_lines(report), *report.notes]
+    parts += [Text(""), *(Text(line) for line in lines)]
+    parts += [Text(f"warning: {line}", style="yellow") for line in report.warnings]
+    return Group(*parts)
+
+
+def as_text(report: ImportReport, width: int = 110) -> str:
+    """The same report as plain text."""
+    console = Console(file=StringIO(), width=width, color_system=None, force_terminal=False)
+    console.print(render(report))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def _topic_table(counts: Sequence[TopicCount]) -> Table:
+    table = Table(title="read = kept + dropped", title_justify="left", box=None, pad_edge=False)
+    for name in ("topic", "clock"):
+        table.add_column(name, overflow="fold")
+    for name in ("read", "kept", "dropped"):
+        table.add_column(name, justify="right")
+    table.add_column("why dropped; what else was noticed", overflow="fold")
+    for count in counts:
+        why = [f"{number} {reason}" for reason, number in count.dropped.items()]
+        odd = [f"({number} {kind})" for kind, number in count.noticed.items()]
+        if count.delay is not None:
+            middle, low, high = (1e3 * value for value in count.delay)
+            odd.append(f"(received {middle:.1f} ms after its stamp, 5-95 %: {low:.1f} to {high:.1f})")
+        table.add_row(
+            count.topic, count.clock, str(count.read), str(count.kept), str(sum(count.dropped.values())),
+            ", ".join(why) + (" " if why and odd else "") + " ".join(odd),
+        )  # fmt: skip
+    return table
+
+
+def _episode_table(report: ImportReport) -> RenderableType:
+    episodes = report.episodes
+    seconds, steps = sum(e.duration for e in episodes), sum(e.transitions for e in episodes)
+    title = f"{len(episodes)} episode(s), {seconds:.2f} s, {steps} transitions"
+    if len(episodes) > LISTED:
+        lengths = sorted(e.duration for e in episodes)
+        return Text(f"{title}; {lengths[0]:.2f} s to {lengths[-1]:.2f} s long")
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("episode")
+    table.add_column("from", overflow="fold")
+    for name in ("start [s]", "duration [s]", "transitions"):
+        table.add_column(name, justify="right")
+    for e in episodes:
+        table.add_row(e.name, e.source, f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions))
+    return table
+
+
+def _lag_lines(report: ImportReport) -> list[str]:
+    lines = []
+    for lag in report.lags:
+        if not lag.usable:
+            lines.append(
+                f"lag of {lag.command}: not to be told from these data (best correlation {lag.correlation:.2f})"
+            )
+            continue
+        lines.append(
+            f"lag of {lag.command}: {lag.response} follows {1e3 * lag.lag:.0f} ms later (correlation "
+            f"{lag.correlation:.2f}); clock offset and the system's own delay together"
+        )
+    if report.applied:
+        shifts = ", ".join(f"{topic} {1e3 * value:+.1f} ms" for topic, value in report.applied.items())
+        lines.append(f"stamps shifted as asked: {shifts}")
+    elif any(lag.usable for lag in report.lags):
+        lines.append("not applied; clock.apply_offset=true would add the lag to the command stamps")
+    return lines

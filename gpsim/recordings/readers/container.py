@@ -1,0 +1,48 @@
+"""What every bag container offers, whatever its bytes look like: streams, and messages in file order."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from gpsim.recordings.readers.damage import Ledger
+
+Encoding = Literal["ros1", "cdr"]
+DefinitionFormat = Literal["msg", "idl", "none"]
+Message = tuple[int, int, bytes]
+"""(stream id, receive time [ns since 1970], serialised message)."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One publisher of one topic (ROS 1: connection, mcap: channel, sqlite3: topic).
+
+    count: messages the index announces, None without an index; start, end: first and last receive time [ns];
+    type: in ROS 2 spelling, as geometry_msgs/msg/PoseStamped; digest: md5 of the definition (ROS 1), else "".
+    """
+
+    id: int
+    topic: str
+    type: str
+    definition: str
+    format: DefinitionFormat
+    encoding: str
+    digest: str = ""
+    count: int | None = None
+    start: int | None = None
+    end: int | None = None
+
+
+class Container(Protocol):
+    """A bag file or folder. `where` names the place being read, for messages about damage."""
+
+    where: str
+
+    def streams(self, ledger: Ledger) -> Sequence[Stream]:
+        """The streams, from the index where the file has a sound one, else from a walk through the file."""
+        ...
+
+    def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
+        """The messages of the wanted streams in file order, one chunk in memory at a time."""
+        ...

@@ -1,0 +1,76 @@
+"""What happens when a file is not what it should be: stop with one line, or go on and count."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from gpsim.errors import UsageError
+
+# Largest piece of a file that is ever held in memory at once [bytes]: a chunk after decompression, a message, a
+# definition. Recorders write chunks of about 1 MB; a file that declares more than this is damaged or hostile.
+MAX_CHUNK = 256 << 20
+MAX_MESSAGE = 64 << 20
+MAX_DEFINITION = 256 << 10
+MAX_HEADER = 1 << 20
+
+
+class DamageError(Exception):
+    """A piece of a file cannot be read: `reason` says why. Never leaves this package."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+class Ledger:
+    """Counts what was lost, or refuses at the first loss.
+
+    salvage: False raises UsageError(file, where, reason, remedy) at the first call of `lost`; True counts by reason.
+    """
+
+    def __init__(self, path: Path, *, salvage: bool) -> None:
+        self.path = path
+        self.salvage = salvage
+        self.file: Counter[str] = Counter()
+        self.topics: dict[str, Counter[str]] = {}
+
+    def lost(self, reason: str, where: str, topic: str | None = None, count: int = 1) -> None:
+        """Record that `count` messages of `topic` (None: a piece of the file) are lost."""
+        if not self.salvage:
+            place = f"{where}, topic {topic}" if topic else where
+            raise UsageError(
+                f"{self.path}: {place}: {one_line(reason)}; copy the file again, or import what is readable with --salvage"
+            )
+        key = one_line(reason)
+        if topic is None:
+            self.file[key] += count
+        else:
+            self.topics.setdefault(topic, Counter())[key] += count
+
+    def of(self, topic: str) -> dict[str, int]:
+        """Messages of `topic` that were lost, by reason."""
+        return dict(self.topics.get(topic, Counter()))
+
+
+def one_line(text: object, limit: int = 200) -> str:
+    """Text that is safe inside a one-line message: printable, no line breaks, at most `limit` characters."""
+    flat = " ".join(str(text).split())
+    flat = "".join(c if c.isprintable() else "?" for c in flat)
+    return flat if len(flat) <= limit else f"{flat[:limit]}..."
+
+
+def regular_file(path: Path) -> int:
+    """Size [bytes] of an ordinary, readable, non-empty file; UsageError for anything else."""
+    try:
+        if not path.is_file():
+            what = "is a folder" if path.is_dir() else "is not an ordinary file" if path.exists() else "does not exist"
+            raise UsageError(f"{path}: {what}; name a log file or a ROS 2 bag folder")
+        size = path.stat().st_size
+        with path.open("rb"):
+            pass
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{one_line(path)}: cannot be opened: {one_line(error)}; check the path and its rights") from error
+    if size == 0:
+        raise UsageError(f"{path}: the file is empty; copy it again")
+    return size

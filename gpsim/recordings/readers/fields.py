@@ -1,0 +1,205 @@
+"""Dotted paths into messages.
+
+    pose.position.x                                               a field of a nested message
+    data.3, pose.covariance.0                                     an element of an array, counted from 0
+    transforms.0.transform.translation.x                          the first message of an array of messages
+    transforms[child_frame_id=base_link].transform.translation.x  those whose field has this value
+
+A selection may name several fields, as [header.frame_id=map,child_frame_id=base_link]. It makes one row for every
+element that matches, with that element's own header stamp; a message without a match makes no row.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.base import normalize_fieldname
+
+from gpsim.recordings.readers.damage import one_line
+from gpsim.recordings.readers.definitions import Types
+
+TIME = "builtin_interfaces/msg/Time"
+MAX_LISTED = 64
+MAX_FIELDS = 512
+_NUMBERS = frozenset(
+    ["bool", "byte", "char", "octet", "float32", "float64", "float128"]
+    + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
+)  # fmt: skip
+_SEGMENT = re.compile(r"(?P<index>\d{1,9})|(?P<name>[A-Za-z_]\w*)(\[(?P<where>[^\]]*)\])?", re.ASCII)
+_SELECTOR_KEYS = ("child_frame_id", "name", "joint_name", "id")
+
+
+class PathError(Exception):
+    """A path that a message type has no number at; the text says what there is instead."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The elements of the array at `array` (attribute names) whose fields equal the given texts."""
+
+    array: tuple[str, ...]
+    where: tuple[tuple[str, str], ...]
+    element: str
+
+
+@dataclass(frozen=True)
+class Path:
+    """A parsed path: `steps` are attribute names and indices, from the message or from the selected element."""
+
+    text: str
+    selection: Selection | None
+    steps: tuple[str | int, ...]
+
+
+def parse_path(text: str, types: Types, root: str) -> Path:
+    """Check a dotted path against a message type; PathError where it does not end at a number."""
+    steps: list[str | int] = []
+    selection: Selection | None = None
+    here: Any = (Nodetype.NAME, root)
+    for index, name, where in _segments(text):
+        if index is not None:
+            here = _element(here, text, index)
+            steps.append(index)
+            continue
+        here = _field(here, name, types, text)
+        steps.append(normalize_fieldname(name))
+        if where is not None:
+            if selection is not None or any(isinstance(step, int) for step in steps):
+                raise PathError(f"{text}: only one selection in brackets is possible, before any index")
+            here = _element(here, text, None)
+            selection = Selection(tuple(str(s) for s in steps), _conditions(where, here, types, text), here[1])
+            steps = []
+    if here[0] != Nodetype.BASE or here[1][0] not in _NUMBERS:
+        raise PathError(f"{text}: not a number; it leads to {_name(here)}")
+    return Path(text, selection, tuple(steps))
+
+
+def _segments(text: str) -> list[tuple[int | None, str, str | None]]:
+    found: list[tuple[int | None, str, str | None]] = []
+    position = 0
+    while position < len(text):
+        match = _SEGMENT.match(text, position)
+        if match is None or (match.end() < len(text) and text[match.end()] != "."):
+            raise PathError(f"{one_line(text)}: not a path at character {position + 1}; expected as pose.position.x or data.0")
+        index = match["index"]
+        found.append((None if index is None else int(index), match["name"] or "", match["where"]))
+        position = match.end() + 1
+    if not found or text.endswith("."):
+        raise PathError(f"{one_line(text)!r}: not a path; expected as pose.position.x or data.0")
+    return found
+
+
+def _field(here: Any, name: str, types: Types, text: str) -> Any:
+    if here[0] != Nodetype.NAME:
+        raise PathError(f"{text}: '{name}' is asked of {_name(here)}, which has no fields")
+    names = {field: description for field, description in types[here[1]][1]}
+    if name not in names:
+        close = difflib.get_close_matches(name, names, 3, 0.4) or list(names)[:12]
+        raise PathError(f"{text}: {here[1]} has no field '{name}'; there are {', '.join(close)}")
+    return names[name]
+
+
+def _element(here: Any, text: str, index: int | None) -> Any:
+    if here[0] not in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        raise PathError(f"{text}: {_name(here)} is not an array")
+    inner, length = here[1]
+    if index is not None and here[0] == Nodetype.ARRAY and index >= length:
+        raise PathError(f"{text}: index {index} is outside an array of {length}")
+    if index is None and inner[0] != Nodetype.NAME:
+        raise PathError(f"{text}: elements can be selected only in an array of messages, this is {_name(here)}")
+    return inner
+
+
+def _conditions(where: str, element: Any, types: Types, text: str) -> tuple[tuple[str, str], ...]:
+    found = []
+    for part in where.split(","):
+        key, equals, value = part.partition("=")
+        if not equals or not key.strip():
+            raise PathError(f"{text}: a selection is written as [child_frame_id=base_link]")
+        here = element
+        for name in key.strip().split("."):
+            here = _field(here, name, types, text)
+        if here[0] != Nodetype.BASE:
+            raise PathError(f"{text}: {key.strip()} is not a plain value; it is {_name(here)}")
+        attributes = ".".join(normalize_fieldname(name) for name in key.strip().split("."))
+        found.append((attributes, value.strip()))
+    return tuple(found)
+
+
+def _name(description: Any) -> str:
+    kind, detail = description
+    if kind == Nodetype.BASE:
+        return str(detail[0])
+    if kind == Nodetype.NAME:
+        return f"a {detail}"
+    return f"an array of {_name(detail[0])}"
+
+
+def stamp_path(types: Types, root: str) -> tuple[str, ...] | None:
+    """Attributes that lead to a message's own stamp: header.stamp, or a top-level stamp; None without one."""
+    for name, description in types[root][1]:
+        if description[0] == Nodetype.NAME and description[1] == "std_msgs/msg/Header":
+            return (normalize_fieldname(name), "stamp")
+    for name, description in types[root][1]:
+        if name == "stamp" and description == (Nodetype.NAME, TIME):
+            return ("stamp",)
+    return None
+
+
+def has_sequences(types: Types) -> bool:
+    """Whether the listing of a type's fields needs a look at messages."""
+    return any(d[0] == Nodetype.SEQUENCE for _, fields in types.values() for _, d in fields)
+
+
+def numeric_fields(types: Types, root: str, samples: list[Any]) -> tuple[str, ...]:
+    """Paths of the numbers in a type, in order; arrays without fixed length as long as in the sample messages.
+
+    Arrays of more than 64 numbers (images, scans) are left out; their elements can be asked for all the same.
+    """
+    found: dict[str, None] = {}
+    _list_fields(types, (Nodetype.NAME, root), "", samples, found)
+    return tuple(found)[:MAX_FIELDS]
+
+
+def _list_fields(types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None]) -> None:
+    kind, detail = here
+    if len(found) >= MAX_FIELDS:
+        return
+    if kind == Nodetype.BASE:
+        if detail[0] in _NUMBERS:
+            found[prefix] = None
+    elif kind == Nodetype.NAME:
+        for name, description in types[detail][1]:
+            if name == "structure_needs_at_least_one_member":
+                continue
+            below = [getattr(sample, normalize_fieldname(name)) for sample in samples]
+            _list_fields(types, description, f"{prefix}.{name}" if prefix else name, below, found)
+    else:
+        _list_array(types, here, prefix, samples, found)
+
+
+def _list_array(types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None]) -> None:
+    kind, (inner, length) = here
+    if kind == Nodetype.SEQUENCE:
+        length = max((len(sample) for sample in samples), default=0)
+    key = _selector_key(types, inner) if kind == Nodetype.SEQUENCE else None
+    if key is not None:
+        elements = [element for sample in samples for element in sample]
+        for value in sorted({str(getattr(element, key)) for element in elements})[:MAX_LISTED]:
+            chosen = [element for element in elements if str(getattr(element, key)) == value]
+            _list_fields(types, inner, f"{prefix}[{key}={value}]", chosen, found)
+    elif length <= MAX_LISTED:
+        for index in range(length):
+            below = [sample[index] for sample in samples if len(sample) > index]
+            _list_fields(types, inner, f"{prefix}.{index}", below, found)
+
+
+def _selector_key(types: Types, inner: Any) -> str | None:
+    if inner[0] != Nodetype.NAME:
+        return None
+    texts = {name for name, d in types[inner[1]][1] if d[0] == Nodetype.BASE and d[1][0] == "string"}
+    return next((key for key in _SELECTOR_KEYS if key in texts), None)

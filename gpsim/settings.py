@@ -1,0 +1,85 @@
+"""From the plain mapping of a resolved configuration to frozen dataclasses, checked at the door."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
+
+from gpsim.errors import UsageError
+
+T = TypeVar("T")
+
+
+def build(cls: type[T], values: Mapping[str, Any], where: str, **fixed: Any) -> T:
+    """An instance of the dataclass `cls` from `values` (keys `name` are skipped) and `fixed` fields.
+
+    Raises UsageError that names the key, as `policy.gamma: expected a number, got 'high'`.
+    """
+    hints = typing.get_type_hints(cls)
+    fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    given = {key: value for key, value in values.items() if key != "name"}
+    unknown = sorted(set(given) - set(fields))
+    if unknown:
+        raise UsageError(f"{where}: no setting '{unknown[0]}'; there are: {', '.join(fields)}")
+    arguments = {key: _checked(value, hints[key], f"{where}.{key}") for key, value in given.items()}
+    missing = [
+        name
+        for name, field in fields.items()
+        if name not in {**arguments, **fixed}
+        and field.default is dataclasses.MISSING
+        and field.default_factory is dataclasses.MISSING
+    ]
+    if missing:
+        raise UsageError(f"{where}: setting '{missing[0]}' is missing")
+    try:
+        return cls(**arguments, **fixed)
+    except ValueError as error:
+        raise UsageError(f"{where}: {error}") from error
+
+
+def choice(value: Any, alternatives: Sequence[str], where: str) -> str:
+    """`value` if it is one of the alternatives, else a UsageError that lists them."""
+    if value not in alternatives:
+        raise UsageError(f"{where}: '{value}' is not one of {', '.join(alternatives)}")
+    return str(value)
+
+
+def positive(value: Any, where: str) -> int:
+    """A whole number of at least 1."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise UsageError(f"{where}: expected a whole number of at least 1, got {value!r}")
+    return value
+
+
+def _checked(value: Any, hint: Any, where: str) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        if value is None and type(None) in arguments:
+            return None
+        return _checked(value, next(a for a in arguments if a is not type(None)), where)
+    if origin is typing.Literal:
+        return choice(value, arguments, where)
+    if hint is bool:
+        return _expect(value, isinstance(value, bool), "true or false", where)
+    if hint is int:
+        return _expect(value, isinstance(value, int) and not isinstance(value, bool), "a whole number", where)
+    if hint is float:
+        return float(_expect(value, isinstance(value, int | float) and not isinstance(value, bool), "a number", where))
+    if hint is str:
+        return _expect(value, isinstance(value, str), "a text", where)
+    if origin is not None and issubclass(origin, Mapping):
+        _expect(value, isinstance(value, Mapping), "a mapping", where)
+        return {key: _checked(item, arguments[1], f"{where}.{key}") for key, item in value.items()}
+    if origin is not None and issubclass(origin, Sequence):
+        _expect(value, isinstance(value, list | tuple), "a list", where)
+        return tuple(_checked(item, arguments[0], f"{where}[{i}]") for i, item in enumerate(value))
+    return value
+
+
+def _expect(value: Any, good: bool, what: str, where: str) -> Any:
+    if not good:
+        raise UsageError(f"{where}: expected {what}, got {value!r}")
+    return value

@@ -1,0 +1,76 @@
+"""build-residuals: what happened minus what the simulator predicts, as rates."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from gpsim.artifacts import MANIFEST, Artifact, Json, Recipe, file_digest, read_artifact, write_json
+from gpsim.channels import Channels
+from gpsim.errors import UsageError
+from gpsim.recordings import read_recording
+from gpsim.residuals import Residuals, build_residuals, from_table, to_table
+from gpsim.stages import collect
+from gpsim.stages.building import base_plant
+from gpsim.stages.stage import Request, Stage, generator
+
+
+def recipe(request: Request) -> Recipe:
+    """The base simulator and the recording: the loop's own, or the folder that `recording=` names."""
+    config = request.section("simulator", "residuals")
+    given = request.config["recording"]
+    if given is None:
+        return Recipe("build-residuals", config, {"recording": collect.STAGE.need(request)}, {"seed": request.seed})
+    folder = Path(str(given))
+    if not folder.is_dir():
+        raise UsageError(f"recording={folder}: no such folder; give a recording folder, as `gpsim import` makes")
+    if (folder / MANIFEST).is_file():
+        return Recipe("build-residuals", config, {"recording": read_artifact(folder)}, {"seed": request.seed})
+    digests = {path.name: file_digest(path) for path in sorted(folder.glob("recording.*"))}
+    return Recipe("build-residuals", {**config, "recording": digests}, {}, {"seed": request.seed})
+
+
+def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Write residuals.parquet and residuals.json."""
+    source = recipe.parents["recording"].path if recipe.parents else Path(str(request.config["recording"]))
+    recording, base = read_recording(source), base_plant(request.config)
+    fraction = request.config["residuals"]["test_fraction"]
+    if not isinstance(fraction, int | float) or not 0 <= fraction < 1:
+        raise UsageError(f"residuals.test_fraction: expected a number in [0, 1), got {fraction!r}")
+    residuals = build_residuals(
+        recording,
+        base.simulator,
+        base.parameters,
+        base.integrator,
+        test_fraction=float(fraction),
+        rng=generator(request.seed, "build-residuals/order"),
+    )
+    to_table(residuals).to_parquet(folder / "residuals.parquet", index=False)
+    write_json(folder / "residuals.json", _summary(residuals))
+    return {}
+
+
+def read_residuals(artifact: Artifact) -> Residuals:
+    """The residuals of an artifact of this stage."""
+    meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
+    table = pd.read_parquet(artifact.path / "residuals.parquet")
+    return from_table(table, Channels.of(meta["channels"]), Channels.of(meta["rates"]))
+
+
+def _summary(residuals: Residuals) -> dict[str, Any]:
+    train, test = residuals.values[~residuals.test], residuals.values[residuals.test]
+    return {
+        "channels": residuals.channels.units,
+        "rates": residuals.rate.units,
+        "rows": {"training": len(train), "test": len(test)},
+        "residual_std": {name: float(train[:, i].std()) for i, name in enumerate(residuals.rate.names)},
+        "measured_std": {
+            name: float(residuals.measured[~residuals.test, i].std()) for i, name in enumerate(residuals.rate.names)
+        },
+    }
+
+
+STAGE = Stage("build-residuals", "Subtract the simulator's prediction from the recording, rate by rate.", recipe, write)

@@ -1,0 +1,66 @@
+"""From configuration sections to the objects they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gpsim.errors import UsageError
+from gpsim.policies import PpoSettings
+from gpsim.settings import build, choice
+from gpsim.simulators import make_simulator
+from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant
+from gpsim.simulators.simulator import INTEGRATORS
+from gpsim.targets import FrictionCartPole
+from gpsim.tasks import Balance, Task
+
+TARGETS = {"friction_cartpole": FrictionCartPole}
+TASKS = {"balance": Balance}
+
+
+def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
+    """The base simulator with its own parameters."""
+    simulator, section = make_simulator(config["simulator"]["name"]), config["simulator"]
+    integrator = choice(section["integrator"], INTEGRATORS, "simulator.integrator")
+    parameters = simulator.defaults(_numbers(section["parameters"], "simulator.parameters"))
+    dt = _positive(section["dt"], "simulator.dt")
+    return SimulatorPlant(simulator, parameters, integrator, dt)  # type: ignore[arg-type]
+
+
+def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
+    """The base simulator under domain randomisation."""
+    base, spread = base_plant(config), config["randomise"]["spread"]
+    if not isinstance(spread, int | float) or not 0 <= spread < 1:
+        raise UsageError(f"randomise.spread: expected a number in [0, 1), got {spread!r}")
+    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread))
+
+
+def target_plant(config: Mapping[str, Any]) -> Plant:
+    """The stand-in for the real system."""
+    section = config["target"]
+    name = choice(section["name"], tuple(TARGETS), "target.name")
+    return build(TARGETS[name], section, "target")
+
+
+def make_task(config: Mapping[str, Any]) -> Task:
+    """The task."""
+    section = config["task"]
+    return build(TASKS[choice(section["name"], tuple(TASKS), "task.name")], section, "task")
+
+
+def ppo_settings(config: Mapping[str, Any]) -> PpoSettings:
+    """Hyper-parameters of the policy's training."""
+    return build(PpoSettings, config["policy"], "policy")
+
+
+def _numbers(values: Mapping[str, Any], where: str) -> dict[str, float]:
+    for key, value in values.items():
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise UsageError(f"{where}.{key}: expected a number, got {value!r}")
+    return dict(values)
+
+
+def _positive(value: Any, where: str) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:
+        raise UsageError(f"{where}: expected a positive number, got {value!r}")
+    return float(value)

@@ -1,0 +1,69 @@
+"""collect: drive the target and record what happens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gpsim.artifacts import Json, Recipe
+from gpsim.collecting import Act, collect_episodes, dithered_actor, policy_actor, random_actor
+from gpsim.errors import UsageError
+from gpsim.recordings import Recording, write_recording
+from gpsim.settings import choice, positive
+from gpsim.stages import train_source
+from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.policy_files import read_policy
+from gpsim.stages.stage import Request, Stage, generator
+
+DRIVERS = ("source", "random", "dithered")
+
+
+def recipe(request: Request) -> Recipe:
+    """The target, the task and who drives."""
+    driver = choice(request.config["collect"]["policy"], DRIVERS, "collect.policy")
+    parents = {} if driver == "random" else {"policy": train_source.STAGE.need(request.having(variant="source"))}
+    return Recipe("collect", request.section("simulator", "target", "task", "collect"), parents, {"seed": request.seed})
+
+
+def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Run the episodes and write a Recording."""
+    section: dict[str, Any] = request.config["collect"]
+    task, plant, base = make_task(request.config), target_plant(request.config), base_plant(request.config)
+    episodes = collect_episodes(
+        plant,
+        task,
+        _driver(request, recipe, section),
+        positive(section["episodes"], "collect.episodes"),
+        generator(request.seed, "collect/episodes"),
+    )
+    recording = Recording(
+        system=base.simulator.name,
+        state=base.state,
+        action=base.action,
+        episodes=episodes,
+        dt=base.dt,
+        parameters=base.parameters,
+        integrator=base.integrator,
+        velocities="measured",
+        clock="episode",
+        provenance={"driver": section["policy"], "seed": request.seed},
+    )
+    write_recording(recording, folder)
+    return {"transitions": recording.transition_count}
+
+
+def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
+    task, rng = make_task(request.config), generator(request.seed, "collect/driver")
+    if section["policy"] == "random":
+        return random_actor(task, rng)
+    # The policy's own distribution, not its most probable action: exploration is what a recording is for.
+    actor = policy_actor(read_policy(recipe.parents["policy"].path), rng)
+    if section["policy"] == "source":
+        return actor
+    share = section["dither"]
+    if not isinstance(share, int | float) or not 0 <= share <= 1:
+        raise UsageError(f"collect.dither: expected a number in [0, 1], got {share!r}")
+    return dithered_actor(actor, task, float(share), rng)
+
+
+STAGE = Stage("collect", "Record episodes of the target, driven by the source policy or at random.", recipe, write)

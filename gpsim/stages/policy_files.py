@@ -1,0 +1,74 @@
+"""Policies, learning curves and Gaussian processes on disk: safetensors, JSON and CSV; no pickle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from gpsim.artifacts import write_json
+from gpsim.corrected import GpCorrection, Prediction
+from gpsim.errors import UsageError
+from gpsim.features import Features
+from gpsim.channels import Channels
+from gpsim.gp import Predictor, from_arrays, to_arrays
+from gpsim.policies import LearningCurve
+from gpsim.policy import Policy
+
+
+def write_policy(folder: Path, policy: Policy) -> None:
+    """policy.safetensors and policy.json."""
+    _write(folder, "policy", *policy.to_arrays())
+
+
+def read_policy(folder: Path) -> Policy:
+    """The inverse of `write_policy`."""
+    return Policy.from_arrays(*_read(folder, "policy"))
+
+
+def write_gp(folder: Path, predictor: Predictor, inputs: tuple[str, ...]) -> None:
+    """gp.safetensors and gp.json, with the names of the inputs."""
+    arrays, metadata = to_arrays(predictor)
+    _write(folder, "gp", arrays, {**metadata, "inputs": list(inputs)})
+
+
+def read_gp(folder: Path) -> tuple[Predictor, tuple[str, ...]]:
+    """The inverse of `write_gp`."""
+    arrays, metadata = _read(folder, "gp")
+    try:
+        return from_arrays(arrays, metadata), tuple(metadata["inputs"])
+    except (ValueError, KeyError) as error:
+        raise UsageError(f"{folder}: not a Gaussian process that this version reads: {error}") from error
+
+
+def read_gp_correction(folder: Path, channels: Channels, prediction: Prediction, sample_noise: bool) -> GpCorrection:
+    """The correction that the Gaussian processes in `folder` make to a simulator with these channels."""
+    predictor, inputs = read_gp(folder)
+    return GpCorrection(predictor, Features.of(inputs, channels), prediction, sample_noise)
+
+
+def write_curve(folder: Path, curve: LearningCurve) -> None:
+    """learning_curve.csv."""
+    frame = pd.DataFrame({"steps": curve.steps, "mean_return": curve.mean_return, "episodes": curve.episodes})
+    frame.to_csv(folder / "learning_curve.csv", index=False, lineterminator="\n")
+
+
+def _write(folder: Path, name: str, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
+    save_file({key: np.ascontiguousarray(array) for key, array in arrays.items()}, folder / f"{name}.safetensors")
+    write_json(folder / f"{name}.json", metadata)
+
+
+def _read(folder: Path, name: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    try:
+        arrays = load_file(folder / f"{name}.safetensors")
+        metadata = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    except (OSError, SafetensorError, json.JSONDecodeError) as error:
+        raise UsageError(f"{folder}: no readable {name}.safetensors and {name}.json ({error})") from error
+    return arrays, metadata

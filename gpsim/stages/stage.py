@@ -1,0 +1,106 @@
+"""What a stage is, and how one is made: found when it exists, run when it does not."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.artifacts import Artifact, Json, Recipe, Store
+from gpsim.errors import UsageError
+
+Progress = Callable[[int, int, str], None]
+"""progress(done, total, note)"""
+
+
+def silent(done: int, total: int, note: str) -> None:
+    """A progress that says nothing."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A resolved configuration and where artifacts live.
+
+    words: the overrides as the user typed them, for messages; number: the version to take if it is free.
+    """
+
+    config: Mapping[str, Any]
+    words: tuple[str, ...] = ()
+    progress: Progress = silent
+    out: Path | None = None
+    number: int | None = None
+
+    @property
+    def store(self) -> Store:
+        """The experiment's artifacts."""
+        return Store(Path(str(self.config["runs_dir"])), str(self.config["experiment"]))
+
+    @property
+    def seed(self) -> int:
+        """The seed of the loop."""
+        seed = self.config["seed"]
+        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+            raise UsageError(f"seed: expected a whole number of at least 0, got {seed!r}")
+        return seed
+
+    def having(self, **values: Any) -> Request:
+        """The same request with some top-level settings changed, in the words too."""
+        kept = tuple(word for word in self.words if word.split("=", 1)[0] not in values)
+        words = kept + tuple(f"{key}={value}" for key, value in values.items())
+        return replace(self, config={**self.config, **values}, words=words, out=None, number=None)
+
+    def section(self, *keys: str) -> Json:
+        """The named parts of the configuration: what decides a stage's bytes."""
+        return {key: self.config[key] for key in keys}
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One command. recipe(request) says what the artifact is made from; write(request, recipe, folder) makes it."""
+
+    name: str
+    help: str
+    recipe: Callable[[Request], Recipe]
+    write: Callable[[Request, Recipe, Path], Json | None]
+    settings: tuple[str, ...] = field(default=())
+
+    def command(self, request: Request) -> str:
+        """The command line that makes this artifact."""
+        return " ".join(["gpsim", self.name, *(_quoted(word) for word in request.words)])
+
+    def need(self, request: Request) -> Artifact:
+        """The finished artifact; a UsageError names the command that makes it."""
+        found = request.store.find(self.recipe(request))
+        if found is None:
+            shelf = request.store.root / request.store.experiment / self.name
+            raise UsageError(f"{shelf}: nothing with this configuration; make it with: {self.command(request)}")
+        return found
+
+    def make(self, request: Request) -> tuple[Artifact, bool]:
+        """The artifact, and whether it existed already."""
+        recipe = self.recipe(request)
+        found = request.store.find(recipe) if request.out is None else None
+        if found is not None:
+            return found, True
+        artifact = request.store.publish(
+            recipe, lambda folder: self.write(request, recipe, folder), out=request.out, number=request.number
+        )
+        return artifact, False
+
+
+def derived_seed(seed: int, purpose: str) -> int:
+    """A seed of its own for every purpose, so that no two draws share a stream."""
+    return int(np.random.SeedSequence([seed, zlib.crc32(purpose.encode())]).generate_state(1)[0])
+
+
+def generator(seed: int, purpose: str) -> np.random.Generator:
+    """A random generator of its own for every purpose."""
+    return np.random.default_rng(derived_seed(seed, purpose))
+
+
+def _quoted(word: str) -> str:
+    return f"'{word}'" if any(c in word for c in " ()[]{},&;$*?") else word
