@@ -141,9 +141,9 @@ def fit_outputs(
 def first_start(data: TrainingData) -> HyperParameters:
     """Start read off the data: slopes of the least-squares line for the linear term, the rest for the RBF.
 
-    Lengthscales start at one standard deviation of each input and the noise at a tenth of the targets': starts
-    that are smoother or noisier than that end more often where noise explains what structure should (GPML
-    section 5.4.1, figure 5.5), above all on residuals that jump, as friction's do.
+    Lengthscales start at one standard deviation of each input and the noise at a tenth of the targets':
+    smoother or noisier starts end more often where noise explains what structure should (GPML section 5.4.1,
+    figure 5.5), above all on residuals that jump, as friction's do.
     """
     dimension = data.inputs.shape[1]
     # Ridge of one row's worth: defined for N < D and for constant columns as well.
