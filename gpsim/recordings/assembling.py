@@ -1,4 +1,4 @@
-"""One log to episodes: where all topics speak, on one grid, with velocities made and every row accounted for."""
+"""One log to episodes: where all topics speak, on one grid, with every row accounted for."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _stages(
     solid = hull
     for track in state.values():
         solid = where.common(solid, where.covered(track.t, mapping.gap_limit))
-    stages.append(_Stage(f"alone between gaps over {mapping.gap_limit:g} s", solid))
+    stages.append(_Stage(f"in a gap over {mapping.gap_limit:g} s", solid))
     if mapping.hold_limit is not None:
         for track in action.values():
             solid = where.common(solid, where.standing(track.t, mapping.hold_limit, end))
@@ -122,7 +122,7 @@ def _interval(track: Track) -> float:
 
 
 def grid(piece: Interval, reference: Track, rate: float | None) -> FloatArray:
-    """The times of an episode: the reference's own stamps, or even steps from its first stamp in the piece."""
+    """Times of an episode: the reference's own stamps, or even steps from its first stamp in the piece."""
     own = reference.t[(reference.t >= piece[0]) & (reference.t <= piece[1])]
     if rate is None or not len(own):
         return own

@@ -101,7 +101,9 @@ def read_recording(path: Path) -> Recording:
 
 def _read_metadata(path: Path) -> Mapping[str, Any]:
     if not path.is_file():
-        raise UsageError(f"{path.parent}: no {META_NAME}; a recording is a folder with {META_NAME} and recording.csv")
+        raise UsageError(
+            f"{path.parent}: no {META_NAME}; a recording is a folder with {META_NAME} and recording.csv"
+        )
     try:
         meta = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -113,7 +115,9 @@ def _read_metadata(path: Path) -> Mapping[str, Any]:
         raise UsageError(f"{path}: {', '.join(lacking)} missing")
     unknown = sorted(set(meta) - _KNOWN)
     if unknown:
-        raise UsageError(f"{path}: unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted(_KNOWN))}")
+        raise UsageError(
+            f"{path}: unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted(_KNOWN))}"
+        )
     return meta
 
 
@@ -147,11 +151,15 @@ def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, t
     backwards = np.flatnonzero(np.diff(t) <= 0)
     if backwards.size:
         row = int(rows.index[int(backwards[0]) + 1])
-        raise UsageError(f"{table}: episode {name}, row {row}: t does not increase; sort or re-import the log")
+        raise UsageError(
+            f"{table}: episode {name}, row {row}: t does not increase; sort or re-import the log"
+        )
     return Episode(name, t, states, actions)
 
 
-def _check_finite(values: FloatArray, names: tuple[str, ...], episode: str, rows: pd.DataFrame, table: Path) -> None:
+def _check_finite(
+    values: FloatArray, names: tuple[str, ...], episode: str, rows: pd.DataFrame, table: Path
+) -> None:
     bad = np.argwhere(~np.isfinite(values))
     if bad.size:
         row, column = (int(i) for i in bad[0])

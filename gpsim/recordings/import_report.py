@@ -177,7 +177,7 @@ def _lag_lines(report: ImportReport) -> list[str]:
     for lag in report.lags:
         if not lag.usable:
             lines.append(
-                f"lag of {lag.command}: not to be told from these data (best correlation {lag.correlation:.2f})"
+                f"lag of {lag.command}: these data cannot tell it (best correlation {lag.correlation:.2f})"
             )
             continue
         lines.append(

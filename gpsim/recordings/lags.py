@@ -18,7 +18,7 @@ STEP = 0.01  # finest grid of the correlation [s]
 
 
 class Pieces:
-    """Command and response signals of all episodes, on one even grid; a response is the rate of a state channel."""
+    """Command and response signals of all episodes on one even grid; a response is the rate of a channel."""
 
     def __init__(self) -> None:
         self.step: float | None = None
@@ -27,7 +27,11 @@ class Pieces:
     def add(self, tracks: Mapping[str, Track], mapping: ImportMapping, intervals: Sequence[Interval]) -> None:
         """Take what the episodes in `intervals` show."""
         measured = [source for source in mapping.state if source.derivative_of is None]
-        pace = [float(np.median(np.diff(tracks[s.topic or ""].t))) for s in measured if len(tracks[s.topic or ""].t) > 1]
+        pace = [
+            float(np.median(np.diff(tracks[s.topic or ""].t)))
+            for s in measured
+            if len(tracks[s.topic or ""].t) > 1
+        ]
         if self.step is None:
             self.step = max([STEP, *pace])
         for a, b in intervals:
@@ -35,7 +39,9 @@ class Pieces:
             if len(at) < 20:
                 continue
             signals = {
-                s.channel.name: resample.linear(at, tracks[s.topic or ""].t, samples(s, tracks[s.topic or ""]))
+                s.channel.name: resample.linear(
+                    at, tracks[s.topic or ""].t, samples(s, tracks[s.topic or ""])
+                )
                 for s in measured
             }
             responses = _responses(signals, self.step)
@@ -59,8 +65,10 @@ class Pieces:
 
 
 def _responses(signals: Mapping[str, FloatArray], step: float) -> dict[str, FloatArray]:
-    """Rate of every channel, and the speed along the heading of a pose; the filter is even, so it adds no lag."""
-    rates = {name: np.gradient(gaussian_filter1d(v, 2.0, mode="nearest"), step) for name, v in signals.items()}
+    """Rate of every channel, and a pose's speed along its heading; the filter is even, so it adds no lag."""
+    rates = {
+        name: np.gradient(gaussian_filter1d(v, 2.0, mode="nearest"), step) for name, v in signals.items()
+    }
     out = {f"rate of {name}": rate for name, rate in rates.items()}
     if {"x", "y", "yaw"} <= set(signals):
         yaw = signals["yaw"]

@@ -110,7 +110,9 @@ class Recording:
             expected = (len(self.state), len(self.action))
             got = (episode.states.shape[1], episode.actions.shape[1])
             if got != expected:
-                raise UsageError(f"episode {episode.name}: expected (state, action) columns {expected}, got {got}")
+                raise UsageError(
+                    f"episode {episode.name}: expected (state, action) columns {expected}, got {got}"
+                )
 
     @property
     def transition_count(self) -> int:

@@ -17,9 +17,9 @@ from gpsim.recordings.raw import Series
 
 @dataclass(frozen=True)
 class Track:
-    """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; read: rows before anything was dropped.
+    """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; read: rows before any drop.
 
-    clock: which stamps t holds, in words; delay: (5 %, 50 %, 95 %) of receive minus header [s].
+    clock: which stamps t holds, in words; delay: median, 5 % and 95 % of receive minus header [s].
     """
 
     topic: str
@@ -138,7 +138,7 @@ def _quaternion(source: ChannelSource, track: Track) -> FloatArray:
 def fields_by_topic(
     sources: Sequence[ChannelSource], extra: Sequence[tuple[str | None, Sequence[str]]], only: str | None
 ) -> dict[str, list[str]]:
-    """Which fields of which topic to read. extra: (topic, fields) pairs; `only` stands in for an unnamed topic."""
+    """Which fields of which topic to read. extra: (topic, fields); `only` stands in for an unnamed topic."""
     wanted: dict[str, list[str]] = {}
     for topic, names in (*((s.topic, s.fields) for s in sources if s.derivative_of is None), *extra):
         name = topic if topic is not None else only

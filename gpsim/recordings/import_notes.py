@@ -1,0 +1,110 @@
+"""What an import says about itself: sentences for the report, plain values for recording.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.recordings.assembling import Assembled
+from gpsim.recordings.import_report import EpisodeCount
+from gpsim.recordings.mapping import ImportMapping, Smoothing, as_metadata
+from gpsim.recordings.recording import Recording
+
+
+def rate_text(mapping: ImportMapping, dt: float) -> str:
+    """The recording's pace in words."""
+    if mapping.rate is None:
+        return f"the state's own stamps, not interpolated; median step {1e3 * dt:.4g} ms"
+    return f"{mapping.rate:g} Hz, interpolated"
+
+
+def notes_of(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
+    """How commands were held, velocities made, and what is held out."""
+    notes = []
+    if len(mapping.action):
+        how = (
+            "averaged over each step"
+            if mapping.commands == "mean"
+            else "held (zero order), the one standing at t_k"
+        )
+        longest = max(one.longest_hold for one in built)
+        notes.append(
+            f"commands: {how}; the longest time without a new one inside an episode is {longest:.3g} s"
+        )
+    made = [s.channel.name for s in mapping.state if s.derivative_of is not None]
+    if made:
+        notes.append(f"velocities: {', '.join(made)} differentiated, {describe(mapping.velocities)}")
+    if mapping.smoothing.channels:
+        notes.append(f"smoothed: {', '.join(mapping.smoothing.channels)}, {describe(mapping.smoothing)}")
+    held = recording.held_out
+    if held is None:
+        notes.append("held out: nothing")
+    elif held.episodes_from is not None:
+        notes.append(f"held out: episodes from {held.episodes_from} on")
+    else:
+        notes.append(f"held out: time from {held.time_from:g} s on")
+    return tuple(notes)
+
+
+def describe(smoothing: Smoothing) -> str:
+    """A smoothing choice in words."""
+    edges = "edges trimmed" if smoothing.edges == "trim" else "edges by a one-sided fit"
+    if smoothing.method == "gaussian":
+        return f"Gaussian smoothing of sigma = {smoothing.sigma:g} samples of the source, {edges}"
+    if smoothing.method == "savgol":
+        return f"Savitzky-Golay, {smoothing.window} samples, order {smoothing.order}, {edges}"
+    return f"no smoothing, {edges}"
+
+
+def warnings_of(mapping: ImportMapping, recording: Recording, built: Sequence[Assembled]) -> tuple[str, ...]:
+    """What asks for a second look."""
+    found = []
+    clocks = {(count.topic, count.clock) for one in built for count in one.counts}
+    kinds = {
+        "header" if name == "header" else "receive" for _, name in clocks if name[:6] in ("header", "receiv")
+    }
+    if len(kinds) > 1:
+        on = ", ".join(sorted(topic for topic, name in clocks if name.startswith("receive")))
+        found.append(
+            f"header stamps and receive times are mixed ({on} on receive time): transport delay is an offset"
+        )
+    steps = np.concatenate([np.diff(e.t) for e in recording.episodes])
+    if mapping.rate is None and float(steps.max()) > 1.5 * recording.dt:
+        found.append(
+            f"steps are uneven, {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; rate=HZ evens them"
+        )
+    lost: dict[str, list[int]] = {}
+    for one in built:
+        for count in one.counts:
+            total = lost.setdefault(count.topic, [0, 0])
+            total[0] += count.read
+            total[1] += count.kept
+    found += [
+        f"{topic}: only {100.0 * kept / read:.0f} % of its rows lie in an episode"
+        for topic, (read, kept) in lost.items()
+        if read and kept < 0.5 * read
+    ]
+    return tuple(found)
+
+
+def origins(counts: Sequence[EpisodeCount]) -> dict[str, Any]:
+    """Episode name -> the log it is from and where it starts there."""
+    return {count.name: {"log": count.source, "start_s": round(count.start, 6)} for count in counts}
+
+
+def mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:
+    """The decisions of the mapping, for recording.yaml."""
+    metadata: dict[str, Any] = {
+        "state": {source.channel.name: as_metadata(source) for source in mapping.state},
+        "action": {source.channel.name: as_metadata(source) for source in mapping.action},
+        "rate": "source" if mapping.rate is None else mapping.rate,
+        "gap_limit_s": mapping.gap_limit,
+        "commands": mapping.commands,
+    }
+    if mapping.differentiates:
+        metadata["velocities"] = describe(mapping.velocities)
+    if mapping.smoothing.channels:
+        metadata["smoothing"] = f"{', '.join(mapping.smoothing.channels)}: {describe(mapping.smoothing)}"
+    return metadata

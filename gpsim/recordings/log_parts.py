@@ -1,0 +1,124 @@
+"""Read what a mapping wants from a log, find what is damaged, and put every topic on one clock."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import IntArray
+from gpsim.errors import UsageError
+from gpsim.recordings import clock
+from gpsim.recordings.mapping import ImportMapping, with_fields
+from gpsim.recordings.raw import RawLog, Series
+from gpsim.recordings.tracks import Track, build_track, fields_by_topic, stamps
+
+BadRows = Mapping[str, IntArray]
+Inspector = Callable[[str, Series, ImportMapping], BadRows]
+"""Looks for silent damage: (log name, series, mapping) -> rows to leave out, by reason; may refuse."""
+
+
+@dataclass(frozen=True)
+class NamedLog:
+    """A log with the name the report uses for it; is_table: rows of a table, not messages of a bag."""
+
+    name: str
+    log: RawLog
+
+
+@dataclass(frozen=True)
+class Part:
+    """One piece of a log on one unbroken clock, its channels bound to topics."""
+
+    name: str
+    mapping: ImportMapping
+    tracks: dict[str, Track]
+    flag: Track | None
+    epoch: float
+
+
+def read_parts(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> list[Part]:
+    """Read one log: once, or once a variant; a table whose clock was set back becomes several parts."""
+    if not mapping.episodes.variants:
+        return _whole_log(named, mapping, inspect)
+    parts = []
+    for label, fields in mapping.episodes.variants.items():
+        state, action = with_fields(mapping.state, fields), with_fields(mapping.action, fields)
+        variant = NamedLog(f"{named.name} [{label}]", named.log)
+        parts += _whole_log(variant, replace(mapping, state=state, action=action), inspect)
+    return parts
+
+
+def _whole_log(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> list[Part]:
+    bound, flag_topic, series = _read(named, mapping)
+    pieces = _unbroken(named.name, series, bound)
+    parts = []
+    for number, piece in enumerate(pieces):
+        name = named.name if len(pieces) == 1 else f"{named.name} [{number + 1}]"
+        bad = {topic: inspect(name, one, bound) for topic, one in piece.items()}
+        state = {s.topic for s in bound.state if s.derivative_of is None}
+        tracks = {t: build_track(one, bad[t], bound, t in state, name) for t, one in piece.items()}
+        first = [float(track.t[0]) for track in tracks.values() if len(track.t)]
+        epoch = float(np.floor(min(first))) if first else 0.0
+        tracks = {topic: track.shifted(-epoch) for topic, track in tracks.items()}
+        parts.append(Part(name, bound, tracks, tracks[flag_topic] if flag_topic else None, epoch))
+    return parts
+
+
+def _read(named: NamedLog, mapping: ImportMapping) -> tuple[ImportMapping, str | None, Mapping[str, Series]]:
+    """Bind unnamed topics to the only one there is, and read what the mapping wants."""
+    topics = {topic.name: topic for topic in named.log.topics()}
+    only = next(iter(topics)) if len(topics) == 1 else None
+    rule = mapping.episodes
+    extra: list[tuple[str | None, Sequence[str]]] = []
+    if rule.by != "file" and rule.field is not None:
+        extra.append((rule.topic, (rule.field,)))
+    wanted = fields_by_topic((*mapping.state, *mapping.action), extra, only)
+    for name in wanted:
+        if name not in topics:
+            raise UsageError(f"{named.name}: no topic '{name}'; there are: {', '.join(topics) or 'none'}")
+        if mapping.time is not None:
+            wanted[name] += [f for f in mapping.time.fields if f not in wanted[name]]
+    state = tuple(replace(s, topic=s.topic or only) for s in mapping.state)
+    action = tuple(replace(s, topic=s.topic or only) for s in mapping.action)
+    bound = replace(mapping, state=state, action=action)
+    flag_topic = (rule.topic or only) if extra else None
+    return bound, flag_topic, named.log.series(wanted)
+
+
+def _unbroken(name: str, series: Mapping[str, Series], mapping: ImportMapping) -> list[Mapping[str, Series]]:
+    """Cut a single table where its clock was set back; with several topics nobody can tell what is whose."""
+    for topic, one in series.items():
+        choice = mapping.clock.topics.get(topic, mapping.clock.stamps)
+        t, _ = stamps(one, mapping.time, choice, name)
+        finite = np.flatnonzero(np.isfinite(t))
+        jumps = set(clock.jumping(t[finite], mapping.checks.jump).tolist())
+        sound = np.array([row for i, row in enumerate(finite.tolist()) if i not in jumps], dtype=np.int64)
+        cuts = [int(sound[i]) for i in clock.restarts(t[sound])]
+        if not cuts:
+            continue
+        if len(series) > 1:
+            back = float(
+                np.max(t[sound][t[sound] <= np.inf][: int(np.searchsorted(sound, cuts[0]))]) - t[cuts[0]]
+            )
+            raise UsageError(
+                f"{name}: the clock of {topic} was set back by {back:.3g} s at row {cuts[0]}; choose another "
+                f"clock with clock.topics, or split the log there"
+            )
+        edges = [0, *cuts, len(t)]
+        return [{topic: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]
+    return [series]
+
+
+def _rows(series: Series, start: int, stop: int) -> Series:
+    """A run of rows; what the reader dropped is booked on the first run."""
+    return replace(
+        series,
+        receive=series.receive[start:stop],
+        header=None if series.header is None else series.header[start:stop],
+        fields={name: values[start:stop] for name, values in series.fields.items()},
+        read=stop - start,
+        dropped=series.dropped if start == 0 else {},
+    )

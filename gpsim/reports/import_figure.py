@@ -1,0 +1,105 @@
+"""A picture of an imported recording: every channel over time, with episodes, gaps and what is held out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from gpsim.channels import FloatArray
+from gpsim.recordings.recording import Recording
+
+STATE_COLOUR, ACTION_COLOUR, HELD_COLOUR = "#1f4e79", "#b5541c", "#e9e4d4"
+MOST_POINTS = 4000  # a curve; more is thinned to the extremes of each pixel column
+
+
+def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
+    """Write a PNG: one panel a channel, states as lines, actions as steps, held-out time shaded.
+
+    Episodes on their own clocks are laid one after the other.
+    """
+    starts = _starts(recording)
+    names = [*recording.state.names, *recording.action.names]
+    height = 1.0 + 1.25 * len(names)
+    figure = Figure(figsize=(10.0, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    units = {**recording.state.units, **recording.action.units}
+    for row, (name, panel) in enumerate(zip(names, panels, strict=True)):
+        _panel(panel, recording, starts, row)
+        panel.set_ylabel(f"{name}\n[{units[name]}]", rotation=0, ha="right", va="center", fontsize=9)
+    panels[-1].set_xlabel(
+        "time [s]" if recording.clock == "session" else "time [s], episodes one after the other"
+    )
+    figure.suptitle(title or f"{recording.system}: {len(recording.episodes)} episode(s)", fontsize=11)
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def _starts(recording: Recording) -> FloatArray:
+    """Where each episode's clock begins in the picture [s]."""
+    if recording.clock == "session":
+        return np.zeros(len(recording.episodes))
+    lengths = np.array([e.t[-1] - e.t[0] for e in recording.episodes])
+    firsts = np.array([e.t[0] for e in recording.episodes])
+    space = 0.01 * lengths.sum() / len(lengths) if len(lengths) > 1 else 0.0
+    return np.asarray(np.concatenate([[0.0], np.cumsum(lengths + space)[:-1]]) - firsts, dtype=np.float64)
+
+
+def _panel(panel: Axes, recording: Recording, starts: FloatArray, row: int) -> None:
+    states = len(recording.state)
+    low, high = np.inf, -np.inf
+    for index, (episode, start) in enumerate(zip(recording.episodes, starts, strict=True)):
+        t = episode.t + start
+        _shade_held_out(panel, recording, index, start)
+        if index and len(recording.episodes) <= 60:
+            panel.axvline(float(t[0]), color="#999999", linewidth=0.5, zorder=0.5)
+        if row < states:
+            values = episode.states[:, row]
+            wraps = bool(recording.state.wraps[row])
+            panel.plot(*_thinned(*_broken(t, values, wraps)), color=STATE_COLOUR, linewidth=0.8)
+        else:
+            values = episode.actions[:, row - states]
+            x, y = np.repeat(t, 2)[1:-1], np.repeat(values, 2)
+            panel.plot(*_thinned(x, y), color=ACTION_COLOUR, linewidth=0.8)
+        if len(values):
+            low, high = min(low, float(values.min())), max(high, float(values.max()))
+    margin = 0.08 * (high - low) or 0.1 * (abs(high) or 1.0)
+    panel.set_ylim(low - margin, high + margin)
+    panel.margins(x=0.005)
+    panel.tick_params(labelsize=8)
+    panel.spines[["top", "right"]].set_visible(False)
+
+
+def _shade_held_out(panel: Axes, recording: Recording, index: int, start: float) -> None:
+    held, episode = recording.held_out, recording.episodes[index]
+    if held is None:
+        return
+    first, last = float(episode.t[0]), float(episode.t[-1])
+    if held.episodes_from is not None:
+        first = first if index >= held.episodes_from else last
+    elif held.time_from is not None:
+        first = min(max(first, held.time_from), last)
+    if first < last:
+        panel.axvspan(first + start, last + start, color=HELD_COLOUR, linewidth=0, zorder=0)
+
+
+def _broken(t: FloatArray, values: FloatArray, wraps: bool) -> tuple[FloatArray, FloatArray]:
+    """An angle's curve interrupted where it wraps, so that no line crosses the panel."""
+    jumps = np.flatnonzero(np.abs(np.diff(values)) > np.pi) + 1 if wraps else np.zeros(0, dtype=np.int64)
+    return np.insert(t, jumps, t[jumps]), np.insert(values, jumps, np.nan)
+
+
+def _thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest value of each of many equal runs of samples: looks the same, draws faster."""
+    if len(t) <= MOST_POINTS:
+        return t, values
+    size = -(-len(t) // (MOST_POINTS // 2))
+    runs = len(t) // size
+    block = np.nan_to_num(values[: runs * size].reshape(runs, size), nan=0.0)
+    picks = np.stack([block.argmin(axis=1), block.argmax(axis=1)], axis=1)
+    rows = np.sort(picks, axis=1) + size * np.arange(runs)[:, None]
+    chosen = np.unique(np.concatenate([rows.ravel(), [len(t) - 1]]))
+    return t[chosen], values[chosen]
