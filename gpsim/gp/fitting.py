@@ -21,7 +21,7 @@ _UNUSABLE = 1e25
 class FitSettings:
     """How to fit. `bounds`: box of the optimiser in standardised units.
 
-    `restarts`: starts besides the data-driven first one (one wiggly, the others random); each start is followed
+    `restarts`: starts besides the data-driven first one (one wiggly, the rest random); each start is followed
     for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent stops when the
     likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience` iterations, or
     at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean; exact, and

@@ -1,0 +1,112 @@
+"""Degenerate data and hyper-parameters: what is refused, and what still works."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gpsim.gp import FitSettings, HyperParameters, Predictor, TrainingData, fit
+
+QUICK = FitSettings(restarts=1)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_value_that_is_not_finite_is_named_by_row_and_column(value: float) -> None:
+    rng = np.random.default_rng(0)
+    inputs, targets = rng.normal(size=(6, 3)), rng.normal(size=6)
+    inputs[4, 2] = value
+    with pytest.raises(ValueError, match=r"inputs row 4, column 2"):
+        fit(inputs, targets, QUICK, rng)
+    inputs[4, 2], targets[1] = 0.0, value
+    with pytest.raises(ValueError, match=r"targets row 1"):
+        fit(inputs, targets, QUICK, rng)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "targets", "message"),
+    [
+        (np.zeros(4), np.zeros(4), r"\(N, D\).*got \(4,\)"),
+        (np.zeros((0, 2)), np.zeros(0), r"at least 1, got \(0, 2\)"),
+        (np.zeros((4, 2)), np.zeros(3), r"\(4,\).*got \(3,\)"),
+        (np.zeros((4, 2)), np.zeros((4, 1)), r"\(4,\).*got \(4, 1\)"),
+    ],
+)
+def test_wrong_shapes_are_named(inputs: np.ndarray, targets: np.ndarray, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        fit(inputs, targets, QUICK, np.random.default_rng(0))
+
+
+def test_a_single_row_predicts_its_target_and_warns() -> None:
+    process = fit([[1.0, 2.0]], [5.0], QUICK, np.random.default_rng(0))
+    means, variances = Predictor([process]).mean_and_variance([[1.0, 2.0], [3.0, 2.0]])
+    assert means[0, 0] == pytest.approx(5.0, abs=1e-6)
+    assert np.all(np.isfinite(variances))
+    assert process.report is not None
+    assert any("cannot determine" in text for text in process.report.warnings)
+
+
+def test_a_constant_column_is_harmless_and_named() -> None:
+    rng = np.random.default_rng(1)
+    inputs = np.column_stack([rng.normal(size=40), np.full(40, 0.1)])
+    targets = np.sin(inputs[:, 0])
+    process = fit(inputs, targets, QUICK, rng)
+    without = fit(inputs[:, :1], targets, QUICK, rng)
+    assert process.report is not None
+    assert any("column 1 is constant (0.1)" in text for text in process.report.warnings)
+    assert process.standardisation.input_scale[1] == 1.0
+    a, b = Predictor([process]).mean(inputs), Predictor([without]).mean(inputs[:, :1])
+    np.testing.assert_allclose(a, b, atol=0.01)
+
+
+def test_constant_targets_are_predicted_and_named() -> None:
+    rng = np.random.default_rng(2)
+    inputs = rng.normal(size=(20, 2))
+    process = fit(inputs, np.full(20, -3.3), QUICK, rng)
+    np.testing.assert_allclose(Predictor([process]).mean(inputs), -3.3, atol=1e-9)
+    assert process.report is not None
+    assert any("targets are constant (-3.3)" in text for text in process.report.warnings)
+
+
+@pytest.mark.parametrize("average", [True, False])
+def test_all_rows_the_same_average_to_their_mean(average: bool) -> None:
+    rng = np.random.default_rng(3)
+    targets = 2.0 + rng.normal(size=30)
+    settings = FitSettings(restarts=1, average_replicates=average)
+    process = fit(np.ones((30, 2)), targets, settings, rng)
+    assert Predictor([process]).mean([[1.0, 1.0]])[0, 0] == pytest.approx(targets.mean(), abs=0.05)
+    # 29 contrasts estimate the noise: its standard error is 13 %.
+    assert process.hyper_parameters_original.noise_std == pytest.approx(targets.std(), rel=0.1)
+
+
+def test_replicates_keep_their_order_and_their_scatter() -> None:
+    inputs = np.array([[2.0, 0.0], [1.0, -0.0], [2.0, -0.0], [1.0, 0.0], [3.0, 1.0]])
+    data = TrainingData.of(inputs, np.array([1.0, 5.0, 3.0, 5.0, 7.0]), True)
+    np.testing.assert_array_equal(data.inputs[:, 0], [2.0, 1.0, 3.0])
+    np.testing.assert_array_equal(data.targets, [2.0, 5.0, 7.0])
+    np.testing.assert_array_equal(data.counts, [2.0, 2.0, 1.0])
+    assert data.scatter == 2.0
+    assert data.rows == 5
+
+
+def test_hyper_parameters_go_through_vector_and_dict() -> None:
+    hyper = HyperParameters(1.5, np.array([0.1, 2.0]), np.array([0.3, 0.4]), 0.5, 0.6)
+    for again in (
+        HyperParameters.from_vector(hyper.to_vector()),
+        HyperParameters.from_dict(hyper.to_dict()),
+    ):
+        np.testing.assert_array_equal(again.to_vector(), hyper.to_vector())
+    np.testing.assert_allclose(
+        HyperParameters.from_log_vector(hyper.to_log_vector()).to_vector(), hyper.to_vector()
+    )
+    assert hyper.names()[1:3] == ("lengthscales[0]", "lengthscales[1]")
+    with pytest.raises(ValueError, match="read-only"):
+        hyper.lengthscales[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    "vector",
+    [[1.0, 0.0, 1.0, 1.0, 1.0], [1.0, 1.0, -1.0, 1.0, 1.0], [1.0, 1.0, 1.0, np.nan, 1.0], [1.0, 1.0]],
+)
+def test_impossible_hyper_parameters_are_refused(vector: list[float]) -> None:
+    with pytest.raises(ValueError, match="hyper-parameter"):
+        HyperParameters.from_vector(vector)

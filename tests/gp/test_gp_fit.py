@@ -1,0 +1,190 @@
+"""Fit: recovery of a known truth, outcome and warnings, invariance, determinism."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from gpsim.gp import (
+    Bounds,
+    FitOutcome,
+    FitSettings,
+    GaussianProcess,
+    HyperParameters,
+    Interval,
+    Predictor,
+    fit,
+    fit_outputs,
+    log_marginal_likelihood,
+    to_arrays,
+)
+from gpsim.gp.exact import Likelihood
+from gpsim.gp.kernels import covariance
+
+ONE_START = FitSettings(restarts=0)
+
+
+def draw_from_prior(inputs: np.ndarray, hyper: HyperParameters, rng: np.random.Generator) -> np.ndarray:
+    gram = covariance(inputs, inputs, hyper) + hyper.noise_std**2 * np.eye(len(inputs))
+    return np.linalg.cholesky(gram) @ rng.standard_normal(len(inputs))
+
+
+def standard_errors(process: GaussianProcess) -> np.ndarray:
+    """Of the log hyper-parameters: inverse of the likelihood's curvature, by differences of its gradient."""
+    likelihood, at = Likelihood(process.data), process.hyper_parameters.to_log_vector()
+    rows = []
+    for index in range(at.size):
+        step = np.zeros_like(at)
+        step[index] = 1e-4
+        rows.append((likelihood(at - step)[1] - likelihood(at + step)[1]) / 2e-4)
+    curvature = np.array(rows)
+    return np.sqrt(np.diag(np.linalg.pinv(0.5 * (curvature + curvature.T))))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_known_hyper_parameters_are_recovered_within_four_errors(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    inputs = rng.uniform(-5.0, 5.0, (250, 2))
+    truth = HyperParameters(2.0, np.array([0.8, 2.5]), np.array([0.3, 0.3]), 0.5, 0.2)
+    process = fit(inputs, draw_from_prior(inputs, truth, rng), FitSettings(), rng)
+    found, errors = process.hyper_parameters_original.to_log_vector(), standard_errors(process)
+    # One draw holds one slope per input and one bias: the data do not determine those standard deviations.
+    for index in (0, 1, 2, -1):
+        assert abs(found[index] - truth.to_log_vector()[index]) < 4.0 * errors[index]
+        assert errors[index] < 0.5
+    assert process.report is not None
+    assert process.report.converged
+
+
+def test_the_fit_climbs_and_reports_what_it_reached() -> None:
+    rng = np.random.default_rng(1)
+    inputs = rng.normal(size=(60, 2))
+    targets = 40.0 + 5.0 * np.sin(2.0 * inputs[:, 0]) + rng.normal(size=60)
+    process = fit(inputs, targets, FitSettings(), rng)
+    report = process.report
+    assert report is not None
+    assert report.log_marginal_likelihood > report.initial_log_marginal_likelihood
+    assert report.log_marginal_likelihood >= max(report.start_likelihoods) - 1e-9
+    assert len(report.start_likelihoods) == 5
+    assert report.evaluations > report.iterations > 0
+    assert report.log_marginal_likelihood == log_marginal_likelihood(process.data, process.hyper_parameters)
+    # The density of the raw targets: volume shrinks by the scale, once per row.
+    shift = 60 * np.log(process.standardisation.target_scale)
+    assert report.log_marginal_likelihood_original == pytest.approx(report.log_marginal_likelihood - shift)
+    gradient = Likelihood(process.data)(process.hyper_parameters.to_log_vector())[1]
+    assert np.abs(gradient).max() < 1.0
+    json.dumps(report.to_dict(), allow_nan=False)
+
+
+def test_an_iteration_limit_is_an_outcome_with_advice() -> None:
+    rng = np.random.default_rng(2)
+    inputs = rng.normal(size=(50, 2))
+    settings = FitSettings(restarts=0, max_iterations=2)
+    report = fit(inputs, np.sin(3.0 * inputs[:, 0]), settings, rng).report
+    assert report is not None
+    assert report.outcome is FitOutcome.ITERATION_LIMIT
+    assert not report.converged
+    assert any("max_iterations" in text for text in report.warnings)
+
+
+def test_restarts_leave_a_poor_optimum() -> None:
+    """A function that jumps: from one start the noise takes it all, structure explains far more."""
+    rng = np.random.default_rng(0)
+    inputs = rng.uniform(-1.0, 1.0, (120, 3))
+    targets = np.sin(8.0 * inputs[:, 0]) * np.cos(5.0 * inputs[:, 1])
+    poor = fit(inputs, targets, ONE_START, np.random.default_rng(0)).report
+    good = fit(inputs, targets, FitSettings(), np.random.default_rng(0)).report
+    assert poor is not None
+    assert good is not None
+    assert good.log_marginal_likelihood > poor.log_marginal_likelihood + 20.0
+
+
+def test_noise_free_data_reach_the_noise_floor_and_the_report_says_so() -> None:
+    rng = np.random.default_rng(3)
+    inputs = rng.uniform(-2.0, 2.0, (80, 2))
+    report = fit(inputs, np.sin(inputs[:, 0]), FitSettings(), rng).report
+    assert report is not None
+    assert report.hyper_parameters.noise_std == pytest.approx(Bounds().noise_std.low)
+    assert any("noise_std" in text and "noise floor" in text for text in report.warnings)
+    # Input 1 plays no part: its lengthscale or slope at a bound is a note, not a warning.
+    notes = [item for item in report.at_bounds if item.name.endswith("[1]")]
+    assert notes
+    assert all(item.harmless and str(item) not in report.warnings for item in notes)
+
+
+def test_a_users_noise_floor_is_obeyed() -> None:
+    rng = np.random.default_rng(4)
+    inputs = rng.uniform(-2.0, 2.0, (40, 1))
+    settings = FitSettings(bounds=Bounds(noise_std=Interval(0.05, 1.0)))
+    process = fit(inputs, np.sin(inputs[:, 0]), settings, rng)
+    assert process.hyper_parameters.noise_std == pytest.approx(0.05)
+    with pytest.raises(ValueError, match="noise_std"):
+        Bounds(noise_std=Interval(1.0, 0.5))
+
+
+def test_scaling_a_column_scales_its_lengthscale_and_nothing_else() -> None:
+    rng = np.random.default_rng(5)
+    inputs = rng.normal(size=(60, 3))
+    targets = np.sin(inputs[:, 0]) + 0.3 * inputs[:, 1] + 0.1 * rng.normal(size=60)
+    # A power of two leaves every rounding alone: the two fits agree to the bit.
+    factor = np.array([1.0, 8.0, 0.25])
+    plain = fit(inputs, targets, FitSettings(), np.random.default_rng(0))
+    scaled = fit(inputs * factor, targets * 4.0, FitSettings(), np.random.default_rng(0))
+    a, b = plain.hyper_parameters_original, scaled.hyper_parameters_original
+    np.testing.assert_array_equal(b.lengthscales, a.lengthscales * factor)
+    np.testing.assert_array_equal(b.linear_stds, a.linear_stds * 4.0 / factor)
+    assert (b.signal_std, b.noise_std) == (4.0 * a.signal_std, 4.0 * a.noise_std)
+    new = rng.normal(size=(5, 3))
+    expected = Predictor([plain]).mean(new) * 4.0
+    np.testing.assert_allclose(Predictor([scaled]).mean(new * factor), expected, rtol=1e-12)
+
+
+def test_far_away_units_change_nothing() -> None:
+    """Kelvin instead of Celsius, millimetres instead of metres."""
+    rng = np.random.default_rng(6)
+    inputs = rng.normal(size=(60, 2))
+    targets = np.sin(inputs[:, 0]) + 0.1 * rng.normal(size=60)
+    new = rng.normal(size=(5, 2))
+    plain = Predictor([fit(inputs, targets, ONE_START, rng)])
+    moved = Predictor([fit(1000.0 * inputs + 273.15, targets - 50.0, ONE_START, rng)])
+    a, b = plain.mean_and_variance(new), moved.mean_and_variance(1000.0 * new + 273.15)
+    np.testing.assert_allclose(a[0], b[0] + 50.0, atol=1e-3)
+    np.testing.assert_allclose(a[1], b[1], rtol=0.01)
+
+
+def test_replicates_averaged_equal_replicates_kept() -> None:
+    """The sweep of a robot: few distinct inputs, many repeats; same hyper-parameters, same predictions."""
+    rng = np.random.default_rng(7)
+    distinct = rng.uniform(-1.0, 1.0, (20, 2))
+    inputs = distinct[rng.permutation(np.repeat(np.arange(20), rng.integers(1, 12, 20)))]
+    targets = np.sin(2.0 * inputs[:, 0]) + 0.2 * rng.normal(size=len(inputs))
+    averaged = fit(inputs, targets, FitSettings(), np.random.default_rng(0))
+    kept = fit(inputs, targets, FitSettings(average_replicates=False), np.random.default_rng(0))
+    assert averaged.report is not None
+    assert kept.report is not None
+    assert averaged.report.distinct_rows == 20
+    assert averaged.report.rows == kept.report.rows == kept.report.distinct_rows == len(inputs)
+    assert averaged.report.log_marginal_likelihood == pytest.approx(
+        kept.report.log_marginal_likelihood, abs=0.05
+    )
+    # Same hyper-parameters: the posterior is the same to rounding.
+    same = dataclasses.replace(kept, hyper_parameters=averaged.hyper_parameters)
+    assert log_marginal_likelihood(same.data, same.hyper_parameters) == pytest.approx(
+        averaged.report.log_marginal_likelihood, rel=1e-9
+    )
+
+
+def test_same_data_and_seed_give_the_same_bytes() -> None:
+    rng = np.random.default_rng(8)
+    inputs, targets = rng.normal(size=(40, 2)), rng.normal(size=(40, 2))
+    runs = [fit_outputs(inputs, targets, FitSettings(), np.random.default_rng(3)) for _ in range(2)]
+    first, second = (to_arrays(Predictor(run))[0] for run in runs)
+    assert {name: array.tobytes() for name, array in first.items()} == {
+        name: array.tobytes() for name, array in second.items()
+    }
+    reports = [[p.report.to_dict() for p in run if p.report is not None] for run in runs]
+    assert reports[0] == reports[1]
+    assert len(reports[0]) == 2
