@@ -31,7 +31,9 @@ class Series:
     """The wanted fields of one topic in file order.
 
     receive: (N,) s, when the logger wrote it; header: (N,) s, the message's own stamp, None where it has none;
-    fields: dotted path to (N,) values; read, dropped: messages decoded and messages that could not be, by reason.
+    fields: dotted path to (N,) values; read, dropped: messages decoded and messages that could not be, by reason;
+    absent: by field, the rows whose message has no such element (an array too short, another element selected):
+    NaN there is no damage.
     """
 
     topic: str
@@ -41,10 +43,22 @@ class Series:
     fields: Mapping[str, FloatArray]
     read: int
     dropped: Mapping[str, int] = field(default_factory=dict)
+    absent: Mapping[str, int] = field(default_factory=dict)
 
 
 class RawLog(Protocol):
-    """A log file of any format."""
+    """A log file of any format.
+
+    epoch_ns: what all its stamps are counted from [ns since 1970]; 0 in tables. losses: pieces of the file that a
+    log opened for salvage could not read, by reason.
+    """
+
+    epoch_ns: int
+
+    @property
+    def losses(self) -> Mapping[str, int]:
+        """Pieces of the file that could not be read, by reason."""
+        ...
 
     def topics(self) -> Sequence[Topic]:
         """What is inside."""

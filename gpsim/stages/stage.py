@@ -60,13 +60,16 @@ class Request:
 
 @dataclass(frozen=True)
 class Stage:
-    """One command. recipe(request) says what the artifact is made from; write(request, recipe, folder) makes it."""
+    """One command. recipe(request) says what the artifact is made from; write(request, recipe, folder) makes it.
+
+    notes(artifact) are lines for the terminal: what a person wants to know at once.
+    """
 
     name: str
     help: str
     recipe: Callable[[Request], Recipe]
     write: Callable[[Request, Recipe, Path], Json | None]
-    settings: tuple[str, ...] = field(default=())
+    notes: Callable[[Artifact], list[str]] = field(default=lambda artifact: [])
 
     def command(self, request: Request) -> str:
         """The command line that makes this artifact."""

@@ -6,33 +6,30 @@ open a bag whose index is damaged; this walk holds one chunk, checks lengths aga
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpsim.recordings.readers.bag1_index import Catalogue, read_index
+from gpsim.recordings.readers.bag1_chunk import messages_in
+from gpsim.recordings.readers.bag1_index import read_index
 from gpsim.recordings.readers.bag1_records import (
     CHUNK,
     CONNECTION,
-    MESSAGE,
     Record,
-    Source,
     next_record,
     number,
     read_record,
     stream_of,
     text,
-    time,
 )
+from gpsim.recordings.readers.catalogue import Catalogue
 from gpsim.recordings.readers.container import Message, Stream
-from gpsim.recordings.readers.damage import MAX_CHUNK, MAX_MESSAGE, DamageError, Ledger, regular_file
+from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, regular_file, wrong_kind
 from gpsim.recordings.readers.decompress import expand
+from gpsim.recordings.readers.source import Source
 
 MAGIC = b"#ROSBAG V2.0\n"
-# Message headers as the C++ recorder and most tools write them: conn, op, time, each with its length in front.
-_HEADER = struct.Struct("<I I5sI I3sB I5sII I")
-_FIXED = (38, 9, b"conn=", 4, b"op=", MESSAGE, 13, b"time=")
+OnConnection = Callable[[Stream], None] | None
 
 
 @dataclass
@@ -49,27 +46,29 @@ class Bag1:
         """From the index at the end of the file; without a sound one (salvage only), from a walk through it."""
         with self.path.open("rb") as file:
             source = Source(file, self.size)
-            self._check_magic(source)
+            if source.read(0, min(len(MAGIC), self.size)) != MAGIC:
+                raise wrong_kind(self.path, "a ROS 1 bag", "it does not begin with #ROSBAG V2.0")
             try:
                 return read_index(source, len(MAGIC))
             except DamageError as error:
                 ledger.lost(error.reason, "index")
+        quiet = ledger.silent()
         found = Catalogue()
-        for _ in self._walk(None, ledger, found):
-            pass
+        for chunk in self._chunks(quiet, found.add):
+            for connection, stamp, _, _ in messages_in(chunk, quiet, self.where, found.add):
+                found.tally(connection).add(1, stamp, stamp)
         return found.result()
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted connections in file order."""
-        return self._walk(frozenset(wanted), ledger, None)
+        chosen = frozenset(wanted)
+        for chunk in self._chunks(ledger, None):
+            for connection, stamp, start, end in messages_in(chunk, ledger, self.where, None):
+                if connection in chosen:
+                    yield connection, stamp, chunk[start:end]
 
-    def _check_magic(self, source: Source) -> None:
-        start = source.read(0, min(len(MAGIC), self.size))
-        if start != MAGIC:
-            raise not_this_kind(self.path, "a ROS 1 bag", "it does not begin with #ROSBAG V2.0")
-
-    def _walk(self, wanted: Collection[int] | None, ledger: Ledger, found: Catalogue | None) -> Iterator[Message]:
-        """Every chunk in file order. wanted None: yields nothing, fills `found`."""
+    def _chunks(self, ledger: Ledger, on_connection: OnConnection) -> Iterator[bytes]:
+        """Every chunk in file order, decompressed."""
         with self.path.open("rb") as file:
             source = Source(file, self.size)
             position: int | None = len(MAGIC)
@@ -78,10 +77,9 @@ class Bag1:
                 try:
                     record = read_record(source, position)
                     if record.op == CHUNK:
-                        yield from self._messages(self._chunk(source, record, ledger), wanted, ledger, found)
-                    elif record.op == CONNECTION and found is not None:
-                        stream = stream_of(source, record)
-                        found.streams.setdefault(stream.id, stream)
+                        yield self._chunk(source, record, ledger)
+                    elif record.op == CONNECTION and on_connection is not None:
+                        on_connection(stream_of(source, record))
                     if record.end > self.size:
                         raise DamageError(f"the file ends at byte {self.size}, inside a record of {record.size} bytes")
                     position = record.end
@@ -96,48 +94,10 @@ class Bag1:
         end = record.end
         if end > self.size:
             ledger.lost(f"the file ends at byte {self.size}, inside a chunk of {record.size} bytes", self.where)
-            end = min(next_record(source, record.data, CHUNK) or self.size, self.size)
+            end = next_record(source, record.data, CHUNK) or self.size
         if end - record.data > MAX_CHUNK:
             raise DamageError(f"a chunk declares {record.size} bytes; the limit is {MAX_CHUNK}")
         data, reason = expand(source.read(record.data, end - record.data), method, size)
         if reason is not None:
             ledger.lost(reason, self.where)
         return data
-
-    def _messages(
-        self, chunk: bytes, wanted: Collection[int] | None, ledger: Ledger, found: Catalogue | None
-    ) -> Iterator[Message]:
-        position, end = 0, len(chunk)
-        unpack, front = _HEADER.unpack_from, _HEADER.size
-        while position < end:
-            if position + front <= end:
-                head = unpack(chunk, position)
-                if (head[0], *head[1:3], *head[4:7], *head[7:9]) == _FIXED and position + front + head[11] <= end:
-                    start = position + front
-                    position = start + head[11]
-                    stamp = head[9] * 1_000_000_000 + head[10]
-                    if wanted is None:
-                        assert found is not None
-                        found.tally(head[3]).add(1, stamp, stamp)
-                    elif head[3] in wanted:
-                        yield head[3], stamp, chunk[start:position]
-                    continue
-            moved = yield from self._other(chunk, position, wanted, ledger, found)
-            if moved is None:
-                return
-            position = moved
-
-    def _other(
-        self, chunk: bytes, position: int, wanted: Collection[int] | None, ledger: Ledger, found: Catalogue | None
-    ) -> Iterator[Message]:
-        raise NotImplementedError
-
-
-def not_this_kind(path: Path, kind: str, why: str) -> Exception:
-    """The error for a file whose name promises another kind."""
-    from gpsim.errors import UsageError
-
-    return UsageError(f"{path}: byte 0: not {kind} ({why}); name the file by its kind, or export the log again")
-
-
-_ = (Callable, MAX_MESSAGE, time)

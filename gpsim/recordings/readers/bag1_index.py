@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field, replace
-
 import numpy as np
 
 from gpsim.recordings.readers.bag1_records import (
@@ -13,51 +11,19 @@ from gpsim.recordings.readers.bag1_records import (
     CONNECTION,
     INDEX,
     Record,
-    Source,
     number,
     read_data,
     read_record,
     stream_of,
     time,
 )
+from gpsim.recordings.readers.catalogue import Catalogue
 from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import DamageError
+from gpsim.recordings.readers.source import Source
 
 _PAIR = struct.Struct("<II")
 _TIMES = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
-
-
-@dataclass
-class Tally:
-    """Messages of one stream: how many, first and last receive time [ns]."""
-
-    count: int = 0
-    start: int | None = None
-    end: int | None = None
-
-    def add(self, count: int, start: int, end: int) -> None:
-        """Count more messages."""
-        self.count += count
-        self.start = start if self.start is None else min(self.start, start)
-        self.end = end if self.end is None else max(self.end, end)
-
-
-@dataclass
-class Catalogue:
-    """Streams by id and what is known of their messages."""
-
-    streams: dict[int, Stream] = field(default_factory=dict)
-    tallies: dict[int, Tally] = field(default_factory=dict)
-
-    def tally(self, stream: int) -> Tally:
-        """The tally of a stream, made when first asked for."""
-        return self.tallies.setdefault(stream, Tally())
-
-    def result(self) -> list[Stream]:
-        """The streams with their counts and times."""
-        empty = Tally()
-        found = [(s, self.tallies.get(s.id, empty)) for s in self.streams.values()]
-        return [replace(s, count=t.count, start=t.start, end=t.end) for s, t in found]
 
 
 def read_index(source: Source, start: int) -> list[Stream]:

@@ -4,47 +4,16 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
-from typing import BinaryIO
 
 from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import MAX_HEADER, MAX_MESSAGE, DamageError, one_line
+from gpsim.recordings.readers.source import Source
 
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
 _TIME = struct.Struct("<II")
-_SEARCH = 1 << 20
 _LONGEST_FRONT = 128
-
-
-class Source:
-    """Bytes of a file or of a chunk; reading outside them is damage, never a short or a huge read."""
-
-    def __init__(self, data: bytes | BinaryIO, size: int) -> None:
-        self._data = data
-        self.size = size
-
-    def read(self, offset: int, count: int) -> bytes:
-        """Exactly `count` bytes."""
-        if offset < 0 or count < 0 or offset + count > self.size:
-            raise DamageError(f"the file ends at byte {self.size}, {count} bytes are declared at {offset}")
-        if isinstance(self._data, bytes):
-            return self._data[offset : offset + count]
-        self._data.seek(offset)
-        found = self._data.read(count)
-        if len(found) != count:
-            raise DamageError(f"{count} bytes are declared at {offset}, {len(found)} can be read")
-        return found
-
-    def find(self, pattern: bytes, start: int) -> int:
-        """Offset of the next `pattern` at or after `start`; -1 without one."""
-        while start < self.size:
-            window = self.read(start, min(_SEARCH + len(pattern), self.size - start))
-            found = window.find(pattern)
-            if found >= 0:
-                return start + found
-            start += _SEARCH
-        return -1
 
 
 @dataclass(frozen=True)

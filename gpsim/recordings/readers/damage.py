@@ -48,9 +48,29 @@ class Ledger:
         else:
             self.topics.setdefault(topic, Counter())[key] += count
 
+    def same(self) -> Ledger:
+        """A fresh ledger of the same kind, for one reading of the file; pieces lost so far stay counted."""
+        fresh = Ledger(self.path, salvage=self.salvage)
+        fresh.file = self.file
+        return fresh
+
+    def silent(self) -> Ledger:
+        """A ledger for a second look at the same file: never refuses, and what it counts is not kept."""
+        return Ledger(self.path, salvage=True)
+
     def of(self, topic: str) -> dict[str, int]:
         """Messages of `topic` that were lost, by reason."""
         return dict(self.topics.get(topic, Counter()))
+
+
+def refusal(path: Path, where: str, reason: str) -> UsageError:
+    """The error for damage that nothing can be read behind."""
+    return UsageError(f"{path}: {where}: {one_line(reason)}; copy the file again or record anew")
+
+
+def wrong_kind(path: Path, kind: str, why: str) -> UsageError:
+    """The error for a file that is not what its name promises."""
+    return UsageError(f"{path}: byte 0: not {kind} ({why}); name the file by its kind, or export the log again")
 
 
 def one_line(text: object, limit: int = 200) -> str:

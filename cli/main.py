@@ -1,0 +1,65 @@
+"""The command line: `gpsim --help`."""
+
+from __future__ import annotations
+
+import os
+
+# One thread a process: the networks and matrices here are too small for more, and policies train side by side.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import sys
+
+import typer
+
+from gpsim import __version__
+from gpsim.errors import UsageError
+
+from .stages import add_stages
+
+app = typer.Typer(
+    name="gpsim",
+    help=(
+        "Close the gap between a simple simulator and a real robot.\n\n"
+        "Stages read and write versioned artifacts below ./runs; each takes settings as key=value words, "
+        "for example: gpsim fit-gp experiment=cartpole gp.n_train=500 seed=3"
+    ),
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+)
+
+
+def _version(value: bool) -> None:
+    if value:
+        typer.echo(f"gpsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+) -> None:
+    pass
+
+
+add_stages(app)
+
+
+def main() -> None:
+    """Entry point: a UsageError is one line and exit code 2, Ctrl-C is exit code 130; neither leaves a traceback."""
+    try:
+        app()
+    except UsageError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted: finished artifacts are whole, run the same command to carry on", file=sys.stderr)
+        sys.exit(130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""Layer 2: the same start and the same actions in several plants, and how far they drift from the target."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray, difference
+from gpsim.simulators.plant import Plant
+
+
+def roll_out(plant: Plant, start: FloatArray, actions: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """(B, T + 1, S): states under the actions (B, T, A), nothing terminates."""
+    states = [start]
+    memory = plant.begin(len(start), rng)
+    for k in range(actions.shape[1]):
+        states.append(plant.step(states[-1], actions[:, k], memory, rng))
+    return np.stack(states, axis=1)
+
+
+def divergence(trajectories: FloatArray, target: FloatArray, channels: Channels) -> FloatArray:
+    """(B, T + 1, S): absolute distance to the target's trajectories, angles the short way round."""
+    return np.abs(difference(trajectories, target, channels))
+
+
+def bands(distance: FloatArray, channels: Channels) -> dict[str, Mapping[str, list[float]]]:
+    """Median and the 10 % and 90 % quantiles over the rollouts, per channel and time step."""
+    low, median, high = np.quantile(distance, [0.1, 0.5, 0.9], axis=0)
+    return {
+        name: {"q10": low[:, i].tolist(), "median": median[:, i].tolist(), "q90": high[:, i].tolist()}
+        for i, name in enumerate(channels.names)
+    }
+
+
+def root_mean_square(distance: FloatArray, channels: Channels) -> dict[str, float]:
+    """Root mean square over rollouts and time, per channel."""
+    return {name: float(np.sqrt(np.mean(distance[:, :, i] ** 2))) for i, name in enumerate(channels.names)}

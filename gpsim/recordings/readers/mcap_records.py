@@ -1,0 +1,152 @@
+"""Records of MCAP files (mcap.dev/spec): op code, length as little-endian uint64, content."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from gpsim.recordings.readers.container import DefinitionFormat, Stream
+from gpsim.recordings.readers.damage import MAX_DEFINITION, MAX_MESSAGE, DamageError, one_line
+from gpsim.recordings.readers.source import Source
+
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 7, 8, 0x0B
+LAST_OP = 0x0F
+COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
+CHUNK_HEAD = struct.Struct("<QQQI")
+MESSAGE_HEAD = struct.Struct("<HIQQ")
+_RECORD = struct.Struct("<BQ")
+_U16, _U32, _U64 = struct.Struct("<H"), struct.Struct("<I"), struct.Struct("<Q")
+_FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "omgidl": "idl"}
+_START = re.compile(rb"[\x05\x06](?=.{4}\x00\x00\x00\x00)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Record:
+    """Where a record's content lies; `end` may be outside the file."""
+
+    op: int
+    start: int
+    size: int
+
+    @property
+    def end(self) -> int:
+        """Offset of the next record."""
+        return self.start + self.size
+
+
+def read_record(source: Source, position: int) -> Record:
+    """The record at `position`."""
+    op, size = _RECORD.unpack(source.read(position, _RECORD.size))
+    if op == 0:
+        raise DamageError("a record of kind 0")
+    return Record(op, position + _RECORD.size, size)
+
+
+def content(source: Source, record: Record) -> Content:
+    """A record's content (not a chunk's: those have a limit of their own)."""
+    if record.size > MAX_MESSAGE:
+        raise DamageError(f"a record declares {record.size} bytes")
+    return Content(source.read(record.start, record.size))
+
+
+class Content:
+    """Reads the parts of a record one after the other."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data = data
+        self.position = 0
+
+    def take(self, count: int) -> bytes:
+        """The next `count` bytes."""
+        if self.position + count > len(self.data):
+            raise DamageError(f"a record of {len(self.data)} bytes declares a part of {count} bytes")
+        self.position += count
+        return self.data[self.position - count : self.position]
+
+    def u16(self) -> int:
+        """The next uint16."""
+        return int(_U16.unpack(self.take(2))[0])
+
+    def u32(self) -> int:
+        """The next uint32."""
+        return int(_U32.unpack(self.take(4))[0])
+
+    def u64(self) -> int:
+        """The next uint64."""
+        return int(_U64.unpack(self.take(8))[0])
+
+    def blob(self) -> bytes:
+        """The next bytes with their length in front."""
+        return self.take(self.u32())
+
+    def text(self) -> str:
+        """The next text with its length in front."""
+        raw = self.blob()
+        try:
+            return raw.decode()
+        except UnicodeDecodeError as error:
+            raise DamageError(f"a record's text is not text: {one_line(raw[:40])}") from error
+
+
+@dataclass(frozen=True)
+class Schema:
+    """A message definition."""
+
+    name: str
+    encoding: str
+    definition: str
+
+
+def schema_of(parts: Content) -> tuple[int, Schema]:
+    """(id, schema)."""
+    identity, name, encoding = parts.u16(), parts.text(), parts.text()
+    if encoding not in _FORMATS:
+        return identity, Schema(name, encoding, "")
+    if len(parts.data) - parts.position > MAX_DEFINITION:
+        raise DamageError(f"definition of {one_line(name, 60)} is longer than {MAX_DEFINITION} bytes")
+    return identity, Schema(name, encoding, parts.text())
+
+
+def stream_of(parts: Content, schemas: dict[int, Schema]) -> Stream:
+    """The stream a channel record describes."""
+    identity, schema_id, topic, encoding = parts.u16(), parts.u16(), parts.text(), parts.text()
+    if not topic or not topic.isprintable():
+        raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
+    schema = schemas.get(schema_id, Schema("unknown", "", ""))
+    name = schema.name
+    if schema.encoding == "ros1msg" and "/msg/" not in name:
+        name = name.replace("/", "/msg/", 1)
+    form = _FORMATS.get(schema.encoding, "none") if schema.definition else "none"
+    return Stream(identity, topic, name, schema.definition, form, encoding)
+
+
+def next_record(source: Source, start: int, channels: Collection[int], *, chunks: bool) -> int | None:
+    """Offset of the next believable message (of a known channel) or chunk at or after `start`; None without one."""
+    for offset, window in source.windows(start, _RECORD.size):
+        for match in _START.finditer(window):
+            if _believable(source, offset + match.start(), channels, chunks=chunks):
+                return offset + match.start()
+    return None
+
+
+def _believable(source: Source, position: int, channels: Collection[int], *, chunks: bool) -> bool:
+    try:
+        record = read_record(source, position)
+        if record.op == CHUNK:
+            return chunks and _is_chunk(source, record)
+        if record.size < MESSAGE_HEAD.size or record.end > source.size:
+            return False
+        channel, _, stamp, _ = MESSAGE_HEAD.unpack(source.read(record.start, MESSAGE_HEAD.size))
+        after = source.read(record.end, 1)[0] if record.end < source.size else MESSAGE
+        return stamp < 2**63 and 0 < after <= LAST_OP and (channel in channels or not channels)
+    except DamageError:
+        return False
+
+
+def _is_chunk(source: Source, record: Record) -> bool:
+    parts = Content(source.read(record.start, min(record.size, CHUNK_HEAD.size + 16, source.size - record.start)))
+    start, end, _, _ = CHUNK_HEAD.unpack(parts.take(CHUNK_HEAD.size))
+    method, size = parts.text(), parts.u64()
+    return start <= end < 2**63 and method in COMPRESSIONS and parts.position + size == record.size

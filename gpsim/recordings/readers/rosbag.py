@@ -1,0 +1,181 @@
+"""Bags of ROS 1 and ROS 2 as a raw log: rosbags parses the definitions and decodes, the containers only fetch bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.errors import UsageError
+from gpsim.recordings.raw import Series, Topic
+from gpsim.recordings.readers.container import Container, Stream
+from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
+from gpsim.recordings.readers.definitions import Decoder, decoder
+from gpsim.recordings.readers.extract import NO_STAMP, Columns, Rows, row_maker, seconds
+from gpsim.recordings.readers.fields import PathError, has_sequences, numeric_fields, stamp_path
+
+_SAMPLES = 100
+_SAMPLE_MESSAGES = 5_000
+_YEAR_NS = 366 * 86_400 * 10**9
+MISSING = "announced by the index, not found"
+
+
+class BagLog:
+    """A bag. Times are seconds after `epoch_ns`, the whole second before its first message (nanoseconds survive)."""
+
+    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str) -> None:
+        self.path = path
+        self.distro = distro
+        self._container = container
+        self._ledger = Ledger(path, salvage=salvage)
+        self._streams = tuple(container.streams(self._ledger))
+        self._decoders: dict[int, Decoder] = {}
+        self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
+
+    @property
+    def losses(self) -> Mapping[str, int]:
+        """Pieces of the file that could not be read (salvage only), by reason; messages are in Series.dropped."""
+        return dict(self._ledger.file)
+
+    def topics(self) -> Sequence[Topic]:
+        """What is inside, from the index; arrays are listed as long as in the first messages."""
+        samples = self._samples()
+        names = sorted({stream.topic for stream in self._streams})
+        return tuple(self._topic(name, samples) for name in names)
+
+    def _topic(self, name: str, samples: Mapping[int, list[Any]]) -> Topic:
+        streams = [s for s in self._streams if s.topic == name]
+        fields: dict[str, None] = {}
+        stamped = False
+        for stream in streams:
+            try:
+                known = self._decoder(stream)
+            except DamageError:
+                continue
+            fields |= dict.fromkeys(numeric_fields(known.types, known.name, samples.get(stream.id, [])))
+            stamped = stamped or stamp_path(known.types, known.name) is not None
+        starts = [s.start for s in streams if s.start is not None]
+        ends = [s.end for s in streams if s.end is not None]
+        return Topic(
+            name=name,
+            type=_types(streams),
+            count=sum(s.count or 0 for s in streams),
+            fields=tuple(fields),
+            start=(min(starts) - self.epoch_ns) / 1e9 if starts else None,
+            end=(max(ends) - self.epoch_ns) / 1e9 if ends else None,
+            has_header=stamped,
+        )
+
+    def _samples(self) -> dict[int, list[Any]]:
+        """The first messages of the streams whose arrays have no fixed length."""
+        wanted = {}
+        for stream in self._streams:
+            try:
+                if has_sequences(self._decoder(stream).types):
+                    wanted[stream.id] = self._decoder(stream)
+            except DamageError:
+                continue
+        found: dict[int, list[Any]] = {identity: [] for identity in wanted}
+        missing = {s.id for s in self._streams if s.id in wanted and s.count}
+        for seen, (identity, _, data) in enumerate(self._container.messages(wanted, self._ledger.silent())):
+            if len(found[identity]) < _SAMPLES:
+                try:
+                    found[identity].append(wanted[identity].decode(data))
+                except DamageError:
+                    continue
+                missing.discard(identity)
+            if seen >= _SAMPLE_MESSAGES or (not missing and seen >= _SAMPLES * len(wanted)):
+                break
+        return found
+
+    def _decoder(self, stream: Stream) -> Decoder:
+        if stream.id not in self._decoders:
+            self._decoders[stream.id] = decoder(stream, self.distro)
+        return self._decoders[stream.id]
+
+    def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
+        """The wanted fields by topic; see RawLog. Rows come in file order."""
+        ledger = self._ledger.same()
+        columns = {topic: Columns(tuple(dict.fromkeys(fields))) for topic, fields in wanted.items()}
+        makers: dict[int, tuple[str, Decoder, Rows, Columns]] = {}
+        for topic, kept in columns.items():
+            self._prepare(topic, kept, makers, ledger)
+        read = self._read(makers, ledger)
+        return {topic: self._series(topic, kept, read[topic], ledger) for topic, kept in columns.items()}
+
+    def _prepare(
+        self, topic: str, kept: Columns, makers: dict[int, tuple[str, Decoder, Rows, Columns]], ledger: Ledger
+    ) -> None:
+        streams = [s for s in self._streams if s.topic == topic]
+        if not streams:
+            there = ", ".join(sorted({s.topic for s in self._streams})[:20]) or "none"
+            raise UsageError(f"{self.path}: no topic '{one_line(topic)}'; there are: {there}")
+        if not kept.names:
+            raise UsageError(f"{self.path}: no field of {topic} is asked for; name one, as pose.position.x")
+        for stream in streams:
+            try:
+                known = self._decoder(stream)
+                makers[stream.id] = (topic, known, row_maker(known, kept.names, kept.absent), kept)
+            except DamageError as error:
+                ledger.lost(error.reason, "definitions", topic, max(1, stream.count or 0))
+            except PathError as error:
+                raise UsageError(f"{self.path}: topic {topic}: {error}") from error
+
+    def _read(self, makers: Mapping[int, tuple[str, Decoder, Rows, Columns]], ledger: Ledger) -> dict[str, int]:
+        read = {topic: 0 for topic, *_ in makers.values()}
+        found = dict.fromkeys(makers, 0)
+        for identity, receive, data in self._container.messages(makers, ledger):
+            topic, known, rows, kept = makers[identity]
+            found[identity] += 1
+            try:
+                made = rows(known.decode(data))
+            except DamageError as error:
+                where = f"{self._container.where}, message {found[identity]}"
+                ledger.lost(error.reason, where, topic)
+                continue
+            read[topic] += 1
+            for row in made:
+                kept.append(receive, row)
+        for stream in self._streams:
+            if stream.id in makers and stream.count is not None and found[stream.id] != stream.count:
+                self._compare(stream, found[stream.id], ledger)
+        return read
+
+    def _compare(self, stream: Stream, found: int, ledger: Ledger) -> None:
+        announced = stream.count or 0
+        if found < announced:
+            where = f"index announces {announced} messages, {found} are there"
+            ledger.lost(MISSING, where, stream.topic, announced - found)
+        else:
+            ledger.lost(f"{found} messages where the index announces {announced}", "index", None)
+
+    def _series(self, topic: str, kept: Columns, read: int, ledger: Ledger) -> Series:
+        receive, stamps, values = kept.receive_ns(), kept.stamp_ns(), kept.values()
+        known = stamps != NO_STAMP
+        header = np.full(len(stamps), np.nan)
+        header[known] = seconds(stamps[known], self.epoch_ns)
+        return Series(
+            topic=topic,
+            type=_types([s for s in self._streams if s.topic == topic]),
+            receive=seconds(receive, self.epoch_ns),
+            header=header if known.any() else None,
+            fields=values,
+            read=read,
+            dropped=ledger.of(topic),
+            absent=dict(kept.absent),
+        )
+
+
+def _types(streams: Sequence[Stream]) -> str:
+    return " | ".join(sorted({one_line(s.type, 80) for s in streams}))
+
+
+def _epoch(starts: Sequence[int]) -> int:
+    """The whole second before the first message; stamps more than a year from the others do not count."""
+    if not starts:
+        return 0
+    middle = sorted(starts)[len(starts) // 2]
+    first = min(start for start in starts if abs(start - middle) < _YEAR_NS)
+    return first // 10**9 * 10**9

@@ -1,0 +1,159 @@
+"""ROS 2 sqlite3 storage (.db3): read with Python's sqlite3, in file order, nothing sorted and nothing written.
+
+rosbags' reader asks sqlite to sort all messages by time; here rows stream in the order in which they were written.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gpsim.recordings.readers.container import DefinitionFormat, Message, Stream
+from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file, wrong_kind
+
+_MAGIC = b"SQLite format 3\x00"
+_FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros2idl": "idl"}
+_TOPICS = ("id", "name", "type", "serialization_format")
+_MESSAGES = ("topic_id", "timestamp", "data")
+_SINGLE_STEPS = 1_000
+_LAST_ROW = 2**62
+
+
+@dataclass
+class Sqlite:
+    """One .db3 file. `where` is the row being read."""
+
+    path: Path
+    where: str = "table messages"
+
+    def __post_init__(self) -> None:
+        self.size = regular_file(self.path)
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        with self.path.open("rb") as file:
+            if file.read(len(_MAGIC)) != _MAGIC:
+                raise wrong_kind(self.path, "a sqlite3 file", "it does not begin with SQLite format 3")
+        # immutable: no journal, no lock, no write; a write-ahead log beside the file is looked for in `streams`.
+        uri = f"{self.path.resolve().as_uri()}?immutable=1"
+        with closing(sqlite3.connect(uri, uri=True, isolation_level=None)) as base:
+            base.text_factory = bytes
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
+            base.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
+            base.execute("PRAGMA trusted_schema=OFF")
+            # A page tree can be bent so that one page counts a billion times: no honest file needs more steps.
+            left = [100 + self.size // 20_000]
+            base.set_progress_handler(lambda: _spend(left), 100_000)
+            yield base
+
+    def streams(self, ledger: Ledger) -> Sequence[Stream]:
+        """The rows of the table `topics`, counted in the table `messages`."""
+        unwritten = self.path.with_name(f"{self.path.name}-wal")
+        if unwritten.is_file() and unwritten.stat().st_size:
+            ledger.lost(f"messages in {unwritten.name} were never written into the bag (sqlite3 would do it)", "byte 0")
+        try:
+            with self._open() as base:
+                self._check_tables(base)
+                known = _definitions(base)
+                rows = base.execute(f"SELECT {', '.join(_TOPICS)} FROM topics ORDER BY +id").fetchall()
+                streams = [_stream(row, known) for row in rows]
+        except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
+            # Salvage has nothing to offer where the schema or the topics cannot be read.
+            raise refusal(self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}") from error
+        return self._counted(streams, ledger)
+
+    def _check_tables(self, base: sqlite3.Connection) -> None:
+        tables = {_text(name) for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
+        for table, columns in (("topics", _TOPICS), ("messages", _MESSAGES)):
+            there = {_text(row[1]) for row in base.execute(f"PRAGMA table_xinfo({table})") if row[6] == 0}
+            if table not in tables or not set(columns) <= there:
+                raise wrong_kind(self.path, "a ROS 2 bag", f"it has no table {table} with {', '.join(columns)}")
+
+    def _counted(self, streams: list[Stream], ledger: Ledger) -> list[Stream]:
+        try:
+            with self._open() as base:
+                query = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY +topic_id"
+                rows = base.execute(query).fetchall()
+            found = {topic: (count, _integer(start), _integer(end)) for topic, count, start, end in rows}
+        except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
+            ledger.lost(f"messages cannot be counted: {one_line(error)}", "table messages")
+            return [replace(s, start=first) for s in streams for first in [self._first_time(ledger)]]
+        lost = sum(found[topic][0] for topic in set(found) - {s.id for s in streams})
+        if lost:
+            ledger.lost(f"{lost} messages belong to no topic", "table messages")
+        none = (0, None, None)
+        return [replace(s, count=c, start=a, end=b) for s in streams for c, a, b in [found.get(s.id, none)]]
+
+    def _first_time(self, ledger: Ledger) -> int | None:
+        first = next(self._rows(None, ledger.silent()), None)
+        return None if first is None else first[1]
+
+    def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
+        """Messages of the wanted topics in file order."""
+        return self._rows(sorted(wanted), ledger)
+
+    def _rows(self, wanted: Sequence[int] | None, ledger: Ledger) -> Iterator[Message]:
+        """Rows in order of their numbers; behind a damaged page the search goes on (salvage only)."""
+        chosen = "" if wanted is None else f"AND +topic_id IN ({', '.join(str(int(i)) for i in wanted)})"
+        query = f"SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? {chosen} ORDER BY rowid"
+        last, failures = -1, 0
+        while last < _LAST_ROW:
+            try:
+                with self._open() as base:
+                    for row, topic, stamp, data in base.execute(query, (last,)):
+                        last, failures = row, 0
+                        self.where = f"row {row}"
+                        if isinstance(data, bytes) and isinstance(stamp, int):
+                            yield topic, stamp, data
+                        else:
+                            ledger.lost("a message's time or data are of the wrong kind", self.where)
+                return
+            except (sqlite3.Error, OverflowError, MemoryError) as error:
+                if failures == 0:
+                    ledger.lost(f"rows cannot be read: {one_line(error)}", f"behind row {last}")
+                failures += 1
+                last += 1 if failures < _SINGLE_STEPS else 2 ** min(failures - _SINGLE_STEPS, 62)
+
+
+def _spend(left: list[int]) -> int:
+    left[0] -= 1
+    return int(left[0] < 0)
+
+
+def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionFormat]]) -> Stream:
+    identity, name, kind, encoding = row
+    if not isinstance(identity, int):
+        raise DamageError("a topic has no number")
+    topic, spelled = _text(name), _text(kind)
+    if not topic or not topic.isprintable():
+        raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
+    definition, form = known.get(spelled, ("", "none"))
+    return Stream(identity, topic, spelled, definition, form, _text(encoding))
+
+
+def _definitions(base: sqlite3.Connection) -> dict[str, tuple[str, DefinitionFormat]]:
+    """Definitions by type, which bags hold since ROS 2 Iron; empty in older ones."""
+    there = {_text(row[1]) for row in base.execute("PRAGMA table_xinfo(message_definitions)") if row[6] == 0}
+    if not {"topic_type", "encoding", "encoded_message_definition"} <= there:
+        return {}
+    rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
+    found = [(_text(kind), _text(form), _text(definition)) for kind, form, definition in rows]
+    return {kind: (definition, _FORMATS[form]) for kind, form, definition in found if form in _FORMATS and definition}
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, bytes):
+        raise DamageError(f"text expected, found {one_line(value, 40)!r}")
+    try:
+        return value.decode()
+    except UnicodeDecodeError as error:
+        raise DamageError(f"text expected, found {one_line(value[:40])}") from error
+
+
+def _integer(value: object) -> int:
+    if not isinstance(value, int):
+        raise DamageError(f"a message's time is {one_line(value, 40)!r}")
+    return value

@@ -1,0 +1,160 @@
+"""evaluate: the thesis's three layers - one step, rollouts, returns - on the target."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from safetensors.numpy import save_file
+
+from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.channels import FloatArray
+from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
+from gpsim.corrected import GpCorrection
+from gpsim.errors import UsageError
+from gpsim.evaluation.one_step import OneStep
+from gpsim.evaluation.returns import episode_returns, summarise_all
+from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
+from gpsim.recordings import Recording
+from gpsim.residuals import build_residuals
+from gpsim.settings import positive
+from gpsim.simulators.plant import Plant
+from gpsim.stages import certify, fit_gp, train_gp_policy, train_source
+from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.policy_files import read_policy
+from gpsim.stages.stage import Request, Stage, generator
+
+TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
+    "Source": (train_source.STAGE, {"variant": "source"}),
+    "Domain randomisation": (train_source.STAGE, {"variant": "randomised"}),
+    "GP-Mean": (train_gp_policy.STAGE, {"prediction": "mean"}),
+    "GP-Sample": (train_gp_policy.STAGE, {"prediction": "sample"}),
+    "Target": (train_source.STAGE, {"variant": "target"}),
+}
+"""The policies of Table 4.4 and the stage that trains each."""
+
+
+def policy_names(request: Request) -> tuple[str, ...]:
+    """The policies to compare."""
+    names = request.config["evaluate"]["policies"]
+    unknown = [name for name in names if name not in TRAINED_BY]
+    if unknown or not names:
+        raise UsageError(f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}")
+    return tuple(names)
+
+
+def recipe(request: Request) -> Recipe:
+    """Target, simulator and task; parents are the policies, the GPs and the certified starts."""
+    parents = {"gp": fit_gp.STAGE.need(request), "certified": certify.STAGE.need(request)}
+    source = train_source.STAGE.need(request.having(variant="source"))
+    for name in policy_names(request):
+        stage, settings = TRAINED_BY[name]
+        parents[name] = stage.need(request.having(**settings))
+    config = request.section("simulator", "target", "task", "evaluate", "sample_noise")
+    return Recipe("evaluate", config, {**parents, "driver": source}, {"seed": request.seed})
+
+
+def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Write evaluation.json, returns.csv and rollouts.safetensors."""
+    request.progress(0, 3, "one step")
+    one_step = {driver: _one_step(request, recipe, driver) for driver in ("policy", "random")}
+    request.progress(1, 3, "rollouts")
+    rollout = _rollouts(request, recipe, folder)
+    request.progress(2, 3, "returns")
+    returns = _returns(request, recipe)
+    certified = certify.read_certified(recipe.parents["certified"])
+    pd.DataFrame({**returns, "certified": certified.astype(int)}).to_csv(
+        folder / "returns.csv", index_label="start", lineterminator="\n"
+    )
+    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified)
+    evaluation = {
+        "experiment": request.config["experiment"],
+        "seed": request.seed,
+        **{key: summarise_all({n: v[None] for n, v in returns.items()}, starts) for key, starts in by_set.items()},
+        "share": {key: float(starts.mean()) for key, starts in by_set.items()},
+        "one_step": one_step["policy"],
+        "one_step_random": one_step["random"],
+        "rollout": rollout,
+    }
+    write_json(folder / "evaluation.json", evaluation)
+    request.progress(3, 3, "done")
+    return {}
+
+
+def start_sets(returns: Mapping[str, FloatArray], certified: np.ndarray) -> dict[str, np.ndarray]:
+    """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
+
+    returns: policy to (seeds, N). Without a Target policy the first set is the certified one.
+    """
+    full = max(float(values.max()) for values in returns.values())
+    target = returns.get("Target")
+    solved = (target >= full).any(axis=0) if target is not None else certified
+    return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
+
+
+def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]:
+    """Returns (N,) by policy, and which starts are certified (N,)."""
+    table = pd.read_csv(artifact.path / "returns.csv", index_col="start")
+    certified = table.pop("certified").to_numpy(dtype=np.bool_)
+    return {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}, certified
+
+
+def _one_step(request: Request, recipe: Recipe, driver: str) -> dict[str, Any]:
+    section, base, task = request.config["evaluate"], base_plant(request.config), make_task(request.config)
+    rng = generator(section["start_seed"], f"evaluate/one-step/{driver}")
+    act: Act = random_actor(task, rng)
+    if driver == "policy":
+        act = policy_actor(read_policy(recipe.parents["driver"].path), rng)
+    count = positive(section["one_step_episodes"], "evaluate.one_step_episodes")
+    episodes = collect_episodes(target_plant(request.config), task, act, count, rng)
+    recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
+    data = build_residuals(
+        recording, base.simulator, base.parameters, base.integrator, test_fraction=0.0, rng=rng
+    )
+    correction = train_gp_policy.corrected_plant(request, recipe.parents["gp"].path).correction
+    assert isinstance(correction, GpCorrection)
+    mean, variance = correction.predictor.mean_and_variance(correction.features(data.inputs))
+    result = OneStep(data.values, mean, variance, correction.predictor.noise_variances, data.episode)
+    scores = {
+        name: result.scores(i, rng, sample_noise=correction.sample_noise) for i, name in enumerate(data.rate.names)
+    }
+    return {"transitions": len(data.values), **scores} if driver == "random" else scores
+
+
+def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
+    section, task, target = request.config["evaluate"], make_task(request.config), target_plant(request.config)
+    rng = generator(section["start_seed"], "evaluate/rollouts")
+    count = positive(section["rollouts"], "evaluate.rollouts")
+    steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
+    start = task.start(count, rng).states
+    act = random_actor(task, rng)
+    chosen = [task.command(act(task.observe(start, np.empty((count, 0))))) for _ in range(steps)]
+    actions = np.stack(chosen, axis=1)
+    plants: dict[str, Plant] = {
+        "Target": target,
+        "Source": base_plant(request.config),
+        "GP-Mean": train_gp_policy.corrected_plant(request.having(prediction="mean"), recipe.parents["gp"].path),
+        "GP-Sample": train_gp_policy.corrected_plant(request.having(prediction="sample"), recipe.parents["gp"].path),
+    }
+    paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
+    save_file({name: np.ascontiguousarray(path[:8]) for name, path in paths.items()}, folder / "rollouts.safetensors")
+    found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
+    for name in ("Source", "GP-Mean", "GP-Sample"):
+        distance = divergence(paths[name], paths["Target"], target.state)
+        found[name] = {"rms": root_mean_square(distance, target.state), "bands": bands(distance, target.state)}
+    return found
+
+
+def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
+    task, target, start = make_task(request.config), target_plant(request.config), certify.evaluation_starts(request)
+    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/returns")
+    return {
+        name: episode_returns(target, task, policy_actor(read_policy(recipe.parents[name].path)), start, rng)
+        for name in policy_names(request)
+    }
+
+
+STAGE = Stage("evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write)

@@ -1,0 +1,161 @@
+"""import: raw logs and a mapping to a recording, with a report and a picture; --inspect to find the mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from gpsim.artifacts import Artifact, Json, Recipe, Store, file_digest
+from gpsim.errors import UsageError
+from gpsim.recordings import Recording, write_recording
+from gpsim.recordings.import_report import ImportReport, as_text
+from gpsim.recordings.importing import import_logs
+from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
+from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.readers import open_log
+from gpsim.recordings.soundness import find_bad_rows
+from gpsim.recordings.sources import find_logs
+from gpsim.reports.import_figure import draw_channels
+from gpsim.simulators.registry import SIMULATORS
+
+STAGE_NAME = "import"
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import made: the artifact on disk, the recording in it and the report."""
+
+    artifact: Artifact
+    recording: Recording
+    report: ImportReport
+
+
+def import_log(
+    sources: Sequence[Path], out: Path, mapping: str | None = None, words: Sequence[str] = (), salvage: bool = False
+) -> Imported:
+    """Import `sources` into the new folder `out`, which is written whole or not at all.
+
+    mapping: a name from conf/mapping or a YAML file; None for tables whose columns are the channels' names.
+    words: key=value changes of the mapping. salvage: go on past damage and count it.
+    """
+    if out.exists():
+        raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
+    recording, report, raw = read_logs(sources, mapping, words, salvage)
+    config = {"mapping": raw, "salvage": salvage, "sources": _digests(sources)}
+
+    def write(folder: Path) -> Json:
+        write_import(recording, report, folder)
+        return {}
+
+    store = Store(out.resolve().parent, "")
+    artifact = store.publish(Recipe(STAGE_NAME, config, {}, {}), write, out=out.resolve())
+    return Imported(artifact, recording, report)
+
+
+def read_logs(
+    sources: Sequence[Path], mapping: str | None = None, words: Sequence[str] = (), salvage: bool = False
+) -> tuple[Recording, ImportReport, dict[str, Any]]:
+    """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too."""
+    opener = partial(open_log, salvage=salvage)
+    changes = _changes(words)
+    if mapping is None:
+        first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
+        raw = _merged(bare_mapping(first, str(changes.get("system", "")), SIMULATORS), changes)
+        where = "mapping (from the column names)"
+    else:
+        raw, where = _merged(read_mapping(mapping), changes), f"mapping {mapping}"
+    plan = parse_mapping(raw, where)
+    logs = find_logs(sources, plan.layout, plan.files, opener)
+    recording, report = import_logs(logs, plan, partial(find_bad_rows, salvage=salvage))
+    return recording, report, raw
+
+
+def write_import(recording: Recording, report: ImportReport, folder: Path) -> None:
+    """recording.parquet, recording.yaml, import_report.txt and figures/channels.png."""
+    write_recording(recording, folder)
+    (folder / "import_report.txt").write_text(as_text(report), encoding="utf-8")
+    (folder / "figures").mkdir()
+    draw_channels(recording, folder / "figures" / "channels.png")
+
+
+def inspect_source(source: Path, salvage: bool = False) -> Inspection:
+    """What a log holds and the mapping it suggests; of a folder of logs, the first."""
+    logs: list[NamedLog] = find_logs([source], "files", "*", partial(open_log, salvage=salvage))
+    return inspect_log(logs[0], len(logs))
+
+
+def mapping_names() -> list[str]:
+    """The mappings that come with gpsim."""
+    return sorted(p.name.removesuffix(".yaml") for p in files("gpsim.conf").joinpath("mapping").iterdir())
+
+
+def read_mapping(name_or_file: str) -> dict[str, Any]:
+    """A mapping as it is written: a file, or the name of one that comes with gpsim."""
+    path = Path(name_or_file)
+    if path.suffix in (".yaml", ".yml") or path.is_file():
+        if not path.is_file():
+            raise UsageError(f"--mapping {path}: no such file; mappings by name are: {', '.join(mapping_names())}")
+        text, where = _text_of(path), str(path)
+    else:
+        if name_or_file not in mapping_names():
+            known = ", ".join(mapping_names())
+            raise UsageError(f"--mapping {name_or_file}: neither a file nor one of: {known}")
+        text = files("gpsim.conf").joinpath("mapping", f"{name_or_file}.yaml").read_text(encoding="utf-8")
+        where = name_or_file
+    try:
+        raw = yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise UsageError(f"--mapping {where}: not readable as YAML: {' '.join(str(error).split())[:200]}") from error
+    if not isinstance(raw, dict):
+        raise UsageError(f"--mapping {where}: expected keys and values (system, state, action, rate)")
+    return raw
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"--mapping {path}: cannot be read: {error}") from error
+
+
+def _changes(words: Sequence[str]) -> dict[str, Any]:
+    for word in words:
+        if "=" not in word or word.startswith("="):
+            raise UsageError(f"'{word}' is neither a source nor a setting: write key=value, as rate=50")
+    try:
+        made = OmegaConf.to_container(OmegaConf.from_dotlist(list(words)))
+    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
+        raise UsageError(f"settings {' '.join(words)}: {' '.join(str(error).split())[:200]}") from error
+    assert isinstance(made, dict)
+    return {str(key): value for key, value in made.items()}
+
+
+def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    if "rate" in changes or "dt" in changes:  # two ways to say one thing: the last word counts
+        raw = {key: value for key, value in raw.items() if key not in ("rate", "dt")}
+    try:
+        merged = OmegaConf.to_container(OmegaConf.merge(dict(raw), dict(changes)), resolve=True)
+    except OmegaConfBaseException as error:
+        raise UsageError(f"settings: {' '.join(str(error).split())[:200]}") from error
+    assert isinstance(merged, dict)
+    return {str(key): value for key, value in merged.items()}
+
+
+def _digests(sources: Sequence[Path]) -> dict[str, str]:
+    """sha256 of every file read, by its name below the source: the same bytes give the same artifact."""
+    out: dict[str, str] = {}
+    for number, source in enumerate(sources):
+        below = sorted(p for p in source.rglob("*") if p.is_file()) if source.is_dir() else [source]
+        for path in below:
+            name = path.relative_to(source).as_posix() if source.is_dir() else path.name
+            out[name if len(sources) == 1 else f"{number + 1}/{name}"] = file_digest(path)
+    return out
