@@ -17,6 +17,7 @@ from gpsim.corrected import GpCorrection
 from gpsim.errors import UsageError
 from gpsim.evaluation.one_step import OneStep
 from gpsim.evaluation.returns import episode_returns, summarise_all
+from gpsim.evaluation.summary import start_sets
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
 from gpsim.recordings import Recording
 from gpsim.residuals import build_residuals
@@ -82,17 +83,6 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     write_json(folder / "evaluation.json", evaluation)
     request.progress(3, 3, "done")
     return {}
-
-
-def start_sets(returns: Mapping[str, FloatArray], certified: np.ndarray) -> dict[str, np.ndarray]:
-    """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
-
-    returns: policy to (seeds, N). Without a Target policy the first set is the certified one.
-    """
-    full = max(float(values.max()) for values in returns.values())
-    target = returns.get("Target")
-    solved = (target >= full).any(axis=0) if target is not None else certified
-    return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
 
 
 def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]:
