@@ -33,12 +33,16 @@ def expand(data: bytes, method: str, size: int) -> tuple[bytes, str | None]:
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk declares {size} bytes; the limit is {MAX_CHUNK}")
     if method in ("", "none"):
-        return (data, None) if len(data) == size else (data, f"chunk holds {len(data)} bytes, declared {size}")
+        return (
+            (data, None) if len(data) == size else (data, f"chunk holds {len(data)} bytes, declared {size}")
+        )
     if method not in _MAKERS:
         raise DamageError(f"chunk compression {one_line(method, 40)!r} is not known")
     parts, got, reason = _decompress(data, method, size)
     if reason is None and got != size:
-        reason = f"{method} chunk makes {'more' if got > size else 'only'} {min(got, size)} bytes, declared {size}"
+        reason = (
+            f"{method} chunk makes {'more' if got > size else 'only'} {min(got, size)} bytes, declared {size}"
+        )
     return b"".join(parts)[:size], reason
 
 

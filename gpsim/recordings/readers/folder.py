@@ -107,7 +107,7 @@ class Folder:
             there[stream.topic] += stream.count or 0
         for topic, count in metadata.counts.items():
             if there[topic] != count:
-                reason = f"{METADATA} announces {count} messages on {one_line(topic, 60)}, the files hold {there[topic]}"
+                reason = f"{count} messages announced on {one_line(topic, 60)}, the files hold {there[topic]}"
                 ledger.lost(reason, METADATA)
 
     def _metadata(self, ledger: Ledger) -> Metadata:
@@ -116,7 +116,9 @@ class Folder:
         except DamageError as error:
             files = sorted(p.name for p in self.path.iterdir() if p.suffix in self.openers and p.is_file())
             if not files:
-                raise refusal(self.path, METADATA, f"{error.reason}, and the folder holds no .db3 or .mcap") from error
+                raise refusal(
+                    self.path, METADATA, f"{error.reason}, and the folder holds no .db3 or .mcap"
+                ) from error
             ledger.lost(f"{error.reason} (storage files there: {', '.join(files[:5])})", METADATA)
             return Metadata(tuple(files), {}, "none", None)
 
@@ -139,7 +141,9 @@ def _read_metadata(path: Path) -> Metadata:
     if compression not in ("none", "file", "message") or (
         compression != "none" and table.get("compression_format") != "zstd"
     ):
-        raise DamageError(f"compression {one_line(compression, 40)} in {one_line(table.get('compression_format'), 40)}")
+        raise DamageError(
+            f"compression {one_line(compression, 40)} in {one_line(table.get('compression_format'), 40)}"
+        )
     distro = table.get("ros_distro")
     return Metadata(_files(table), _counts(table), compression, distro if isinstance(distro, str) else None)
 
