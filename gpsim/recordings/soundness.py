@@ -11,8 +11,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
 
-EMPTY = "empty cell"
-ABSENT = "message without the wanted element"
+MISSING = "value missing"
 FAR = 366 * 86_400.0  # s; a header stamp a year from its arrival is damage, not delay
 
 
@@ -52,12 +51,11 @@ def _any(masks: Iterable[BoolArray], series: Series) -> BoolArray:
 
 def _missing(series: Series) -> dict[str, BoolArray]:
     """Rows that hold nothing where something was asked for, and are known to be so."""
-    is_table = series.type == "table"
     empty = np.zeros(len(series.receive), dtype=np.bool_)
     for field, values in series.fields.items():
-        if is_table or series.absent.get(field):
+        if series.absent.get(field):
             empty |= np.isnan(values)
-    return {EMPTY if is_table else ABSENT: empty}
+    return {MISSING: empty}
 
 
 def _not_finite(series: Series) -> BoolArray:

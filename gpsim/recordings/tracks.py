@@ -51,6 +51,8 @@ def stamps(
             return series.fields[time.seconds] + fine, f"column {parts}"
         assert time.field is not None
         return time.scale * series.fields[time.field], f"column {time.field}"
+    if series.header is None and count and not np.any(np.isfinite(series.receive)):
+        raise UsageError(f"{where}: a table has no clock; name its time column, as time.field=t")
     unset = _never_set(series, epoch)
     if choice == "header" and unset:
         why = "has no header" if series.header is None else "never sets its header stamp"
