@@ -1,6 +1,6 @@
 """Is the correction free? PPO in the GP environment beside PPO in the plain one, alternating in one process.
 
-    python benchmarks/training_speed.py [--steps 20480] [--repeats 5]
+python benchmarks/training_speed.py [--steps 20480] [--repeats 5]
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ INPUTS = ("x", "x_dot", "theta", "theta_dot", "force", "sign(x_dot)")
 def plants(n_train: int) -> dict[str, Plant]:
     simulator, rng = make_simulator("cartpole"), np.random.default_rng(0)
     parameters, task = simulator.defaults(), Balance()
-    episodes = collect_episodes(FrictionCartPole(parameters, 0.9, 0.02), task, random_actor(task, rng), 60, rng)
+    episodes = collect_episodes(
+        FrictionCartPole(parameters, 0.9, 0.02), task, random_actor(task, rng), 60, rng
+    )
     recording = Recording("cartpole", simulator.state, simulator.action, episodes, 0.02)
     data = build_residuals(recording, simulator, parameters, "euler", test_fraction=0.0, rng=rng)
     features, rows = Features.of(INPUTS, data.channels), data.training_rows(n_train)
@@ -49,7 +51,9 @@ def plants(n_train: int) -> dict[str, Plant]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--steps", type=int, default=20_480)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--n-train", type=int, default=250)

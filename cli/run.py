@@ -17,6 +17,7 @@ from .stages import ConfigDir, ShowConfig, Words
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
 
+CORES = os.cpu_count() or 1
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
 Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
@@ -26,7 +27,7 @@ Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side
 def full_loop(
     words: Words = None,
     seeds: Seeds = 1,
-    jobs: Jobs = os.cpu_count() or 1,
+    jobs: Jobs = CORES,
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
 ) -> None:

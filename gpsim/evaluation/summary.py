@@ -21,7 +21,7 @@ def start_sets(returns: Mapping[str, FloatArray], certified: BoolArray) -> dict[
     """
     full = max(float(values.max()) for values in returns.values())
     target = returns.get("Target")
-    solved = (target >= full).any(axis=0) if target is not None else certified
+    solved = np.asarray((target >= full).any(axis=0)) if target is not None else certified
     return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
 
 

@@ -86,7 +86,8 @@ def _stages(
         values = flag.fields[mapping.episodes.field or ""]
         if mapping.episodes.by == "flag":
             pieces = where.flagged(flag.t, values == mapping.episodes.equals, end)
-            reason = f"{mapping.episodes.field} of {flag.topic} is not {mapping.episodes.equals:g}"
+            topic = "" if flag.topic in state else f" of {flag.topic}"
+            reason = f"{mapping.episodes.field}{topic} is not {mapping.episodes.equals:g}"
         else:
             pieces, reason = (
                 where.constant_pieces(flag.t, values),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,9 +15,10 @@ from rich.text import Text
 from gpsim.errors import UsageError
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import Topic
+from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 from gpsim.simulators.simulator import Simulator
 
-GAP = 5.0  # an interval of this many median intervals is a gap
+GAP = 5.0  # a step of this many usual steps is a gap
 _POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
@@ -35,59 +35,53 @@ _TIMES = ("t", "time", "timestamp", "Time", "time [s]")
 
 
 @dataclass(frozen=True)
-class Pace:
-    """How a topic's messages come: median and longest interval [s], number of gaps, clock looked at."""
-
-    median: float
-    longest: float
-    gaps: int
-    clock: str
-
-
-@dataclass(frozen=True)
 class Inspection:
     """The topics of a log, how they come, and a mapping as YAML; others: further logs in the same folder."""
 
     name: str
     topics: tuple[Topic, ...]
-    paces: Mapping[str, Pace]
+    paces: Mapping[str, Statistics]
     proposal: str
     others: int
 
 
 def inspect_log(named: NamedLog, count: int = 1) -> Inspection:
-    """Read one field of every topic, to see how the messages come."""
+    """Read one field of every topic (of a table: what looks like its time), to see how the rows come."""
     topics = tuple(named.log.topics())
-    wanted = {topic.name: [topic.fields[0]] for topic in topics if topic.fields and topic.count}
+    wanted = {topic.name: [_telling(topic)] for topic in topics if topic.fields and topic.count}
     series = named.log.series(wanted) if wanted else {}
-    paces: dict[str, Pace] = {}
+    paces: dict[str, Statistics] = {}
     for name, one in series.items():
-        stamps = one.header if one.header is not None else one.receive
-        steps = np.diff(np.sort(stamps[np.isfinite(stamps)]))
-        if len(steps):
-            usual = float(np.median(steps))
-            clock = "header" if one.header is not None else "receive"
-            paces[name] = Pace(
-                usual, float(steps.max()), int((steps > GAP * usual).sum()) if usual else 0, clock
-            )
+        column = one.fields[wanted[name][0]]
+        is_table = one.header is None and not np.isfinite(one.receive).any()
+        if not is_table:
+            paces[name] = statistics(one, gap_factor=GAP)
+        elif wanted[name][0] in _TIMES:
+            paces[name] = of_stamps(column, "receive", GAP)
     return Inspection(named.name, topics, paces, proposal(topics, paces), count - 1)
+
+
+def _telling(topic: Topic) -> str:
+    return next((name for name in _TIMES if name in topic.fields), topic.fields[0])
 
 
 def render_inspection(found: Inspection) -> RenderableType:
     """The inspection for a terminal."""
-    table = Table(title=found.name, title_justify="left", box=None, pad_edge=False)
+    table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
     for name in ("topic", "type"):
         table.add_column(name, overflow="fold")
-    for name in ("count", "rate [Hz]", "longest step [s]", "gaps", "from [s]", "to [s]"):
+    names = ("count", "rate [Hz]", "gaps", "longest [s]", "duplicates", "backwards", "from [s]", "to [s]")
+    for name in names:
         table.add_column(name, justify="right")
     for topic in found.topics:
         pace = found.paces.get(topic.name)
-        rate = f"{1.0 / pace.median:.4g}" if pace and pace.median > 0 else "-"
-        table.add_row(
-            topic.name, topic.type, str(topic.count), rate,
-            f"{pace.longest:.3g}" if pace else "-", str(pace.gaps) if pace else "-",
-            _seconds(topic.start), _seconds(topic.end),
-        )  # fmt: skip
+        cells = ["-"] * 7
+        if pace is not None:
+            longest = f"{pace.gaps[0][1]:.3g}" if pace.gaps else "-"
+            rate = f"{pace.rate:.4g}" if pace.rate else "-"
+            counts = [str(len(pace.gaps)), longest, str(pace.duplicates), str(pace.backwards)]
+            cells = [rate, *counts, _seconds(pace.start), _seconds(pace.end)]
+        table.add_row(Text(topic.name), Text(topic.type), str(topic.count), *cells)
     fields = [Text(f"{topic.name}: {', '.join(topic.fields[:40])}") for topic in found.topics if topic.fields]
     more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
     return Group(table, *more, Text(""), Text("numeric fields"), *fields, Text(""))
@@ -97,7 +91,7 @@ def _seconds(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
 
 
-def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Pace]) -> str:
+def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     """A mapping to start from, as YAML; what could not be told is marked by a comment."""
     pose = _first(topics, _POSES)
     command = _first(topics, {**_ACKERMANN, **_TWISTS})

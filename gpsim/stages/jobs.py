@@ -40,7 +40,9 @@ def run_jobs(jobs: Sequence[Job], workers: int, update: Update, finished: Finish
     Existing artifacts are found, not made again. Version numbers follow the order of `jobs`, not of completion, so
     that the same configuration gives the same folders.
     """
-    waiting = {job.label: replace(job, request=request) for job, request in zip(jobs, _numbered(jobs), strict=True)}
+    waiting = {
+        job.label: replace(job, request=request) for job, request in zip(jobs, _numbered(jobs), strict=True)
+    }
     done: set[str] = set()
     context = multiprocessing.get_context("spawn")  # torch does not survive a fork
     messages: Queue[Message] = context.Queue()
@@ -62,7 +64,9 @@ def run_jobs(jobs: Sequence[Job], workers: int, update: Update, finished: Finish
                 finished(label, artifact, existed)
         pool.shutdown()
     except BrokenProcessPool as error:
-        raise UsageError("a worker process was killed (out of memory?); run the same command to carry on") from error
+        raise UsageError(
+            "a worker process was killed (out of memory?); run the same command to carry on"
+        ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():

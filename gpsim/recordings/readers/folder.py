@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+import weakref
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
+from tempfile import mkdtemp
 from typing import Any
 
 import yaml
@@ -42,7 +44,7 @@ class Folder:
     distro: str | None = None
     _parts: list[Container] = field(default_factory=list)
     _compressed: bool = False
-    _unpacked: TemporaryDirectory[str] | None = None
+    _unpacked: Path | None = None
 
     def streams(self, ledger: Ledger) -> Sequence[Stream]:
         """The streams of all storage files, ids made unique."""
@@ -96,8 +98,9 @@ class Folder:
 
     def _unpack(self, path: Path) -> Path:
         if self._unpacked is None:
-            self._unpacked = TemporaryDirectory(prefix="gpsim-bag-")
-        target = Path(self._unpacked.name) / path.stem
+            self._unpacked = Path(mkdtemp(prefix="gpsim-bag-"))
+            weakref.finalize(self, shutil.rmtree, self._unpacked, ignore_errors=True)
+        target = self._unpacked / path.stem
         expand_file(path, target)
         return target
 

@@ -63,8 +63,8 @@ def read_summary(source: Source) -> list[Stream] | None:
         record = read_record(source, position)
         _take(source, record.op, content(source, record), summary)
         position = record.end
-    if summary.counts is None and not summary.chunks:
-        return None
+    if not summary.chunks:
+        return None  # messages outside chunks have no index, so nothing tells when they came
     return _result(summary)
 
 
