@@ -57,7 +57,8 @@ def pose_difference(recording: Recording, log: Recording) -> FloatArray:
     t, episode = absolute(recording)
     own, reference = absolute(log)
     inside = (t >= own[0]) & (t <= own[-1])
-    states = [np.interp(t[inside], own, np.unwrap(column)) for column in reference.states.T]
+    x, y, yaw = reference.states.T
+    states = [np.interp(t[inside], own, column) for column in (x, y, np.unwrap(yaw))]
     error = episode.states[inside] - np.stack(states, axis=1)
     error[:, 2] = wrap_angle(error[:, 2])
     return np.asarray(np.abs(error).max(axis=0))
@@ -80,16 +81,16 @@ def main() -> None:
         f"ROS 1 bag and ROS 2 twin: {'the same recording, bit for bit' if same(bag, twin) else 'DIFFERENT'}"
     )
     log = recorded(LOG, "dart_csv", "rate=source", "episodes.by=file")
-    for name, words in (("at the poses' own stamps", ("rate=source",)), ("on the 50 Hz grid", ())):
-        x, y, yaw = pose_difference(recorded(BAG, "dart_jetracer", *words), log)
+    for name, rate in (("at the poses' own stamps", "source"), ("on the 50 Hz grid", "50")):
+        x, y, yaw = pose_difference(recorded(BAG, "dart_jetracer", f"rate={rate}"), log)
         print(
             f"bag against the authors' log {name}: |x| {x:.2e} m, |y| {y:.2e} m, |yaw| {yaw:.2e} rad at most"
         )
     receive = recorded(BAG, "dart_jetracer", "clock.topics./vicon/jetracer1=receive")
     x, y, yaw = pose_difference(receive, log)
     print(f"the same on receive time (the wrong clock): |x| {x:.2e} m, |y| {y:.2e} m, |yaw| {yaw:.2e} rad")
-    for name, words in (("as sent", ()), ("as echoed by the car", ECHOED)):
-        throttle, steering = command_agreement(recorded(BAG, "dart_jetracer", *words), log)
+    for name, source in (("as sent", bag), ("as echoed by the car", recorded(BAG, "dart_jetracer", *ECHOED))):
+        throttle, steering = command_agreement(source, log)
         print(f"commands {name}: throttle equal at {throttle:.1%} of the steps, steering at {steering:.1%}")
 
 

@@ -106,10 +106,8 @@ def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
         raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
         advice = "no pose topic found; fill in state and action from the fields above"
     reference = paces.get(pose.name if pose else topics[0].name) if topics else None
-    if pose is not None and reference is not None and reference.median > 0:
-        raw["rate"] = min(
-            50, 10 ** math.floor(math.log10(1.0 / reference.median)) if reference.median < 1 else 1
-        )
+    if pose is not None and reference is not None and reference.rate:
+        raw["rate"] = min(50, max(1, round(reference.rate)))
     text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
     return f"# proposed mapping: save it, {advice}\n{text}"
 
