@@ -1,6 +1,6 @@
 """Small bags of every kind for tests: written with rosbags' writers, messages given as nested dictionaries.
 
-    write_bag(folder / "drive.bag", "ros1-lz4", drive(seconds=2.0))
+write_bag(folder / "drive.bag", "ros1-lz4", drive(seconds=2.0))
 """
 
 from __future__ import annotations
@@ -97,7 +97,11 @@ def write_bag(path: Path, kind: str, topics: Mapping[str, Messages], *, chunk: i
     """
     ros = 1 if kind in ROS1_KINDS else 2
     rows = sorted(
-        ((receive, topic, messages.type, values) for topic, messages in topics.items() for receive, values in messages.rows),
+        (
+            (receive, topic, messages.type, values)
+            for topic, messages in topics.items()
+            for receive, values in messages.rows
+        ),
         key=lambda row: row[0],
     )
     found = [(receive, topic, serialise(ros, name, values)) for receive, topic, name, values in rows]
@@ -124,7 +128,9 @@ def _write_ros1(path: Path, kind: str, types: Mapping[str, str], rows: Any, chun
         writer.set_compression(Writer1.CompressionFormat[kind.removeprefix("ros1-").upper()])
     with writer:
         store = typestore(1)
-        connections = {topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()}
+        connections = {
+            topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()
+        }
         for receive, topic, data in rows:
             writer.write(connections[topic], receive, data)
 
@@ -137,7 +143,9 @@ def _write_ros2(path: Path, kind: str, types: Mapping[str, str], rows: Any) -> N
         writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with writer:
         store = typestore(2)
-        connections = {topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()}
+        connections = {
+            topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()
+        }
         for receive, topic, data in rows:
             writer.write(connections[topic], receive, data)
 
@@ -158,10 +166,16 @@ def drive(seconds: float = 1.0, rate: float = 50.0, seed: int = 0) -> dict[str, 
         stamped = {"header": header(when), "pose": pose}
         transform = {"translation": position, "rotation": orientation}
         child = {"header": header(when), "child_frame_id": "base_link", "transform": transform}
-        other = {"header": header(when - 5), "child_frame_id": "wheel", "transform": {"translation": {"x": float(i)}}}
+        other = {
+            "header": header(when - 5),
+            "child_frame_id": "wheel",
+            "transform": {"translation": {"x": float(i)}},
+        }
         covariance = [float(j) for j in range(36)]
         poses.append((receive, stamped))
-        covariances.append((receive, {"header": header(when), "pose": {"pose": pose, "covariance": covariance}}))
+        covariances.append(
+            (receive, {"header": header(when), "pose": {"pose": pose, "covariance": covariance}})
+        )
         transforms.append((receive, child))
         frames.append((receive, {"transforms": [child, other] if i % 2 else [other]}))
         twist = {"twist": {"linear": {"x": 0.5}, "angular": {"z": 0.1}}}
@@ -198,12 +212,23 @@ def _commands(seconds: float, rate: float) -> dict[str, Messages]:
         ),
         "/joy": Messages(
             "sensor_msgs/msg/Joy",
-            [(t, {"header": header(t - 17), "axes": [0.0, 0.01 * i], "buttons": [1, 0, i]}) for i, t in enumerate(times)],
+            [
+                (t, {"header": header(t - 17), "axes": [0.0, 0.01 * i], "buttons": [1, 0, i]})
+                for i, t in enumerate(times)
+            ],
         ),
         "/status": Messages(
             "limo_msgs/msg/Status",
             [
-                (t, {"header": header(t - 19), "battery_voltage": 11.5 - 0.01 * i, "wheel_ticks": [i, -i, 7, -7], "from": True})
+                (
+                    t,
+                    {
+                        "header": header(t - 19),
+                        "battery_voltage": 11.5 - 0.01 * i,
+                        "wheel_ticks": [i, -i, 7, -7],
+                        "from": True,
+                    },
+                )
                 for i, t in enumerate(times)
             ],
         ),

@@ -35,7 +35,9 @@ def record(op: int, body: bytes) -> bytes:
 @dataclass
 class _File:
     options: Chunks
-    out: bytearray = field(default_factory=lambda: bytearray(MAGIC + record(1, text("ros2") + text("gpsim tests"))))
+    out: bytearray = field(
+        default_factory=lambda: bytearray(MAGIC + record(1, text("ros2") + text("gpsim tests")))
+    )
     chunk: bytearray = field(default_factory=bytearray)
     index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
     chunk_indexes: list[bytes] = field(default_factory=list)
@@ -95,7 +97,13 @@ def write_mcap(
     )
     channels = {topic: i + 1 for i, topic in enumerate(types)}
     described = b"".join(
-        record(4, struct.pack("<HH", i, names.index(types[topic]) + 1) + text(topic) + text("cdr") + struct.pack("<I", 0))
+        record(
+            4,
+            struct.pack("<HH", i, names.index(types[topic]) + 1)
+            + text(topic)
+            + text("cdr")
+            + struct.pack("<I", 0),
+        )
         for topic, i in channels.items()
     )
     (file.out if options.size is None else file.chunk).extend(schemas + described)
@@ -106,7 +114,9 @@ def write_mcap(
     return bytes(file.out) + _end(file, schemas + described, channels, rows)
 
 
-def _end(file: _File, described: bytes, channels: Mapping[str, int], rows: Sequence[tuple[int, str, bytes]]) -> bytes:
+def _end(
+    file: _File, described: bytes, channels: Mapping[str, int], rows: Sequence[tuple[int, str, bytes]]
+) -> bytes:
     if not file.options.summary:
         return record(2, struct.pack("<QQI", 0, 0, 0)) + MAGIC
     counts = {i: sum(1 for _, topic, _ in rows if channels[topic] == i) for i in channels.values()}

@@ -33,7 +33,9 @@ def seconds(stamps: list[int]) -> np.ndarray:
 
 @pytest.fixture(scope="module", params=KINDS)
 def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    suffix = ".bag" if request.param.startswith("ros1") else ".mcap" if request.param.startswith("mcap") else ""
+    suffix = (
+        ".bag" if request.param.startswith("ros1") else ".mcap" if request.param.startswith("mcap") else ""
+    )
     suffix = "" if "folder" in request.param else suffix
     return write_bag(tmp_path_factory.mktemp("bags") / f"drive{suffix}", request.param, drive(2.0))
 
@@ -44,7 +46,9 @@ def test_every_message_comes_back(bag: Path) -> None:
     assert log.epoch_ns == EPOCH
     for topic, messages in given.items():
         if topic != "/tf":
-            np.testing.assert_array_equal(series[topic].receive, seconds([receive for receive, _ in messages.rows]))
+            np.testing.assert_array_equal(
+                series[topic].receive, seconds([receive for receive, _ in messages.rows])
+            )
         assert series[topic].read == len(messages.rows)
         assert not series[topic].dropped
     x = [values["pose"]["position"]["x"] for _, values in given["/pose"].rows]
@@ -71,7 +75,9 @@ def test_transforms_are_selected_by_their_child_frame(bag: Path) -> None:
     log, given = open_log(bag), drive(2.0)["/tf"].rows
     alone = log.series({"/tf": paths[:1]})["/tf"]
     rows = [(r, t) for r, values in given for t in values["transforms"] if t["child_frame_id"] == "base_link"]
-    np.testing.assert_array_equal(alone.fields[paths[0]], [t["transform"]["translation"]["x"] for _, t in rows])
+    np.testing.assert_array_equal(
+        alone.fields[paths[0]], [t["transform"]["translation"]["x"] for _, t in rows]
+    )
     np.testing.assert_array_equal(alone.receive, seconds([r for r, _ in rows]))
     assert alone.header is not None
     np.testing.assert_array_equal(alone.header, seconds([r - 7_000_001 for r, _ in rows]))
@@ -98,7 +104,11 @@ def test_topics_say_what_is_inside(bag: Path) -> None:
     for name, messages in given.items():
         stamps = seconds([receive for receive, _ in messages.rows])
         assert topics[name].type == messages.type
-        assert (topics[name].count, topics[name].start, topics[name].end) == (len(stamps), stamps.min(), stamps.max())
+        assert (topics[name].count, topics[name].start, topics[name].end) == (
+            len(stamps),
+            stamps.min(),
+            stamps.max(),
+        )
     assert topics["/sensors"].fields[-3:] == ("data.0", "data.1", "data.2")
     assert "transforms[child_frame_id=wheel].transform.translation.x" in topics["/tf"].fields
     assert "pose.covariance.35" in topics["/pose_cov"].fields
@@ -141,7 +151,9 @@ def test_rosbags_reads_the_same(bag: Path) -> None:
         ("/sensors", "data[a=b]", "only in an array of messages"),
     ],
 )
-def test_wrong_wishes_are_one_line_with_the_alternatives(tmp_path: Path, topic: str, path: str, says: str) -> None:
+def test_wrong_wishes_are_one_line_with_the_alternatives(
+    tmp_path: Path, topic: str, path: str, says: str
+) -> None:
     log = open_log(write_bag(tmp_path / "drive.bag", "ros1", drive(0.2)))
     with pytest.raises(UsageError) as caught:
         log.series({topic: [path]})
@@ -155,7 +167,9 @@ def test_two_publishers_of_one_topic_are_one_series(tmp_path: Path) -> None:
 
     with Writer(tmp_path / "two.bag") as writer:
         kind = "std_msgs/msg/Float32"
-        two = [writer.add_connection("/u", kind, typestore=typestore(1), callerid=f"/node{i}") for i in range(2)]
+        two = [
+            writer.add_connection("/u", kind, typestore=typestore(1), callerid=f"/node{i}") for i in range(2)
+        ]
         for i in range(10):
             writer.write(two[i % 2], EPOCH + i, serialise(1, kind, {"data": float(i)}))
     series = open_log(tmp_path / "two.bag").series({"/u": ["data"]})["/u"]
@@ -178,7 +192,9 @@ def test_messages_out_of_order_stay_in_file_order(tmp_path: Path) -> None:
 def test_an_old_sqlite3_bag_without_definitions_uses_a_distribution(tmp_path: Path) -> None:
     import sqlite3
 
-    bag = write_bag(tmp_path / "old", "sqlite3", {"/u": Messages("std_msgs/msg/Float32", [(EPOCH, {"data": 2.5})])})
+    bag = write_bag(
+        tmp_path / "old", "sqlite3", {"/u": Messages("std_msgs/msg/Float32", [(EPOCH, {"data": 2.5})])}
+    )
     base = sqlite3.connect(bag / "old.db3")
     base.execute("DELETE FROM message_definitions")
     base.commit()
