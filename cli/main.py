@@ -15,6 +15,7 @@ import typer
 from gpsim import __version__
 from gpsim.errors import UsageError
 
+from .run import report_command, run_app
 from .stages import add_stages
 
 app = typer.Typer(
@@ -47,6 +48,8 @@ def _root(
 
 
 add_stages(app)
+app.command("report", rich_help_panel="Stages, in order")(report_command)
+app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
 
 
 def main() -> None:

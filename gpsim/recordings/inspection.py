@@ -12,13 +12,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
-from gpsim.simulators.simulator import Simulator
 
 GAP = 5.0  # a step of this many usual steps is a gap
+System = tuple[Channels, Channels]
+"""The state and action channels of a simulator."""
 _POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
@@ -152,7 +154,7 @@ def _table(topic: Topic) -> dict[str, Any]:
     return raw | {"action": {}}
 
 
-def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simulator]]) -> dict[str, Any]:
+def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) -> dict[str, Any]:
     """The mapping of a table whose columns are called as the channels of `system`.
 
     Raises UsageError naming the columns that lack, or asking for a mapping where the log is no table.
@@ -168,9 +170,9 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simula
             f"{named.name}: no --mapping; give one, or system=NAME where the columns are the channels of "
             f"{', '.join(systems)}"
         )
-    simulator, fields = systems[system], topics[0].fields
+    (state, action), fields = systems[system], topics[0].fields
     time = next((name for name in _TIMES if name in fields), None)
-    lacking = [name for name in (*simulator.state.names, *simulator.action.names) if name not in fields]
+    lacking = [name for name in (*state.names, *action.names) if name not in fields]
     if time is None or lacking:
         what = ", ".join([*([] if time else ["t"]), *lacking])
         raise UsageError(
@@ -180,8 +182,7 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simula
     if "episode" in fields:
         raw["episodes"] = {"by": "column", "field": "episode"}
     raw["state"] = {
-        c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {})
-        for c in simulator.state
+        c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {}) for c in state
     }
-    raw["action"] = {c.name: {"field": c.name, "unit": c.unit} for c in simulator.action}
+    raw["action"] = {c.name: {"field": c.name, "unit": c.unit} for c in action}
     return raw

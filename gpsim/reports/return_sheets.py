@@ -9,8 +9,8 @@ from gpsim.reports import thesis
 from gpsim.reports.loop_report import START_SETS, LoopReport
 from gpsim.reports.sheets import Cell, Sheet, fixed, known, plus_minus, row, span, whole_percent
 
-SHORT_OF_TARGET = 0.9
-"""A seed is marked when its mean is below this share of what Target earns on the same starts over all seeds."""
+SHORT = 0.9
+"""A seed is marked when its mean is below this share of the best seed's, of any policy, on the same starts."""
 
 EXPECTED_TO_SUCCEED = ("GP-Mean", "GP-Sample", "Effects", "Target")
 
@@ -20,25 +20,19 @@ def return_sheets(report: LoopReport) -> list[Sheet]:
     return [_sheet(report, key) for key in START_SETS if report.summary.get(key)]
 
 
-def reference(report: LoopReport, starts: str) -> float:
-    """What there is to reach on a set of starts: Target's mean, or all there is when Target is missing."""
-    mean = report.stats(starts, "Target").get("mean")
-    return float(mean) if known(mean) else report.best_return
+def best_seed(report: LoopReport, starts: str) -> float:
+    """The highest mean of any seed of any policy on a set of starts: what can be earned there, as far as is known."""
+    means = [mean for name in report.policies for mean in report.stats(starts, name).get("by_seed") or []]
+    return max((float(mean) for mean in means if known(mean)), default=report.best_return)
 
 
 def failing(report: LoopReport, starts: str) -> dict[str, list[tuple[int, float]]]:
-    """Policy to (seed, mean) of its seeds that fall short, of the policies that are expected to succeed.
-
-    They are measured against all there is, not against Target, so that a failing Target is named too.
-    """
+    """Policy to (seed, mean) of the seeds that fall short, of the policies that are expected to succeed."""
     found = {}
     for policy in (name for name in report.policies if name in EXPECTED_TO_SUCCEED):
         means = report.stats(starts, policy).get("by_seed") or []
-        low = [
-            (seed, float(mean))
-            for seed, mean in zip(report.seeds, means, strict=False)
-            if known(mean) and mean < SHORT_OF_TARGET * report.best_return
-        ]
+        short = SHORT * best_seed(report, starts)
+        low = [(s, float(mean)) for s, mean in zip(report.seeds, means, strict=False) if known(mean) and mean < short]
         if low:
             found[policy] = low
     return found
@@ -67,7 +61,7 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
         cells += [whole_percent(report.full_share(starts, policy)) if stats.get("episodes") else "–"] if full else []
         cells += _by_seed(report, starts, stats) if several else []
         rows.append(row(*cells))
-    return Sheet(_title(report, starts), tuple(columns), tuple(rows), note=_note(report, starts))
+    return Sheet(_title(report, starts), tuple(columns), tuple(rows), note=_note(report, starts), tail=len(report.seeds) if several else 0)
 
 
 def _thesis(policy: str) -> str:
@@ -78,7 +72,7 @@ def _thesis(policy: str) -> str:
 def _by_seed(report: LoopReport, starts: str, stats: Mapping[str, Any]) -> list[Cell | str]:
     means = list(stats.get("by_seed") or [])
     means += [None] * (len(report.seeds) - len(means))
-    short = SHORT_OF_TARGET * reference(report, starts)
+    short = SHORT * best_seed(report, starts)
     return [Cell(fixed(mean), marked=known(mean) and mean < short) for mean in means[: len(report.seeds)]]
 
 
@@ -97,7 +91,7 @@ def _note(report: LoopReport, starts: str) -> str:
         return "No start belongs to this set."
     notes = []
     if len(report.seeds) > 1:
-        notes.append(f"Marked: seeds below {SHORT_OF_TARGET:.0%} of Target's mean.".replace("%", " %"))
+        notes.append(f"Marked: seeds below {100 * SHORT:g} % of the best seed's mean.")
     for policy, seeds in failing(report, starts).items():
         listed = ", ".join(f"{seed} ({fixed(mean)})" for seed, mean in seeds)
         words = "seed" if len(seeds) == 1 else "seeds"

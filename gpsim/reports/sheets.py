@@ -22,13 +22,17 @@ class Cell:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table: the first `labels` columns are words, the others numbers; rows hold one cell a column."""
+    """A table: the first `labels` columns are words, the others numbers; rows hold one cell a column.
+
+    The last `tail` columns may stand in a table of their own where there is little room.
+    """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     labels: int = 1
     note: str = ""
+    tail: int = 0
 
 
 def row(*cells: Cell | str) -> tuple[Cell, ...]:

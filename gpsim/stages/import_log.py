@@ -73,7 +73,8 @@ def read_logs(
     changes = _changes(words)
     if mapping is None:
         first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
-        raw = _merged(bare_mapping(first, str(changes.get("system", "")), SIMULATORS), changes)
+        systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
+        raw = _merged(bare_mapping(first, str(changes.get("system", "")), systems), changes)
         where = "mapping (from the column names)"
     else:
         raw, where = _merged(read_mapping(mapping), changes), f"mapping {mapping}"
