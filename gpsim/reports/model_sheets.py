@@ -29,7 +29,11 @@ def rates(report: LoopReport) -> list[str]:
     """The rates that one step was scored for, in order."""
     found: dict[str, None] = {}
     for key in DATA:
-        found |= {name: None for name, scores in (report.summary.get(key) or {}).items() if isinstance(scores, Mapping)}
+        found |= {
+            name: None
+            for name, scores in (report.summary.get(key) or {}).items()
+            if isinstance(scores, Mapping)
+        }
     return list(found)
 
 
@@ -56,13 +60,19 @@ def one_step_sheet(report: LoopReport) -> Sheet:
         "NRMSE: root mean square error over the pooled range (max - min) of the residual; ± is the standard "
         "deviation over episodes."
     )
-    return Sheet("One step: the correction's error on target transitions", tuple(columns), tuple(rows), 2, note)
+    return Sheet(
+        "One step: the correction's error on target transitions", tuple(columns), tuple(rows), 2, note
+    )
 
 
 def calibration_sheet(report: LoopReport) -> Sheet:
     """Covered shares, likelihood and predicted spread of the GPs' one-step distributions."""
     levels = coverage_levels(report)
-    columns = ["Rate", "Data", *(f"in its {float(level):.0%} interval".replace("%", " %") for level in levels)]
+    columns = [
+        "Rate",
+        "Data",
+        *(f"in its {float(level):.0%} interval".replace("%", " %") for level in levels),
+    ]
     columns += ["Predicted std", "Error (rms)", "Negative log likelihood"]
     rows = []
     for rate in rates(report):
@@ -73,15 +83,29 @@ def calibration_sheet(report: LoopReport) -> Sheet:
             covered = found.get("coverage") or {}
             cells = [with_unit(rate, report.units), words]
             cells += [whole_percent(covered.get(level)) for level in levels]
-            cells += [significant(found.get("predicted_std")), significant((found.get("mean") or {}).get("rmse"))]
+            cells += [
+                significant(found.get("predicted_std")),
+                significant((found.get("mean") or {}).get("rmse")),
+            ]
             rows.append(row(*cells, significant(found.get("negative_log_likelihood"))))
     note = "Below the nominal share the GP is too sure of itself, above it too cautious."
-    return Sheet("Calibration: how often the target lies in the predicted interval", tuple(columns), tuple(rows), 2, note)
+    return Sheet(
+        "Calibration: how often the target lies in the predicted interval",
+        tuple(columns),
+        tuple(rows),
+        2,
+        note,
+    )
 
 
 def coverage_levels(report: LoopReport) -> list[str]:
     """The nominal levels that were scored, ascending, as they are keyed."""
-    levels = {level for key in DATA for rate in rates(report) for level in (scores(report, key, rate).get("coverage") or {})}
+    levels = {
+        level
+        for key in DATA
+        for rate in rates(report)
+        for level in (scores(report, key, rate).get("coverage") or {})
+    }
     return sorted(levels, key=float)
 
 
@@ -167,7 +191,10 @@ def fit_warnings(report: LoopReport) -> list[str]:
             seeds.setdefault(str(text), []).append(seed)
     if len(report.fits) < 2:
         return list(seeds)
-    return [f"{text} (seeds {', '.join(map(str, found))})" if len(found) > 1 else f"{text} (seed {found[0]})" for text, found in seeds.items()]
+    return [
+        f"{text} (seeds {', '.join(map(str, found))})" if len(found) > 1 else f"{text} (seed {found[0]})"
+        for text, found in seeds.items()
+    ]
 
 
 def _thesis(rate: str, prediction: str) -> tuple[str, str]:

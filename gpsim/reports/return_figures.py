@@ -30,7 +30,9 @@ def figure_returns(report: LoopReport) -> Figure | None:
     Outcomes are bimodal, so that a mean alone misleads: bars are shares of episodes per bin of return. None where
     no return is known.
     """
-    sets = [key for key in report.start_sets if any(report.episodes(key, name).size for name in report.policies)]
+    sets = [
+        key for key in report.start_sets if any(report.episodes(key, name).size for name in report.policies)
+    ]
     if not sets:
         return None
     with style():
@@ -78,8 +80,10 @@ def _mean(axis: Axes, report: LoopReport, starts: str, policy: str, y: float, *,
     """Mean with its interval, the seeds' means and the thesis's mean, below a row's bars."""
     stats = report.stats(starts, policy)
     mean, interval = stats.get("mean"), stats.get("interval")
-    if known(mean) and interval and all(map(known, interval)):
-        axis.plot(interval, [y, y], color=INK, linewidth=2.4, zorder=4, label="95 % interval" if first else None)
+    if known(mean) and interval and known(interval[0]) and known(interval[1]):
+        axis.plot(
+            interval, [y, y], color=INK, linewidth=2.4, zorder=4, label="95 % interval" if first else None
+        )
         axis.plot([mean], [y], "o", color=INK, markersize=5.5, zorder=5, label="mean" if first else None)
     seeds = [value for value in stats.get("by_seed") or [] if known(value)]
     if len(seeds) > 1:

@@ -32,7 +32,11 @@ def failing(report: LoopReport, starts: str) -> dict[str, list[tuple[int, float]
     for policy in (name for name in report.policies if name in EXPECTED_TO_SUCCEED):
         means = report.stats(starts, policy).get("by_seed") or []
         short = SHORT * best_seed(report, starts)
-        low = [(s, float(mean)) for s, mean in zip(report.seeds, means, strict=False) if known(mean) and mean < short]
+        low = [
+            (s, float(mean))
+            for s, mean in zip(report.seeds, means, strict=False)
+            if known(mean) and mean < short
+        ]
         if low:
             found[policy] = low
     return found
@@ -58,10 +62,20 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
             fixed(stats.get("iqm")),
             span(stats.get("iqm_interval")),
         ]
-        cells += [whole_percent(report.full_share(starts, policy)) if stats.get("episodes") else "–"] if full else []
+        cells += (
+            [whole_percent(report.full_share(starts, policy)) if stats.get("episodes") else "–"]
+            if full
+            else []
+        )
         cells += _by_seed(report, starts, stats) if several else []
         rows.append(row(*cells))
-    return Sheet(_title(report, starts), tuple(columns), tuple(rows), note=_note(report, starts), tail=len(report.seeds) if several else 0)
+    return Sheet(
+        _title(report, starts),
+        tuple(columns),
+        tuple(rows),
+        note=_note(report, starts),
+        tail=len(report.seeds) if several else 0,
+    )
 
 
 def _thesis(policy: str) -> str:

@@ -55,7 +55,9 @@ def _ordered(names: object) -> list[str]:
 
 def figure_divergence(report: LoopReport) -> Figure | None:
     """Distance to the target over time per channel: median and the band of 80 % of the rollouts, logarithmic."""
-    simulators = {name: found["bands"] for name, found in rollout_simulators(report).items() if found.get("bands")}
+    simulators = {
+        name: found["bands"] for name, found in rollout_simulators(report).items() if found.get("bands")
+    }
     channels = list(dict.fromkeys(channel for found in simulators.values() for channel in found))
     if not channels:
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 MISSING = "–"
 
@@ -40,7 +40,7 @@ def row(*cells: Cell | str) -> tuple[Cell, ...]:
     return tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in cells)
 
 
-def known(value: Any) -> bool:
+def known(value: Any) -> TypeGuard[float]:
     """Whether value is a finite number."""
     return isinstance(value, int | float) and math.isfinite(value)
 
@@ -86,7 +86,7 @@ def coefficient(value: Any) -> str:
 
 
 def plus_minus(value: Any, spread: Any, digits: int = 1) -> str:
-    """mean ± std."""
+    """A mean and its standard deviation."""
     if not known(value):
         return MISSING
     return f"{fixed(value, digits)} ± {fixed(spread, digits)}" if known(spread) else fixed(value, digits)

@@ -17,7 +17,12 @@ from gpsim.reports.sheets import Cell, Sheet
 
 def terminal_tables(report: LoopReport) -> list[Table]:
     """Returns, one step, calibration and rollouts: the page's numbers; empty tables are left out."""
-    sheets = [*return_sheets(report), one_step_sheet(report), calibration_sheet(report), rollout_sheet(report)]
+    sheets = [
+        *return_sheets(report),
+        one_step_sheet(report),
+        calibration_sheet(report),
+        rollout_sheet(report),
+    ]
     colour = colours(report.policies)
     return [_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
 
@@ -27,7 +32,9 @@ def _parts(sheet: Sheet) -> list[Sheet]:
     if not sheet.tail:
         return [sheet]
     cut = len(sheet.columns) - sheet.tail
-    body = replace(sheet, columns=sheet.columns[:cut], rows=tuple(cells[:cut] for cells in sheet.rows), tail=0, note="")
+    body = replace(
+        sheet, columns=sheet.columns[:cut], rows=tuple(cells[:cut] for cells in sheet.rows), tail=0, note=""
+    )
     tail = Sheet(
         f"{sheet.title}, mean by seed",
         (*sheet.columns[: sheet.labels], *sheet.columns[cut:]),
@@ -40,7 +47,11 @@ def _parts(sheet: Sheet) -> list[Sheet]:
 
 def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
     table = Table(
-        title=sheet.title, caption=sheet.note or None, box=box.SIMPLE_HEAD, title_justify="left", caption_justify="left"
+        title=sheet.title,
+        caption=sheet.note or None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        caption_justify="left",
     )
     for index, name in enumerate(sheet.columns):
         label = index < sheet.labels
