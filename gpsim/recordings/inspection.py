@@ -18,6 +18,8 @@ from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 
+MOST_FIELDS = 16
+_DULL = ("covariance", "stamp.", "data_offset")  # fields that nobody maps
 GAP = 5.0  # a step of this many usual steps is a gap
 System = tuple[Channels, Channels]
 """The state and action channels of a simulator."""
@@ -33,6 +35,12 @@ _ACKERMANN = {
     "ackermann_msgs/msg/AckermannDrive": "",
     "ackermann_msgs/msg/AckermannDriveStamped": "drive.",
 }
+_LOOSE = (
+    "std_msgs/msg/Float32",
+    "std_msgs/msg/Float64",
+    "std_msgs/msg/Float32MultiArray",
+    "sensor_msgs/msg/Joy",
+)
 _TIMES = ("t", "time", "timestamp", "Time", "time [s]")
 
 
@@ -72,21 +80,31 @@ def render_inspection(found: Inspection) -> RenderableType:
     table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
     for name in ("topic", "type"):
         table.add_column(name, overflow="fold")
-    names = ("count", "rate [Hz]", "gaps", "longest [s]", "duplicates", "backwards", "from [s]", "to [s]")
-    for name in names:
-        table.add_column(name, justify="right")
+    for name in ("count", "Hz", "gaps", "from [s]", "to [s]"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("noticed", overflow="fold")
     for topic in found.topics:
-        pace = found.paces.get(topic.name)
-        cells = ["-"] * 7
-        if pace is not None:
-            longest = f"{pace.gaps[0][1]:.3g}" if pace.gaps else "-"
-            rate = f"{pace.rate:.4g}" if pace.rate else "-"
-            counts = [str(len(pace.gaps)), longest, str(pace.duplicates), str(pace.backwards)]
-            cells = [rate, *counts, _seconds(pace.start), _seconds(pace.end)]
-        table.add_row(Text(topic.name), Text(topic.type), str(topic.count), *cells)
-    fields = [Text(f"{topic.name}: {', '.join(topic.fields[:40])}") for topic in found.topics if topic.fields]
+        cells = [Text(topic.name), Text(topic.type.split("/")[-1]), Text(str(topic.count))]
+        table.add_row(*cells, *(Text(cell) for cell in _pace_cells(found.paces.get(topic.name))))
+    fields = [Text(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
     more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
     return Group(table, *more, Text(""), Text("numeric fields"), *fields, Text(""))
+
+
+def _pace_cells(pace: Statistics | None) -> list[str]:
+    if pace is None:
+        return ["-", "-", "-", "-", ""]
+    noticed = [f"longest gap {pace.gaps[0][1]:.3g} s"] if pace.gaps else []
+    noticed += [f"{pace.duplicates} duplicates"] if pace.duplicates else []
+    noticed += [f"{pace.backwards} steps back"] if pace.backwards else []
+    rate = f"{pace.rate:.4g}" if pace.rate else "-"
+    return [rate, str(len(pace.gaps)), _seconds(pace.start), _seconds(pace.end), ", ".join(noticed)]
+
+
+def _shown(topic: Topic) -> str:
+    names = [n for n in topic.fields if not any(part in n for part in _DULL)]
+    rest = f" ... ({len(names) - MOST_FIELDS} more)" if len(names) > MOST_FIELDS else ""
+    return ", ".join(names[:MOST_FIELDS]) + rest
 
 
 def _seconds(value: float | None) -> str:
@@ -110,6 +128,11 @@ def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     reference = paces.get(pose.name if pose else topics[0].name) if topics else None
     if pose is not None and reference is not None and reference.rate:
         raw["rate"] = min(50, max(1, round(reference.rate)))
+    if pose is not None and not raw["action"]:
+        near = [
+            f"{t.name} {n}" for t in topics if t.type in _LOOSE for n in t.fields if "data_offset" not in n
+        ]
+        advice += "; commands could be among: " + ", ".join(near[:12]) if near else "; no command topic found"
     text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
     return f"# proposed mapping: save it, {advice}\n{text}"
 
@@ -150,6 +173,9 @@ def _table(topic: Topic) -> dict[str, Any]:
     time = next((name for name in _TIMES if name in topic.fields), None)
     if time is not None:
         raw["time"] = {"field": time}
+    elif {"s", "ns"} <= set(columns):
+        raw["time"] = {"seconds": "s", "nanoseconds": "ns"}
+        columns = [name for name in columns if name not in ("s", "ns")]
     raw["state"] = {name: {"field": name, "unit": "?"} for name in columns}
     return raw | {"action": {}}
 
