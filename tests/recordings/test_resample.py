@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -28,9 +30,7 @@ def test_the_mean_of_a_held_command_agrees_with_fine_sampling(t, step, seed):
     values = np.random.default_rng(seed).normal(size=len(t))
     at = np.arange(0.0, t[-1] + 2 * step, step)
     fine = (np.arange(4000) + 0.5) / 4000
-    expected = [
-        resample.held(a + fine * (b - a), t, values).mean() for a, b in zip(at[:-1], at[1:], strict=True)
-    ]
+    expected = [resample.held(a + fine * (b - a), t, values).mean() for a, b in itertools.pairwise(at)]
     assert resample.held_mean(at, t, values) == pytest.approx(
         np.array(expected), abs=5e-3 * np.ptp(values) + 1e-6
     )
