@@ -91,5 +91,7 @@ def _one_step(report: LoopReport) -> str:
         errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
         finite = [error for error in errors if known(error)]
         if finite:
-            said.append(f"{percent(max(finite))} on {'the ' if key == 'one_step' else 'data from '}{words}")
-    return f" One step ahead the correction is wrong by at most {' and '.join(said)} (NRMSE)." if said else ""
+            said.append(f"{percent(max(finite))} on {'the ' if key == 'one_step' else 'data of '}{words}")
+    if not said:
+        return ""
+    return f" One step ahead the correction errs by {' and '.join(said)} (NRMSE of the worse rate)."

@@ -58,11 +58,15 @@ def one_step_sheet(report: LoopReport) -> Sheet:
             rows.append(row(*cells))
     note = (
         "NRMSE: root mean square error over the pooled range (max - min) of the residual; ± is the standard "
-        "deviation over episodes."
+        "deviation over episodes." + _averaged(report)
     )
     return Sheet(
         "One step: the correction's error on target transitions", tuple(columns), tuple(rows), 2, note
     )
+
+
+def _averaged(report: LoopReport) -> str:
+    return " Averages over the seeds' GPs." if len(report.seeds) > 1 else ""
 
 
 def calibration_sheet(report: LoopReport) -> Sheet:
@@ -88,7 +92,7 @@ def calibration_sheet(report: LoopReport) -> Sheet:
                 significant((found.get("mean") or {}).get("rmse")),
             ]
             rows.append(row(*cells, significant(found.get("negative_log_likelihood"))))
-    note = "Below the nominal share the GP is too sure of itself, above it too cautious."
+    note = "Below the nominal share the GP is too sure of itself, above it too cautious." + _averaged(report)
     return Sheet(
         "Calibration: how often the target lies in the predicted interval",
         tuple(columns),
@@ -128,7 +132,12 @@ def rollout_sheet(report: LoopReport) -> Sheet:
     title = "Rollouts: root mean square distance to the target"
     if known(count) and known(horizon):
         title += f", {count} rollouts of {horizon:g} s under the same random actions"
-    return Sheet(title, ("Simulator", *(with_unit(name, report.units) for name in channels)), tuple(rows))
+    return Sheet(
+        title,
+        ("Simulator", *(with_unit(name, report.units) for name in channels)),
+        tuple(rows),
+        note=_averaged(report).strip(),
+    )
 
 
 def fit_sheet(report: LoopReport) -> Sheet:
@@ -208,4 +217,6 @@ def _nrmse(errors: Mapping[str, Any]) -> str:
     value, spread = errors.get("nrmse"), errors.get("nrmse_std")
     if not (known(value) and known(spread)):
         return percent(value)
-    return f"{percent(value)[:-2]} ± {percent(spread, 1 if spread < value else 2)}"
+    text = percent(value).removesuffix(" %")
+    decimals = len(text.partition(".")[2])
+    return f"{text} ± {100.0 * spread:.{decimals}f} %"

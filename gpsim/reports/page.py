@@ -92,6 +92,7 @@ def _resource(name: str) -> str:
 
 def _pictures(report: LoopReport) -> dict[str, Picture]:
     first = f"seed {report.seeds[0]}" if report.seeds else "the first seed"
+    averaged = ", averaged over the seeds' GPs" if len(report.seeds) > 1 else ""
     made: dict[str, tuple[Figure | None, str, str]] = {
         "returns": (
             figure_returns(report),
@@ -115,12 +116,13 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "rollouts": (
             figure_rollouts(report),
             "State over time under the same start and actions in the simulators and the target",
-            f"Same start, same random actions, nothing terminates ({first}).",
+            f"Figure 4.2: the same start and random actions in each; nothing terminates ({first}). "
+            "Shaded: inside the task's limits.",
         ),
         "divergence": (
             figure_divergence(report),
             "Distance to the target's rollouts over time, median and 80 % band, logarithmic",
-            f"Distance to the target over time: median and the band between the 10 and 90 % quantiles ({first}).",
+            f"Distance to the target over time: median and the band between the 10 and 90 % quantiles{averaged}.",
         ),
         "learning": (
             figure_learning_curves(report),

@@ -15,7 +15,7 @@ from gpsim.reports.palette import FAINT, INK, colours
 from gpsim.reports.sheets import known, whole_percent
 
 BINS = 25
-HILL = 0.78
+HILL = 0.62
 """Height of a row's highest bar, of the row."""
 SET_TITLES = {
     "returns": "Solved by a Target policy",
@@ -45,7 +45,7 @@ def figure_returns(report: LoopReport) -> Figure | None:
             axis.set_title(title)
         count = len(report.policies)
         axes[0, 0].set_yticks(np.arange(count)[::-1], report.policies)
-        axes[0, 0].set_ylim(-0.45, count - 0.05)
+        axes[0, 0].set_ylim(-0.4, count - 0.25)
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower left", ncols=5)
         return figure
@@ -64,12 +64,12 @@ def _distribution(axis: Axes, report: LoopReport, starts: str) -> None:
                 edgecolor="white", linewidth=0.4, zorder=2,
             )  # fmt: skip
             axis.annotate(
-                f"{whole_percent(report.full_share(starts, policy))} full", (report.best_return, row + HILL),
+                f"{whole_percent(report.full_share(starts, policy))} full", (0.94 * report.best_return, row + 0.3),
                 ha="right", va="bottom", fontsize=8.5, color=FAINT,
             )  # fmt: skip
         axis.axhline(row, color=FAINT, linewidth=0.6, zorder=1)
         _mean(axis, report, starts, policy, row - 0.14, first=row == len(report.policies) - 1)
-    axis.set_xlim(-0.02 * report.best_return, 1.02 * report.best_return)
+    axis.set_xlim(-0.02 * report.best_return, 1.04 * report.best_return)
     axis.set_xlabel("return of an episode [steps]")
     axis.grid(visible=False, axis="y")
     axis.tick_params(axis="y", length=0)

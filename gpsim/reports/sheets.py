@@ -12,12 +12,16 @@ MISSING = "–"
 
 @dataclass(frozen=True)
 class Cell:
-    """Text of a cell. marked: shown as falling short; name: whose colour it carries (a policy), if any."""
+    """Text of a cell. marked: shown as falling short; name: whose colour it carries (a policy), if any.
+
+    below: what belongs to the text but weighs less, as its interval; title: the long form of the text.
+    """
 
     text: str
     marked: bool = False
     name: str = ""
     title: str = ""
+    below: str = ""
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,8 @@ def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
 
 
 def _text(cell: Cell, colour: dict[str, str]) -> Text:
+    if cell.below:
+        return Text.assemble(cell.text, (f" ({cell.below})", "dim"))
     if cell.marked:
         return Text(f"{cell.text} !", style="bold red")
     # Target is nearly black in figures: invisible on a dark terminal.
