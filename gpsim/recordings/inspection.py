@@ -118,10 +118,8 @@ def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     if pose is not None:
         raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
     elif len(topics) == 1:
-        raw, advice = (
-            _table(topics[0]),
-            "name the channels as the system does; actions are what was commanded",
-        )
+        raw = _table(topics[0])
+        advice = "name the channels as the system does; actions are what was commanded"
     else:
         raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
         advice = "no pose topic found; fill in state and action from the fields above"
@@ -129,10 +127,11 @@ def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     if pose is not None and reference is not None and reference.rate:
         raw["rate"] = min(50, max(1, round(reference.rate)))
     if pose is not None and not raw["action"]:
-        near = [
-            f"{t.name} {n}" for t in topics if t.type in _LOOSE for n in t.fields if "data_offset" not in n
-        ]
-        advice += "; commands could be among: " + ", ".join(near[:12]) if near else "; no command topic found"
+        loose = [(t.name, n) for t in topics if t.type in _LOOSE for n in t.fields if "data_offset" not in n]
+        near = [f"{name} {field}" for name, field in sorted(loose, key=lambda pair: "." in pair[1])]
+        advice += (
+            f"\n# commands could be among: {', '.join(near[:10])}" if near else "; no command topic found"
+        )
     text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
     return f"# proposed mapping: save it, {advice}\n{text}"
 

@@ -167,6 +167,32 @@ def test_a_limo_bag_imports_by_the_ready_mapping(tmp_path):
     assert clocks == {"/vrpn_client_node/limo/pose": "header", "/cmd_vel": "receive"}
 
 
+def test_a_truncated_bag_is_refused_and_what_is_readable_is_salvaged_and_counted(tmp_path):
+    bag = limo_bag(tmp_path / "bag")
+    file = next(bag.glob("*.mcap"))
+    whole, _, _ = read_logs([file], "limo_optitrack")
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(file.read_bytes()[: int(0.6 * file.stat().st_size)])
+    with pytest.raises(UsageError, match=r"broken\.mcap.*--salvage") as caught:
+        import_log([broken], tmp_path / "out", "limo_optitrack")
+    assert "\n" not in str(caught.value)
+    made = import_log([broken], tmp_path / "out", "limo_optitrack", salvage=True)
+    assert 0 < made.recording.transition_count < whole.transition_count
+    for count in made.report.topics:
+        assert count.read == count.kept + sum(count.dropped.values())
+    assert any("broken.mcap" in line for line in made.report.warnings)
+
+
+def test_a_pose_that_leaps_is_refused_or_salvaged(tmp_path):
+    table = pd.read_csv(cartpole_table(tmp_path / "a.csv"))
+    table.loc[50, "x"] = np.inf
+    table.to_csv(tmp_path / "b.csv", index=False)
+    with pytest.raises(UsageError, match=r"b\.csv: .*row 50, field x.*--salvage"):
+        read_logs([tmp_path / "b.csv"], None, ["system=cartpole"])
+    _, report, _ = read_logs([tmp_path / "b.csv"], None, ["system=cartpole"], salvage=True)
+    assert dict(report.topics[0].dropped) == {"not finite": 1}
+
+
 def test_what_inspect_proposes_can_be_saved_and_used(tmp_path):
     bag = limo_bag(tmp_path / "bag")
     found = inspect_source(bag)
