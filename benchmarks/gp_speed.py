@@ -251,7 +251,7 @@ def prediction(repeats: int) -> dict[str, dict[str, float]]:
             print(
                 f"{name} predicts the same: mean within {off_mean:.0e}, variance within {off:.0e} (standardised)"
             )
-    return {what: interleaved(contenders, repeats, 5) for what, contenders in calls.items()}
+    return {what: interleaved(contenders, repeats, 10) for what, contenders in calls.items()}
 
 
 def fit_contenders(

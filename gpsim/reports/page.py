@@ -116,7 +116,7 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "rollouts": (
             figure_rollouts(report),
             "State over time under the same start and actions in the simulators and the target",
-            f"Figure 4.2: the same start and random actions in each; nothing terminates ({first}). "
+            f"As the thesis's Figure 4.2: the same start and random actions in each; nothing terminates ({first}). "
             "Shaded: inside the task's limits.",
         ),
         "divergence": (

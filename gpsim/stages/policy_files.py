@@ -19,7 +19,7 @@ from gpsim.corrected import GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.gp import Predictor, from_arrays, to_arrays
-from gpsim.policies import LearningCurve
+from gpsim.learning import LearningCurve
 from gpsim.policy import Policy
 
 

@@ -196,7 +196,8 @@ def test_a_table_whose_clock_starts_anew_becomes_several_parts():
         "time": {"field": "t"},
         "state": {"q": {"field": "q", "unit": "m"}},
     }
-    recording, report = imported({"table": series("table", t, t=t, q=t)}, mapping)
+    table = series("table", np.full(len(t), np.nan), t=t, q=t)
+    recording, report = imported({"table": table}, mapping)
     assert [len(e) for e in recording.episodes] == [59, 79]
     assert sum(c.read for c in report.topics) == len(t)
 

@@ -60,8 +60,7 @@ class Folder:
                 found += [replace(s, id=base + s.id) for s in part.streams(ledger)]
         if not self._parts:
             raise refusal(self.path, METADATA, "no storage file of this bag can be opened")
-        self._compare(found, metadata, ledger)
-        return found
+        return self._compare(found, metadata, ledger)
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted streams, file by file."""
@@ -104,14 +103,18 @@ class Folder:
         expand_file(path, target)
         return target
 
-    def _compare(self, found: Sequence[Stream], metadata: Metadata, ledger: Ledger) -> None:
-        there: Counter[str] = Counter()
+    def _compare(self, found: list[Stream], metadata: Metadata, ledger: Ledger) -> list[Stream]:
+        """Streams that count what metadata.yaml announces, so that reading them tells what is missing."""
+        announced = Counter(metadata.counts)
         for stream in found:
-            there[stream.topic] += stream.count or 0
-        for topic, count in metadata.counts.items():
-            if there[topic] != count:
-                reason = f"{count} messages announced on {one_line(topic, 60)}, the files hold {there[topic]}"
-                ledger.lost(reason, METADATA)
+            announced[stream.topic] -= stream.count or 0
+        for topic, missing in announced.items():
+            last = next((i for i in reversed(range(len(found))) if found[i].topic == topic), None)
+            if missing > 0 and last is not None:
+                found[last] = replace(found[last], count=(found[last].count or 0) + missing)
+            elif missing and metadata.counts:
+                ledger.lost(f"{abs(missing)} messages {'too few' if missing > 0 else 'too many'}", topic)
+        return found
 
     def _metadata(self, ledger: Ledger) -> Metadata:
         try:

@@ -48,11 +48,12 @@ class BagLog:
     def _topic(self, name: str, samples: Mapping[int, list[Any]]) -> Topic:
         streams = [s for s in self._streams if s.topic == name]
         fields: dict[str, None] = {}
-        stamped = False
+        stamped, unreadable = False, ""
         for stream in streams:
             try:
                 known = self._decoder(stream)
-            except DamageError:
+            except DamageError as error:
+                unreadable = f" (unreadable: {error.reason})"
                 continue
             fields |= dict.fromkeys(numeric_fields(known.types, known.name, samples.get(stream.id, [])))
             stamped = stamped or stamp_path(known.types, known.name) is not None
@@ -60,7 +61,7 @@ class BagLog:
         ends = [s.end for s in streams if s.end is not None]
         return Topic(
             name=name,
-            type=_types(streams),
+            type=_types(streams) + unreadable,
             count=sum(s.count or 0 for s in streams),
             fields=tuple(fields),
             start=(min(starts) - self.epoch_ns) / 1e9 if starts else None,
