@@ -14,7 +14,9 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.recordings.raw import Series
 
-Kind = Literal["not finite", "no rotation", "absurd magnitude", "jump", "stamp leaps", "stamp far from arrival"]
+Kind = Literal[
+    "not finite", "no rotation", "absurd magnitude", "jump", "stamp leaps", "stamp far from arrival"
+]
 _POSE = ("position", "orientation", "translation", "rotation")
 _STAMP_PARTS = ("sec", "nanosec", "seq")
 
@@ -74,12 +76,16 @@ def _finding(series: Series, kind: Kind, field: str | None, bad: BoolArray, what
 def _values(series: Series, limits: Limits) -> Iterator[Finding]:
     for field, values in series.fields.items():
         missing = np.isnan(values) & (series.absent.get(field, 0) > 0)
-        yield _finding(series, "not finite", field, ~np.isfinite(values) & ~missing, "the value is no finite number")
+        yield _finding(
+            series, "not finite", field, ~np.isfinite(values) & ~missing, "the value is no finite number"
+        )
         size = np.abs(np.where(np.isfinite(values), values, 0.0))
         strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
         yield _finding(series, "absurd magnitude", field, strange, "no sensor or command has this magnitude")
         if any(part in _POSE for part in field.split(".")) and field.split(".")[-1] not in _STAMP_PARTS:
-            yield _finding(series, "jump", field, jumps(values, limits.jump), "leaves its neighbours and comes back")
+            yield _finding(
+                series, "jump", field, jumps(values, limits.jump), "leaves its neighbours and comes back"
+            )
 
 
 def jumps(values: FloatArray, factor: float) -> BoolArray:
@@ -116,12 +122,20 @@ def _stamps(series: Series, limits: Limits) -> Iterator[Finding]:
     yield _finding(series, "stamp leaps", None, leaps, "the receive time leaves its neighbours")
     if series.header is None:
         return
-    yield _finding(series, "stamp leaps", None, _leaps(series.header, limits.leap), "the header stamp leaves its neighbours")
+    yield _finding(
+        series,
+        "stamp leaps",
+        None,
+        _leaps(series.header, limits.leap),
+        "the header stamp leaves its neighbours",
+    )
     delay = series.receive - series.header
     known = np.isfinite(delay)
     if known.any():
         far = known & (np.abs(delay - np.median(delay[known])) > limits.delay)
-        yield _finding(series, "stamp far from arrival", None, far, "the header stamp is far from its arrival")
+        yield _finding(
+            series, "stamp far from arrival", None, far, "the header stamp is far from its arrival"
+        )
 
 
 def _leaps(stamps: FloatArray, limit: float) -> BoolArray:

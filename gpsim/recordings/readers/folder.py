@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import weakref
 from collections import Counter
@@ -13,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from gpsim.errors import UsageError
 from gpsim.recordings.readers.container import Container, Message, Stream
 from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.decompress import expand_file, expand_message
@@ -57,9 +59,10 @@ class Folder:
             if part is not None:
                 base = len(self._parts) << _SHIFT
                 self._parts.append(part)
-                found += [replace(s, id=base + s.id) for s in part.streams(ledger)]
-        if not self._parts:
-            raise refusal(self.path, METADATA, "no storage file of this bag can be opened")
+                found += [replace(s, id=base + s.id) for s in self._streams_of(part, name, ledger)]
+        if not self._parts or (ledger.file and not found):
+            reasons = "; ".join(ledger.file)
+            raise refusal(self.path, "storage files", f"none of them can be read: {reasons}")
         return self._compare(found, metadata, ledger)
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
@@ -78,6 +81,18 @@ class Folder:
                         ledger.lost(error.reason, part.where)
                         continue
                 yield base + identity, stamp, data
+
+    def _streams_of(self, part: Container, name: str, ledger: Ledger) -> Sequence[Stream]:
+        """A storage file's streams; one that cannot be read at all does not keep salvage from the others."""
+        try:
+            return part.streams(ledger)
+        except UsageError as error:
+            # The person knows the file by its own name, not by that of its unpacked copy.
+            reason = str(error).replace(f"{self._unpacked}{os.sep}", "") if self._unpacked else str(error)
+            if not ledger.salvage:
+                raise UsageError(reason if str(self.path) in reason else f"{self.path}: {reason}") from error
+            ledger.lost(reason, name)
+        return ()
 
     def _open(self, name: str, compressed: bool, ledger: Ledger) -> Container | None:
         path = self.path / name

@@ -18,7 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
 
-_MAX_BYTES = 1 << 30
+_MAX_BYTES = 256 << 20
 _HEADER = 128
 _COMPRESSED = 15
 _STEP = 1 << 20

@@ -12,10 +12,11 @@ from gpsim.errors import UsageError
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.container import Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
-from gpsim.recordings.readers.definitions import Decoder, decoder
+from gpsim.recordings.readers.definitions import DISTROS, Decoder, decoder
 from gpsim.recordings.readers.extract import NO_STAMP, Columns, Rows, row_maker, seconds
 from gpsim.recordings.readers.fields import PathError, has_sequences, numeric_fields, stamp_path
 
+DEFAULT_DISTRO = "humble"
 _SAMPLES = 100
 _SAMPLE_MESSAGES = 5_000
 _YEAR_NS = 366 * 86_400 * 10**9
@@ -25,12 +26,13 @@ MISSING = "announced by the index, not found"
 class BagLog:
     """A bag. Times are seconds after `epoch_ns`, the whole second before its first message (nanoseconds survive)."""
 
-    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str) -> None:
+    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str | None) -> None:
         self.path = path
-        self.distro = distro
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
         self._streams = tuple(container.streams(self._ledger))
+        said = container.distro if container.distro in DISTROS else None
+        self.distro = distro or said or DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
 

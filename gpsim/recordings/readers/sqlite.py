@@ -37,6 +37,7 @@ class Sqlite:
 
     path: Path
     where: str = "table messages"
+    distro: str | None = None
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
@@ -77,7 +78,9 @@ class Sqlite:
         except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
             ledger.lost(f"sqlite3 bag cannot be read: {one_line(error)}", "table topics")
             # Salvage has nothing to offer where the schema or the topics cannot be read.
-            raise refusal(self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}") from error
+            raise refusal(
+                self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}"
+            ) from error
         streams: list[Stream] = []
         for row in rows:
             try:
@@ -151,8 +154,8 @@ def _spend(left: list[int]) -> int:
 
 def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionFormat]]) -> Stream:
     identity, name, kind, encoding = row
-    if not isinstance(identity, int):
-        raise DamageError("a topic has no number")
+    if not isinstance(identity, int) or not 0 <= identity < 2**31:
+        raise DamageError(f"a topic's number is {one_line(identity, 40)!r}")
     topic, spelled = _text(name), _text(kind)
     if not topic or not topic.isprintable():
         raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
@@ -167,7 +170,9 @@ def _definitions(base: sqlite3.Connection, ledger: Ledger) -> dict[str, tuple[st
         return {}
     known: dict[str, tuple[str, DefinitionFormat]] = {}
     try:
-        for row in base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"):
+        for row in base.execute(
+            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        ):
             kind, form, definition = (_text(value) for value in row)
             if form in _FORMATS and definition:
                 known[kind] = (definition, _FORMATS[form])

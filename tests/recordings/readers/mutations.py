@@ -79,7 +79,11 @@ def mutate(source: Path, target: Path, number: int) -> str:
     if source.is_dir():
         shutil.copytree(source, target)
         files = sorted(p for p in target.iterdir() if p.is_file())
-        victim = files[int(rng.integers(0, len(files)))] if number % 3 == 0 else max(files, key=lambda p: p.stat().st_size)
+        victim = (
+            files[int(rng.integers(0, len(files)))]
+            if number % 3 == 0
+            else max(files, key=lambda p: p.stat().st_size)
+        )
     else:
         shutil.copy(source, target)
         victim = target
@@ -125,7 +129,9 @@ def watch(path: Path, done: str, outcomes: Outcomes) -> None:
                 series = log.series({t.name: t.fields for t in log.topics() if t.fields})
             read = sum(one.read for one in series.values())
             lost = sum(sum(one.dropped.values()) for one in series.values()) + sum(log.losses.values())
-            outcomes.counts[f"{name}: {'part' if lost else 'all'} read" if read else f"{name}: nothing read"] += 1
+            outcomes.counts[
+                f"{name}: {'part' if lost else 'all'} read" if read else f"{name}: nothing read"
+            ] += 1
         except UsageError as error:
             outcomes.counts[f"{name}: refused"] += 1
             message = str(error)

@@ -65,9 +65,11 @@ def test_salvage_of_a_cut_bag_is_its_beginning(tmp_path: Path, kind: str) -> Non
             assert share < 0.6 or "compressed" in kind  # what describes the topics lay in the lost part
             continue
         for topic, [path] in WISH.items():
-            count = len(salvaged[topic].receive)
-            np.testing.assert_array_equal(salvaged[topic].fields[path], truth[topic].fields[path][:count])
-            np.testing.assert_array_equal(salvaged[topic].receive, truth[topic].receive[:count])
+            # sqlite's pages do not lie in the order of the rows, so that some of the last may be missing.
+            there = np.isin(truth[topic].receive, salvaged[topic].receive)
+            assert "sqlite3" in kind or there[: there.sum()].all()
+            np.testing.assert_array_equal(salvaged[topic].fields[path], truth[topic].fields[path][there])
+            np.testing.assert_array_equal(salvaged[topic].receive, truth[topic].receive[there])
         kept.append(sum(one.read for one in salvaged.values()))
     assert kept == sorted(kept, reverse=True)
     assert kept[0] > 0
@@ -96,7 +98,7 @@ def test_an_index_that_does_not_agree_is_told(tmp_path: Path) -> None:
     """A flipped connection number hides a message from its topic; the index knows that it was there."""
     source = written(tmp_path, "ros1", 0.6)
     data = source.read_bytes()
-    spot = data.index(b"conn=", data.index(b"time=")) + 5
+    spot = data.index(b"conn=", data.index(b"op=\x02")) + 5
     source.write_bytes(data[:spot] + b"\x7f" + data[spot + 1 :])
     with pytest.raises(UsageError, match="announces"):
         open_log(source).series({t.name: t.fields for t in open_log(source).topics()})
