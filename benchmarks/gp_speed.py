@@ -52,7 +52,7 @@ except ImportError:
 FloatArray = NDArray[np.float64]
 GRAVITY, CART, POLE, HALF_LENGTH, PUSH, DT = 9.8, 1.0, 0.1, 0.5, 10.0, 0.02
 NOISE_FLOOR = 1e-3
-OURS = "gpsim, default (5 starts)"
+OURS = "gpsim, default (4 starts)"
 
 
 def cartpole_rates(state: FloatArray, force: float, mu: float) -> FloatArray:

@@ -15,6 +15,8 @@ import typer
 from gpsim import __version__
 from gpsim.errors import UsageError
 
+from .export import export_app
+from .import_ import import_command
 from .run import report_command, run_app
 from .stages import add_stages
 
@@ -50,6 +52,8 @@ def _root(
 add_stages(app)
 app.command("report", rich_help_panel="Stages, in order")(report_command)
 app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
+app.command("import", rich_help_panel="Recordings in and out")(import_command)
+app.add_typer(export_app, name="export", rich_help_panel="Recordings in and out")
 
 
 def main() -> None:

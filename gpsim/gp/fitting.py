@@ -29,8 +29,8 @@ class FitSettings:
     """
 
     bounds: Bounds = field(default_factory=Bounds)
-    restarts: int = 2
-    screening_iterations: int = 10
+    restarts: int = 3
+    screening_iterations: int = 20
     max_iterations: int = 500
     minimum_improvement: float = 1e-2
     patience: int = 5
