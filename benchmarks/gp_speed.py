@@ -130,9 +130,9 @@ def large_prediction() -> dict[str, float]:
     inputs, targets = friction_residual(3000, rng)
     hyper = HyperParameters(1.0, np.ones(5), np.full(5, 0.3), 0.1, 0.05)
     predictor, new = Predictor([condition(inputs, targets, hyper)]), inputs[:10]
-    calls = {
-        "mean": partial(predictor.mean, new),
-        "mean and variance": partial(predictor.mean_and_variance, new),
+    calls: dict[str, Callable[[], Any]] = {
+        "mean": lambda: predictor.mean(new),
+        "mean and variance": lambda: predictor.mean_and_variance(new),
     }
     return interleaved(calls, 30, 2)
 
