@@ -58,6 +58,7 @@ def test_help_lists_the_stages_in_order(tmp_path):
         (["collect", "seed=3"], "make it with: gpsim train-source seed=3 variant=source"),
         (["fit-gp", "experiment=cartpole"], "make it with: gpsim"),
         (["build-residuals", "recording=nowhere"], "error: recording=nowhere: no such folder"),
+        (["collect", "collect.source=nowhere.bag"], "error: nowhere.bag: no such file or folder"),
         (["run", "full-loop", "polcy.gamma=1"], "error: no setting 'polcy.gamma'; the top level has:"),
         (["evaluate", "evaluate.policies=[Best]"], "error:"),
     ],

@@ -54,7 +54,7 @@ def import_log(
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
     recording, report, raw = read_logs(sources, mapping, words, salvage)
-    config = {"mapping": raw, "salvage": salvage, "sources": _digests(sources)}
+    config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources)}
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
@@ -159,10 +159,12 @@ def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return {str(key): value for key, value in merged.items()}
 
 
-def _digests(sources: Sequence[Path]) -> dict[str, str]:
+def source_digests(sources: Sequence[Path]) -> dict[str, str]:
     """sha256 of every file read, by its name below the source: the same bytes give the same artifact."""
     out: dict[str, str] = {}
     for number, source in enumerate(sources):
+        if not source.exists():
+            raise UsageError(f"{source}: no such file or folder")
         below = sorted(p for p in source.rglob("*") if p.is_file()) if source.is_dir() else [source]
         for path in below:
             name = path.relative_to(source).as_posix() if source.is_dir() else path.name

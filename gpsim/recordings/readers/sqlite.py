@@ -28,6 +28,7 @@ _FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros2idl": "idl"}
 _TOPICS = ("id", "name", "type", "serialization_format")
 _MESSAGES = ("topic_id", "timestamp", "data")
 _SINGLE_STEPS = 50
+_SMALLEST_ROW = 8
 _LAST_ROW = 2**62
 
 
@@ -127,11 +128,14 @@ class Sqlite:
         query = (
             f"SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? {chosen} ORDER BY rowid"
         )
-        last, failures = -1, 0
+        last, failures, left = -1, 0, 100 + self.size // _SMALLEST_ROW
         with self._open(salvage=ledger.salvage) as base:
             while last < _LAST_ROW:
                 try:
                     for row, topic, stamp, data in base.execute(query, (last,)):
+                        left -= 1
+                        if row <= last or left < 0:
+                            raise sqlite3.DatabaseError(f"row {row} comes behind row {last}")
                         last, failures = row, 0
                         self.where = f"row {row}"
                         if isinstance(data, bytes) and isinstance(stamp, int):

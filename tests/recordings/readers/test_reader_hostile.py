@@ -20,7 +20,7 @@ from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import KINDS as SUFFIXES
-from gpsim.recordings.readers import open_log
+from gpsim.recordings.readers import matlab, open_log
 
 
 def refused(path: Path, salvage: bool = False) -> str:
@@ -98,7 +98,7 @@ def ros1_bag(path: Path, chunks: list[tuple[str, int, bytes]], declared: int | N
 
 
 def test_a_chunk_that_swells_to_gigabytes(tmp_path: Path) -> None:
-    bomb = bz2.compress(bytes(300 << 20))
+    bomb = bz2.compress(bytes(32 << 20))
     for size in (300 << 20, 2**32 - 1, 4096):
         path = ros1_bag(tmp_path / f"bomb{size}.bag", [("bz2", size, bomb)])
         assert "index" in refused(path)
@@ -123,7 +123,7 @@ def mcap_with(path: Path, *records: bytes) -> Path:
 def test_mcap_chunks_that_swell_or_hold_themselves(tmp_path: Path) -> None:
     from backports import zstd
 
-    packed = zstd.compress(bytes(300 << 20))
+    packed = zstd.compress(bytes(64 << 20))
     for size in (300 << 20, 2**62, 100):
         body = struct.pack("<QQQI", 0, 1, size, 0) + text("zstd") + struct.pack("<Q", len(packed)) + packed
         path = mcap_with(tmp_path / f"bomb{size}.mcap", record(6, body))
@@ -262,10 +262,11 @@ def test_a_write_ahead_log_is_not_forgotten(tmp_path: Path) -> None:
     assert "bag.db3-wal" in refused(path)
 
 
-def test_a_matlab_file_that_swells(tmp_path: Path) -> None:
+def test_a_matlab_file_that_swells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     packed = zlib.compress(bytes(1 << 20), 9)
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
     one = struct.pack("<II", 15, len(packed)) + packed
+    monkeypatch.setattr(matlab, "_MAX_BYTES", 8 << 20)
     (tmp_path / "bomb.mat").write_bytes(head + one * 300)
     assert "more than" in refused(tmp_path / "bomb.mat")
 
