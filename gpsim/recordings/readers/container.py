@@ -37,12 +37,15 @@ class Stream:
 class Container(Protocol):
     """A bag file or folder.
 
-    where: the place being read, for messages about damage; distro: the ROS 2 distribution it says it was recorded
-    with, known once `streams` was asked for.
+    distro: the ROS 2 distribution it says it was recorded with, known once `streams` was asked for.
     """
 
-    where: str
     distro: str | None
+
+    @property
+    def where(self) -> str:
+        """The place being read."""
+        ...
 
     def streams(self, ledger: Ledger) -> Sequence[Stream]:
         """The streams, from the index where the file has a sound one, else from a walk through the file."""

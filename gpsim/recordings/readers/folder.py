@@ -42,9 +42,9 @@ class Folder:
 
     path: Path
     openers: Mapping[str, Opener]
-    where: str = METADATA
     distro: str | None = None
     _parts: list[Container] = field(default_factory=list)
+    _part: int = 0
     _compressed: bool = False
     _unpacked: Path | None = None
 
@@ -65,22 +65,31 @@ class Folder:
             raise refusal(self.path, "storage files", f"none of them can be read: {reasons}")
         return self._compare(found, metadata, ledger)
 
+    @property
+    def where(self) -> str:
+        """The place being read in the storage file being read."""
+        return self._parts[self._part].where if self._parts else METADATA
+
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted streams, file by file."""
         for index, part in enumerate(self._parts):
-            base = index << _SHIFT
+            self._part, base = index, index << _SHIFT
             own = [i - base for i in wanted if base <= i < base + (1 << _SHIFT)]
             if not own:
                 continue
-            for identity, stamp, data in part.messages(own, ledger):
-                self.where = part.where
-                if self._compressed:
-                    try:
-                        data = expand_message(data, MAX_MESSAGE)
-                    except DamageError as error:
-                        ledger.lost(error.reason, part.where)
-                        continue
-                yield base + identity, stamp, data
+            found = part.messages(own, ledger)
+            if self._compressed:
+                found = self._expanded(found, ledger)
+            if base:
+                found = ((base + identity, stamp, data) for identity, stamp, data in found)
+            yield from found
+
+    def _expanded(self, messages: Iterator[Message], ledger: Ledger) -> Iterator[Message]:
+        for identity, stamp, data in messages:
+            try:
+                yield identity, stamp, expand_message(data, MAX_MESSAGE)
+            except DamageError as error:
+                ledger.lost(error.reason, self.where)
 
     def _streams_of(self, part: Container, name: str, ledger: Ledger) -> Sequence[Stream]:
         """A storage file's streams; one that cannot be read at all does not keep salvage from the others."""

@@ -37,11 +37,16 @@ class Sqlite:
     """One .db3 file. `where` is the row being read."""
 
     path: Path
-    where: str = "table messages"
     distro: str | None = None
+    _row: int = 0
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
+
+    @property
+    def where(self) -> str:
+        """The row being read."""
+        return f"row {self._row}"
 
     @contextmanager
     def _open(self, *, salvage: bool) -> Iterator[sqlite3.Connection]:
@@ -136,8 +141,8 @@ class Sqlite:
                         left -= 1
                         if row <= last or left < 0:
                             raise sqlite3.DatabaseError(f"row {row} comes behind row {last}")
-                        last, failures = row, 0
-                        self.where = f"row {row}"
+                        self._row = last = row
+                        failures = 0
                         if isinstance(data, bytes) and isinstance(stamp, int):
                             yield topic, stamp, data
                         else:
