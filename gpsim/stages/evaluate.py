@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from safetensors.numpy import save_file
 
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
 from gpsim.channels import FloatArray
@@ -26,7 +25,7 @@ from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import certify, fit_gp, train_gp_policy, train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
-from gpsim.stages.policy_files import read_policy
+from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 
 TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
@@ -167,10 +166,7 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
         ),
     }
     paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
-    save_file(
-        {name: np.ascontiguousarray(path[:8]) for name, path in paths.items()},
-        folder / "rollouts.safetensors",
-    )
+    write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
     for name in ("Source", "GP-Mean", "GP-Sample"):
         distance = divergence(paths[name], paths["Target"], target.state)

@@ -7,7 +7,7 @@ therefore untrusted input: names must be plain identifiers, and what they expand
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -39,15 +39,21 @@ class Decoder:
     store: Typestore
     encoding: str
 
+    @property
+    def decode_raw(self) -> Callable[[bytes, str], object]:
+        """rosbags' function from bytes and type name to a message; raises anything where they do not fit."""
+        ros1 = self.encoding == "ros1"
+        decode: Callable[[bytes, str], object] = (
+            self.store.deserialize_ros1 if ros1 else self.store.deserialize_cdr
+        )
+        return decode
+
     def decode(self, data: bytes) -> object:
         """The message object; DamageError where the bytes do not fit the definition."""
         try:
-            if self.encoding == "ros1":
-                return self.store.deserialize_ros1(data, self.name)
-            return self.store.deserialize_cdr(data, self.name)
-        except (
-            Exception
-        ) as error:  # rosbags lets a dozen kinds through: SerdeError, struct.error, MemoryError ...
+            return self.decode_raw(data, self.name)
+        except Exception as error:
+            # rosbags lets a dozen kinds through: SerdeError, struct.error, TypeError, MemoryError ...
             raise DamageError(f"not a {self.name}: {one_line(error, 120)}") from error
 
 

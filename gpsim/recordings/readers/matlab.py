@@ -27,7 +27,7 @@ _MAX_DEPTH = 8
 
 
 def open_matlab(path: Path, salvage: bool) -> TableLog:
-    """The largest table of a .mat file, named after it, others as name.length; scalars only if nothing else is there."""
+    """The largest table, named after the file, others as name.length; scalars only if there is nothing else."""
     size = regular_file(path)
     try:
         _check_size(path, size)

@@ -29,9 +29,13 @@ def refused(path: Path, salvage: bool = False) -> str:
     watch(path, "hostile", outcomes)
     assert not outcomes.faults
     with deadline(20.0), pytest.raises(UsageError) as caught:
-        log = open_log(path, salvage=salvage)
-        log.series({t.name: t.fields for t in log.topics() if t.fields})
+        read_all(path, salvage)
     return str(caught.value)
+
+
+def read_all(path: Path, salvage: bool) -> None:
+    log = open_log(path, salvage=salvage)
+    log.series({t.name: t.fields for t in log.topics() if t.fields})
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
