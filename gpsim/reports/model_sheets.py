@@ -58,11 +58,21 @@ def one_step_sheet(report: LoopReport) -> Sheet:
             rows.append(row(*cells))
     note = (
         "NRMSE: root mean square error over the pooled range (max - min) of the residual; ± is the standard "
-        "deviation over episodes." + _averaged(report)
+        "deviation over episodes." + _averaged(report) + _outside(report)
     )
     return Sheet(
         "One step: the correction's error on target transitions", tuple(columns), tuple(rows), 2, note
     )
+
+
+def _outside(report: LoopReport) -> str:
+    """How much of what was visited lies where the GPs were taught nothing."""
+    shares = report.summary.get("outside_recording") or {}
+    words = {"policy": "the source policy's", "random": "random", "deployed": "the deployed GP policy's"}
+    said = [
+        f"{whole_percent(share)} of {words.get(name, name)}" for name, share in shares.items() if known(share)
+    ]
+    return f" Transitions outside the range of the GPs' training rows: {', '.join(said)}." if said else ""
 
 
 def _averaged(report: LoopReport) -> str:

@@ -136,6 +136,15 @@ def test_terminal_shows_the_pages_numbers(make_report: Any) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_what_lies_outside_the_recording_is_said(make_report: Any) -> None:
+    report = make_report()
+    assert "outside the range" not in render(report)
+    shares = {"policy": 0.031, "random": 0.4, "deployed": float("nan")}
+    page = render(replace(report, summary={**report.summary, "outside_recording": shares}))
+    assert "training rows: 3 % of the source policy&#39;s, 40 % of random." in page
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_failing_seed_is_shown_and_named(make_report: Any) -> None:
     report = make_report(3)
     report.summary["returns"]["GP-Sample"]["by_seed"][1] = 61.5
