@@ -57,15 +57,12 @@ app.add_typer(export_app, name="export", rich_help_panel="Recordings in and out"
 
 
 def main() -> None:
-    """Entry point: a UsageError is one line and exit code 2, Ctrl-C is exit code 130; neither leaves a traceback."""
+    """Entry point: a UsageError is one line and exit code 2, never a traceback."""
     try:
         app()
     except UsageError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted: finished artifacts are whole, run the same command to carry on", file=sys.stderr)
-        sys.exit(130)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

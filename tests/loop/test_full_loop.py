@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -131,3 +132,38 @@ def test_killed_many_times(tmp_path):
     assert run_loop(tmp_path).returncode == 0
     for path in versions(tmp_path):
         read_artifact(path)
+
+
+def test_ctrl_c_says_how_to_carry_on(tmp_path):
+    process = subprocess.Popen(
+        LOOP, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 120
+    while not versions(tmp_path) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    _, shown = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert shown.splitlines()[-1].startswith("interrupted: finished artifacts are whole")
+    assert "Traceback" not in shown
+    for path in versions(tmp_path):
+        read_artifact(path)
+
+
+def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
+    """A limit on the size of files stands for the disk: the policy's file no longer fits."""
+    command = [sys.executable, "-m", "gpsim.cli.main", "train-source", *TINY]
+    full = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
+    )
+    assert full.returncode == 2
+    assert full.stderr.startswith("error: ")
+    assert "no space left" in full.stderr
+    assert full.stderr.count("\n") == 1
+    assert not list(tmp_path.glob("runs/*/*/*"))
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True, check=False).returncode == 0
