@@ -41,7 +41,7 @@ class Decoder:
 
     @property
     def decode_raw(self) -> Callable[[bytes, str], object]:
-        """rosbags' function from bytes and type name to a message; raises anything where they do not fit."""
+        """From bytes and type name to a message, by rosbags; raises anything where they do not fit."""
         ros1 = self.encoding == "ros1"
         decode: Callable[[bytes, str], object] = (
             self.store.deserialize_ros1 if ros1 else self.store.deserialize_cdr

@@ -38,9 +38,8 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
         raise refusal(path, "header", "MATLAB 7.3 files are HDF5; save it with save(..., '-v7')") from error
     except UsageError:
         raise
-    except (
-        Exception
-    ) as error:  # scipy raises MatReadError, ValueError, TypeError, zlib.error, MemoryError ...
+    except Exception as error:
+        # scipy raises MatReadError, ValueError, TypeError, zlib.error, MemoryError ...
         raise refusal(path, "MATLAB file", f"cannot be read: {one_line(error, 120)}") from error
     tables: dict[int, dict[str, FloatArray]] = {}
     for name, column in _columns(raw):

@@ -150,9 +150,8 @@ class BagLog:
             reading.found += 1
             try:
                 rows = reading.rows(reading.decode(data, reading.stream.type))
-            except (
-                Exception
-            ) as error:  # rosbags lets a dozen kinds through: SerdeError, MemoryError, TypeError ...
+            except Exception as error:
+                # rosbags lets a dozen kinds through: SerdeError, MemoryError, TypeError ...
                 reading.lost += 1
                 where = f"{self._container.where}, message {reading.found}"
                 reason = f"not a {reading.stream.type}: {one_line(error, 120)}"

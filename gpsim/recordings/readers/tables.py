@@ -141,9 +141,8 @@ def open_parquet(path: Path, salvage: bool) -> TableLog:
                 raise DamageError(f"a row group declares more than {_MAX_GROUP} bytes")
             columns = tuple(f.name for f in file.schema_arrow if _is_numeric(f.type))
             rows = file.metadata.num_rows
-    except (
-        Exception
-    ) as error:  # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
+    except Exception as error:
+        # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
         raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
     table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path))
     return TableLog(path, [table], salvage=salvage)
