@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import stats
 
 from gpsim.channels import FloatArray
 
 
 def interquartile_mean(values: FloatArray) -> float:
-    """Mean of the middle half (Agarwal et al. 2021, "Deep RL at the edge of the statistical precipice")."""
-    return float(stats.trim_mean(np.asarray(values, dtype=np.float64).ravel(), 0.25))
+    """Mean of the middle half (Agarwal et al. 2021, "Deep RL at the edge of the statistical precipice").
+
+    As scipy.stats.trim_mean(values, 0.25), which is too slow for the inside of a bootstrap.
+    """
+    flat = np.asarray(values, dtype=np.float64).ravel()
+    cut = flat.size // 4
+    return float(np.partition(flat, (cut, flat.size - cut - 1))[cut : flat.size - cut].mean())
 
 
 def bootstrap_interval(

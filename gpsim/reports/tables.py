@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from textwrap import fill
 
 from rich import box
 from rich.table import Table
@@ -13,6 +14,9 @@ from gpsim.reports.model_sheets import calibration_sheet, one_step_sheet, rollou
 from gpsim.reports.palette import POLICIES, colours
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.sheets import Cell, Sheet
+
+HEADER = 12
+"""Characters a line of a column's head may hold: heads must not make a table wider than a terminal."""
 
 
 def terminal_tables(report: LoopReport) -> list[Table]:
@@ -50,12 +54,16 @@ def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
         title=sheet.title,
         caption=sheet.note or None,
         box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
         title_justify="left",
         caption_justify="left",
     )
     for index, name in enumerate(sheet.columns):
         label = index < sheet.labels
-        table.add_column(name, justify="left" if label else "right", no_wrap=label)
+        table.add_column(
+            name if label else fill(name, HEADER), justify="left" if label else "right", no_wrap=label
+        )
     for cells in sheet.rows:
         table.add_row(*(_text(cell, colour) for cell in cells))
     return table
@@ -63,7 +71,7 @@ def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
 
 def _text(cell: Cell, colour: dict[str, str]) -> Text:
     if cell.below:
-        return Text.assemble(cell.text, (f" ({cell.below})", "dim"))
+        return Text.assemble(cell.text, (f"\n{cell.below}", "dim"))
     if cell.marked:
         return Text(f"{cell.text} !", style="bold red")
     # Target is nearly black in figures: invisible on a dark terminal.

@@ -18,6 +18,9 @@ PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
 
 def test_interquartile_mean_is_the_mean_of_the_middle_half():
     assert interquartile_mean(np.array([0.0, 1, 2, 3, 4, 5, 6, 1000])) == pytest.approx(3.5)
+    for n in (1, 2, 3, 5, 10, 101):
+        values = np.random.default_rng(n).normal(size=n)
+        assert interquartile_mean(values) == pytest.approx(stats.trim_mean(values, 0.25))
 
 
 def test_bootstrap_covers_the_mean_as_often_as_it_says():

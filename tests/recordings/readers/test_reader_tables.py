@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mutations import MUTATIONS, Outcomes, watch
+
+from gpsim.errors import UsageError
+from gpsim.recordings.readers import open_log
+from gpsim.recordings.readers.csv_layout import read_layout
+
+
+def table(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def columns(path: Path, *names: str, salvage: bool = False) -> dict[str, list[float]]:
+    log = open_log(path, salvage=salvage)
+    [topic] = log.topics()
+    series = log.series({topic.name: names or topic.fields})[topic.name]
+    return {name: values.tolist() for name, values in series.fields.items()}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,x\n0,1.5\n1,2.5\n",
+        "# made by hand\n# unit: s\nt,x\n0,1.5\n1,2.5\n",
+        "t;x\n0;1,5\n1;2,5\n",
+        "t\tx\n0\t1.5\n1\t2.5\n",
+        "t x\n0 1.5\n1  2.5\n",
+        "t|x\r\n0|1.5\r\n1|2.5\r\n",
+        '\ufeff"t", "x"\n0, 1.5\n1, 2.5\n\n\n',
+        "# t,x\n0,1.5\n1,2.5",
+    ],
+)
+def test_text_tables_however_they_are_written(tmp_path: Path, text: str) -> None:
+    path = table(tmp_path / "log.csv", text)
+    assert columns(path) == {"t": [0.0, 1.0], "x": [1.5, 2.5]}
+    [topic] = open_log(path).topics()
+    assert (topic.name, topic.count, topic.start, topic.has_header) == ("log", 2, None, False)
+
+
+def test_without_a_header_columns_are_numbered(tmp_path: Path) -> None:
+    assert columns(table(tmp_path / "a.csv", "1,2\n3,4\n")) == {
+        "column_0": [1.0, 3.0],
+        "column_1": [2.0, 4.0],
+    }
+
+
+def test_words_are_no_columns_flags_and_gaps_are(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "t,mode,on,gap,,t\n0,idle,True,1,,9\n1,run,False,,,8\n")
+    log = open_log(path)
+    [topic] = log.topics()
+    assert topic.fields == ("t", "on", "gap", "t.1")
+    series = log.series({"a": topic.fields})["a"]
+    assert series.fields["on"].tolist() == [1.0, 0.0]
+    assert np.isnan(series.fields["gap"][1])
+    assert series.absent == {"gap": 1}
+    assert series.type == "table"
+
+
+def test_a_cell_that_is_no_number_is_told_with_its_line(tmp_path: Path) -> None:
+    path = table(
+        tmp_path / "a.csv", "# c\nt,x\n" + "".join(f"{i},{i}.5\n" for i in range(50)) + "50,oops\n51,51.5\n"
+    )
+    with pytest.raises(UsageError, match=r"line 53, column x: 'oops'.*--salvage"):
+        columns(path)
+    log = open_log(path, salvage=True)
+    series = log.series({"a": ["t", "x"]})["a"]
+    assert series.dropped == {"a cell is not a number": 1}
+    assert series.fields["t"].tolist() == [*range(50), 51]
+
+
+def test_a_cut_last_line_is_told(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "t,x,y\n0,1,2\n1,2,3\n2,3")
+    with pytest.raises(UsageError, match="the last line has 2 of 3 cells"):
+        open_log(path)
+
+
+def test_wrong_columns_and_tables_are_one_line(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "time,angle\n0,1\n1,2\n")
+    with pytest.raises(UsageError, match=r"no numeric column 'angel'; there are: angle"):
+        columns(path, "angel")
+    with pytest.raises(UsageError, match="no table 'b'"):
+        open_log(path).series({"b": ["time"]})
+
+
+def test_no_text_table(tmp_path: Path) -> None:
+    for name, data, says in (
+        ("binary", b"a,b\n1,\x00\n", "byte 6 is zero"),
+        ("endless", b"1" * (1 << 20), "longer than"),
+        ("comments", b"# only\n# this\n", "no table"),
+    ):
+        (tmp_path / f"{name}.csv").write_bytes(data)
+        with pytest.raises(UsageError, match=says):
+            open_log(tmp_path / f"{name}.csv")
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=20),
+    st.sampled_from(",;\t|"),
+)
+def test_numbers_come_back_to_the_last_bit(
+    tmp_path_factory: pytest.TempPathFactory, values: list[float], mark: str
+) -> None:
+    path = tmp_path_factory.mktemp("csv") / "a.csv"
+    table(path, f"i{mark}x\n" + "".join(f"{i}{mark}{value!r}\n" for i, value in enumerate(values)))
+    assert columns(path, "x")["x"] == values
+
+
+def test_the_layout_counts_rows(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "# one\n\nt,x\n" + "0,1\n" * 100_000)
+    layout = read_layout(path)
+    assert (layout.rows, layout.skip, layout.separator) == (100_000, 3, ",")
+    assert len(columns(path, "x")["x"]) == 100_000
+
+
+def test_parquet(tmp_path: Path) -> None:
+    frame = pd.DataFrame({"t": np.arange(5.0), "n": np.arange(5), "ok": [True] * 5, "word": list("abcde")})
+    frame["when"] = pd.to_datetime([1_000_000_000 * i + 500_000_000 for i in range(5)])
+    frame.loc[2, "t"] = np.nan
+    frame.to_parquet(tmp_path / "a.parquet")
+    log = open_log(tmp_path / "a.parquet")
+    [topic] = log.topics()
+    assert topic.fields == ("t", "n", "ok", "when")
+    series = log.series({"a": topic.fields})["a"]
+    assert series.fields["when"].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+    assert series.fields["ok"].sum() == 5
+    assert np.isnan(series.fields["t"]).tolist() == [False, False, True, False, False]
+
+
+def test_damaged_parquet_is_one_line(tmp_path: Path) -> None:
+    whole = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"t": np.random.default_rng(0).normal(size=5000)}), whole)
+    data = whole.read_bytes()
+    outcomes = Outcomes()
+    for number in range(24):
+        rng = np.random.default_rng(number)
+        path = tmp_path / f"d{number}.parquet"
+        path.write_bytes(MUTATIONS[number % len(MUTATIONS)](bytearray(data), rng))
+        watch(path, "parquet", outcomes)
+    assert not outcomes.faults
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_matlab(tmp_path: Path, compressed: bool) -> None:
+    path = tmp_path / "log.mat"
+    held = {
+        "t": np.arange(100.0).reshape(-1, 1),
+        "q": np.arange(200.0).reshape(100, 2),
+        "mass": 95.1,
+        "name": "slide",
+        "run": {"u": np.ones((1, 100))},
+        "short": np.arange(7),
+    }
+    scipy.io.savemat(path, held, do_compression=compressed)
+    log = open_log(path)
+    topics = {topic.name: topic for topic in log.topics()}
+    assert set(topics) == {"log", "log.7"}
+    assert set(topics["log"].fields) == {"t", "q.0", "q.1", "run.u"}
+    series = log.series({"log": ["t", "q.1"]})["log"]
+    np.testing.assert_array_equal(series.fields["q.1"], np.arange(1.0, 200.0, 2.0))
+
+
+def test_damaged_matlab_is_one_line(tmp_path: Path) -> None:
+    whole = tmp_path / "a.mat"
+    scipy.io.savemat(whole, {"t": np.arange(500.0), "x": np.ones((500, 3))}, do_compression=True)
+    data = whole.read_bytes()
+    outcomes = Outcomes()
+    for number in range(24):
+        path = tmp_path / f"d{number}.mat"
+        path.write_bytes(MUTATIONS[number % len(MUTATIONS)](bytearray(data), np.random.default_rng(number)))
+        watch(path, "mat", outcomes)
+    (tmp_path / "hdf.mat").write_bytes(
+        b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(600)
+    )
+    with pytest.raises(UsageError, match="-v7"):
+        open_log(tmp_path / "hdf.mat")
+    assert not outcomes.faults
