@@ -169,7 +169,7 @@ def drive(seconds: float = 1.0, rate: float = 50.0, seed: int = 0) -> dict[str, 
         other = {
             "header": header(when - 5),
             "child_frame_id": "wheel",
-            "transform": {"translation": {"x": float(i)}},
+            "transform": {"translation": {"x": float(i)}, "rotation": {"w": 1.0}},
         }
         covariance = [float(j) for j in range(36)]
         poses.append((receive, stamped))

@@ -24,7 +24,9 @@ def test_a_ros1_bag_and_its_ros2_twin_are_the_same(bags: Path) -> None:
     first, second = ({t.name: t for t in log.topics()} for log in (one, two))
     assert first.keys() == second.keys()
     wanted = {name: [f for f in topic.fields if "header.seq" not in f] for name, topic in first.items()}
-    for name, (a, b) in {n: (one.series(wanted)[n], two.series(wanted)[n]) for n in wanted}.items():
+    ones, twos = one.series(wanted), two.series(wanted)
+    for name in wanted:
+        a, b = ones[name], twos[name]
         assert (a.type, a.read) == (b.type, b.read)
         assert (first[name].count, first[name].start, first[name].end) == (
             second[name].count,
@@ -67,7 +69,7 @@ def test_the_slide_is_a_table_of_24841_rows(real: Path) -> None:
     [topic] = log.topics()
     assert (topic.name, topic.count, set(topic.fields)) == ("DATA_EMPS", 24841, {"t", "qm", "qg", "vir"})
     t = log.series({"DATA_EMPS": ["t"]})["DATA_EMPS"].fields["t"]
-    np.testing.assert_allclose(np.diff(t), 0.001, atol=1e-9)
+    np.testing.assert_allclose(np.diff(t), 0.001, atol=1e-7)
 
 
 def test_every_table_opens_whole(real: Path) -> None:
