@@ -73,7 +73,7 @@ class Bag1:
         with self.path.open("rb") as file:
             source = Source(file, self.size)
             position: int | None = len(MAGIC)
-            while position is not None and position < self.size:
+            while position is not None and position < self.size and not ledger.exhausted:
                 self.where = f"byte {position}"
                 try:
                     record = read_record(source, position)
@@ -105,6 +105,7 @@ class Bag1:
         if end - record.data > MAX_CHUNK:
             raise DamageError(f"a chunk declares {record.size} bytes; the limit is {MAX_CHUNK}")
         data, reason = expand(source.read(record.data, end - record.data), method, size)
+        ledger.expanded(len(data), self.size)
         if reason is not None:
             ledger.lost(reason, self.where)
         return data, end

@@ -57,7 +57,7 @@ def messages_in(
     position: int | None = 0
     source, end = Source(chunk, len(chunk)), len(chunk)
     layout: _Layout | None = None
-    while position is not None and position < end:
+    while position is not None and position < end and not ledger.exhausted:
         if layout is not None:
             position = yield from _run(chunk, position, layout)
             if position >= end:

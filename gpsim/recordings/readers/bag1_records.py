@@ -14,6 +14,7 @@ _U32 = struct.Struct("<I")
 _U64 = struct.Struct("<Q")
 _TIME = struct.Struct("<II")
 _LONGEST_FRONT = 128
+_MOST_TRIES = 20_000
 
 
 @dataclass(frozen=True)
@@ -65,18 +66,26 @@ def read_record(source: Source, start: int) -> Record:
 def next_record(source: Source, start: int, op: int) -> int | None:
     """Offset of the next record of kind `op` at or after `start`, recognised by its header; None without one."""
     mark = struct.pack("<I3sB", 4, b"op=", op)
-    position = start
-    while (found := source.find(mark, position)) >= 0:
-        for front in range(0, min(_LONGEST_FRONT, found - start - 3)):
-            begin = found - front - 4
-            try:
-                record = read_record(source, begin)
-            except DamageError:
-                continue
-            if record.op == op and record.data > found:
-                return begin
+    position, tries = start, 0
+    while (found := source.find(mark, position)) >= 0 and tries < _MOST_TRIES:
+        tries += 1
+        earliest = max(start, found - _LONGEST_FRONT)
+        front = source.read(earliest, found - earliest)
+        for begin in range(len(front) - 4, -1, -1):
+            (length,) = _U32.unpack_from(front, begin)
+            if len(front) - begin + 4 <= length <= 2 * _LONGEST_FRONT and _is_record(
+                source, earliest + begin, op
+            ):
+                return earliest + begin
         position = found + 1
     return None
+
+
+def _is_record(source: Source, start: int, op: int) -> bool:
+    try:
+        return read_record(source, start).op == op
+    except DamageError:
+        return False
 
 
 def number(fields: dict[bytes, bytes], name: bytes, width: int = 4) -> int:

@@ -23,7 +23,8 @@ Types = Mapping[str, tuple[Any, Any]]
 """rosbags' parse tree: type name -> (constants, fields)."""
 
 MAX_DEPTH = 24
-MAX_NODES = 5_000
+MAX_NODES = 2_000
+MAX_NODES_OF_A_LOG = 50_000
 _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*){1,3}", re.ASCII)
 _FIELD_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _IDL_SEPARATOR = "=" * 80 + "\n"
@@ -38,6 +39,7 @@ class Decoder:
     types: Types
     store: Typestore
     encoding: str
+    nodes: int
 
     @property
     def decode_raw(self) -> Callable[[bytes, str], object]:
@@ -84,7 +86,7 @@ def _decoder(stream: Stream, distro: str) -> Decoder:
             f"type {one_line(stream.type, 80)} is not in {source}; name the distribution it belongs to"
         )
     types = _reachable(types, stream.type)
-    check_types(types, stream.type)
+    nodes = check_types(types, stream.type)
     store = get_typestore(Stores.EMPTY)
     try:
         store.register(types)
@@ -97,7 +99,7 @@ def _decoder(stream: Stream, distro: str) -> Decoder:
         raise
     except Exception as error:  # code generation raises NameError, KeyError, RecursionError ... on nonsense
         raise DamageError(f"definition of {stream.type} is not usable: {one_line(error, 120)}") from error
-    return Decoder(stream.type, types, store, stream.encoding)
+    return Decoder(stream.type, types, store, stream.encoding, nodes)
 
 
 def _parse(stream: Stream) -> Types:
@@ -108,9 +110,9 @@ def _parse(stream: Stream) -> Types:
     types: dict[str, tuple[Any, Any]] = dict(_time_types())
     try:
         if stream.format == "msg":
-            types.update(get_types_from_msg(stream.definition, stream.type))
+            types.update(get_types_from_msg(_condensed(stream.definition), stream.type))
         else:
-            for part in _idl_parts(stream.definition):
+            for part in _idl_parts(_condensed(stream.definition)):
                 types.update(get_types_from_idl(part))
     except Exception as error:  # TypesysError, AssertionError, RecursionError, ValueError, KeyError ...
         raise DamageError(f"definition of {stream.type} cannot be parsed: {one_line(error, 80)}") from error
@@ -121,6 +123,14 @@ def _parse(stream: Stream) -> Types:
 def _time_types() -> Types:
     types: Types = get_typestore(Stores.EMPTY).fielddefs
     return types
+
+
+def _condensed(text: str) -> str:
+    """Without empty lines and lines of comment: rosbags' parser needs the square of their number in time."""
+    return (
+        "\n".join(line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#"))
+        + "\n"
+    )
 
 
 def _idl_parts(text: str) -> list[str]:
@@ -148,8 +158,8 @@ def _reachable(types: Types, root: str) -> dict[str, tuple[Any, Any]]:
     return found
 
 
-def check_types(types: Types, root: str) -> None:
-    """Refuse definitions whose names or size rosbags' code generator could not bear; DamageError says which."""
+def check_types(types: Types, root: str) -> int:
+    """Number of fields that a type expands to; DamageError where rosbags' code generator could not bear it."""
     for name, (constants, fields) in types.items():
         if not _TYPE_NAME.fullmatch(name):
             raise DamageError(f"{one_line(name, 80)!r} is not a message type name")
@@ -160,6 +170,7 @@ def check_types(types: Types, root: str) -> None:
     nodes, _ = _size(types, root, sizes, 0)
     if nodes > MAX_NODES:
         raise DamageError(f"{root} expands to {min(nodes, 10**9)} or more fields; the limit is {MAX_NODES}")
+    return nodes
 
 
 def _size(types: Types, name: str, sizes: dict[str, tuple[int, int]], depth: int) -> tuple[int, int]:

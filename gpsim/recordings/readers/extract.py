@@ -32,7 +32,8 @@ class Columns:
     absent: dict[str, int] = field(default_factory=dict)
     _receive: list[int] = field(default_factory=list)
     _rows: list[Row] = field(default_factory=list)
-    _blocks: list[tuple[IntArray, IntArray, FloatArray]] = field(default_factory=list)
+    _stamps: list[tuple[IntArray, IntArray]] = field(default_factory=list)
+    _blocks: list[list[FloatArray]] = field(default_factory=list)
 
     def append(self, receive: int, row: Row) -> None:
         """Add one row: the values in the order of `names`, then the stamp's seconds and nanoseconds."""
@@ -46,33 +47,37 @@ class Columns:
             return
         width = len(self.names) + 2
         flat = np.fromiter(chain.from_iterable(self._rows), dtype=np.float64, count=len(self._rows) * width)
-        table = flat.reshape(-1, width)
-        seconds, nanoseconds = table[:, -2], table[:, -1]
-        known = np.isfinite(seconds)
-        stamp = np.full(len(table), NO_STAMP, dtype=np.int64)
-        stamp[known] = seconds[known].astype(np.int64) * 10**9 + nanoseconds[known].astype(np.int64)
-        self._blocks.append((np.array(self._receive, dtype=np.int64), stamp, table[:, :-2].T.copy()))
+        columns = list(flat.reshape(-1, width).T)
+        known = np.isfinite(columns[-2])
+        stamp = np.full(len(known), NO_STAMP, dtype=np.int64)
+        stamp[known] = columns[-2][known].astype(np.int64) * 10**9 + columns[-1][known].astype(np.int64)
+        self._stamps.append((np.array(self._receive, dtype=np.int64), stamp))
+        if not self._blocks:
+            self._blocks = [[] for _ in self.names]
+        for blocks, column in zip(self._blocks, columns, strict=False):
+            blocks.append(column.copy())
         self._receive.clear()
         self._rows.clear()
 
     def receive_ns(self) -> IntArray:
         """(N,) receive times [ns]."""
         self._flush()
-        return np.concatenate([b[0] for b in self._blocks]) if self._blocks else np.empty(0, dtype=np.int64)
+        return np.concatenate([np.empty(0, dtype=np.int64), *(block[0] for block in self._stamps)])
 
     def stamp_ns(self) -> IntArray:
         """(N,) header stamps [ns]; NO_STAMP where a message has none."""
         self._flush()
-        return np.concatenate([b[1] for b in self._blocks]) if self._blocks else np.empty(0, dtype=np.int64)
+        return np.concatenate([np.empty(0, dtype=np.int64), *(block[1] for block in self._stamps)])
 
     def values(self) -> dict[str, FloatArray]:
-        """Field to (N,) values. Frees the blocks."""
+        """Field to (N,) values; the blocks are freed field by field."""
         self._flush()
-        blocks = [block[2] for block in self._blocks]
-        self._blocks.clear()
-        if not blocks:
-            return {name: np.empty(0) for name in self.names}
-        return {name: np.concatenate([b[i] for b in blocks]) for i, name in enumerate(self.names)}
+        found: dict[str, FloatArray] = {}
+        for i, name in enumerate(self.names):
+            found[name] = np.concatenate([np.empty(0), *(self._blocks[i] if self._blocks else [])])
+            if self._blocks:
+                self._blocks[i] = []
+        return found
 
 
 def row_maker(decoder: Decoder, wanted: Sequence[str], absent: dict[str, int]) -> Rows:

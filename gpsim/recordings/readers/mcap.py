@@ -93,7 +93,7 @@ class Mcap:
         with self.path.open("rb") as file:
             source = Source(file, self.size)
             position: int | None = len(MAGIC)
-            while position is not None and position < self.size:
+            while position is not None and position < self.size and not ledger.exhausted:
                 self.where = f"byte {position}"
                 try:
                     record = read_record(source, position)
@@ -133,6 +133,7 @@ class Mcap:
         if end - begin > MAX_CHUNK:
             raise DamageError(f"a chunk declares {stored} bytes; the limit is {MAX_CHUNK}")
         data, reason = expand(source.read(begin, end - begin), COMPRESSIONS[method], size)
+        ledger.expanded(len(data), self.size)
         if reason is None and checksum and zlib.crc32(data) != checksum:
             reason = "a chunk's checksum does not match: some of its messages are wrong"
         if reason is not None:
@@ -142,7 +143,7 @@ class Mcap:
     def _in_chunk(self, chunk: bytes, walk: _Walk, ledger: Ledger) -> Iterator[Message]:
         position: int | None = 0
         unpack, front, end = _FAST.unpack_from, _FAST.size, len(chunk)
-        while position is not None and position < end:
+        while position is not None and position < end and not ledger.exhausted:
             if position + front <= end:
                 op, size, channel, _, stamp, _ = unpack(chunk, position)
                 after = position + _HEAD + size

@@ -13,6 +13,7 @@ from gpsim.recordings.readers.source import Source
 
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 7, 8, 0x0B
 LAST_OP = 0x0F
+_MOST_TRIES = 200_000
 COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 CHUNK_HEAD = struct.Struct("<QQQI")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -129,8 +130,12 @@ def stream_of(parts: Content, schemas: dict[int, Schema]) -> Stream:
 
 def next_record(source: Source, start: int, channels: Collection[int], *, chunks: bool) -> int | None:
     """Offset of the next believable message (of a known channel) or chunk at or after `start`; None without one."""
+    tries = 0
     for offset, window in source.windows(start, _RECORD.size):
         for match in _START.finditer(window):
+            tries += 1
+            if tries > _MOST_TRIES:
+                return None
             if _believable(source, offset + match.start(), channels, chunks=chunks):
                 return offset + match.start()
     return None

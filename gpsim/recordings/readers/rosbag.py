@@ -13,7 +13,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.container import Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
-from gpsim.recordings.readers.definitions import DISTROS, Decoder, decoder
+from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, decoder
 from gpsim.recordings.readers.extract import NO_STAMP, Columns, Row, Rows, row_maker, seconds
 from gpsim.recordings.readers.fields import PathError, has_sequences, numeric_fields, stamp_path
 
@@ -47,6 +47,7 @@ class BagLog:
         said = container.distro if container.distro in DISTROS else None
         self.distro = distro or said or DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
+        self._nodes = 0
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
 
     @property
@@ -108,7 +109,12 @@ class BagLog:
 
     def _decoder(self, stream: Stream) -> Decoder:
         if stream.id not in self._decoders:
+            if self._nodes > MAX_NODES_OF_A_LOG:
+                raise DamageError(
+                    f"the log's message types have more than {MAX_NODES_OF_A_LOG} fields together"
+                )
             self._decoders[stream.id] = decoder(stream, self.distro)
+            self._nodes += self._decoders[stream.id].nodes
         return self._decoders[stream.id]
 
     def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:

@@ -7,6 +7,7 @@ from typing import BinaryIO
 
 from gpsim.recordings.readers.damage import DamageError
 
+_FIRST = 1 << 12
 _SEARCH = 1 << 20
 
 
@@ -38,7 +39,9 @@ class Source:
         return -1
 
     def windows(self, start: int, overlap: int) -> Iterator[tuple[int, bytes]]:
-        """(offset, bytes) of consecutive pieces of about 1 MiB that overlap by `overlap` bytes."""
+        """(offset, bytes) of consecutive pieces that overlap by `overlap` bytes: first 4 KiB, then up to 1 MiB."""
+        length = _FIRST
         while start < self.size:
-            yield start, self.read(start, min(_SEARCH + overlap, self.size - start))
-            start += _SEARCH
+            yield start, self.read(start, min(length + overlap, self.size - start))
+            start += length
+            length = min(4 * length, _SEARCH)

@@ -20,7 +20,7 @@ from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import KINDS as SUFFIXES
-from gpsim.recordings.readers import matlab, open_log
+from gpsim.recordings.readers import damage, matlab, open_log
 
 
 def refused(path: Path, salvage: bool = False) -> str:
@@ -309,3 +309,45 @@ def test_an_unclosed_ros1_bag(tmp_path: Path) -> None:
     writer.open()
     writer.abort()
     refused(tmp_path / "active.bag")
+
+
+@pytest.mark.parametrize("suffix", [".bag", ".mcap"])
+def test_files_full_of_false_beginnings_end_soon(tmp_path: Path, suffix: str) -> None:
+    """1 MB of marks at which a search for the next record stops, each of them in vain."""
+    start = b"#ROSBAG V2.0\n" if suffix == ".bag" else b"\x89MCAP0\r\n"
+    marks = {
+        "op": struct.pack("<I3sB", 4, b"op=", 5),
+        "header": struct.pack("<I", 60) + struct.pack("<I3sB", 4, b"op=", 2),
+        "empty": struct.pack("<BQ", 5, 0),
+        "short": struct.pack("<BQ", 5, 22) + struct.pack("<HIQQ", 1, 0, 1, 1),
+        "alternate": (struct.pack("<BQ", 5, 22) + struct.pack("<HIQQ", 1, 0, 1, 1) + b"\x00" * 9),
+        "chunk": struct.pack("<BQ", 6, 40)
+        + struct.pack("<QQQI", 0, 1, 10, 0)
+        + bytes(4)
+        + struct.pack("<Q", 0),
+    }
+    for name, mark in marks.items():
+        path = tmp_path / f"{name}{suffix}"
+        path.write_bytes(start + mark * ((1 << 20) // len(mark)))
+        outcomes = Outcomes()
+        watch(path, name, outcomes)
+        assert not outcomes.faults
+
+
+def test_many_chunks_that_swell_end_soon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from backports import zstd
+
+    monkeypatch.setattr(damage, "MAX_EXPANDED", 64 << 20)
+    packed = zstd.compress(record(0x0C, bytes(32 << 20)))
+    body = (
+        struct.pack("<QQQI", 0, 1, (32 << 20) + 9, 0) + text("zstd") + struct.pack("<Q", len(packed)) + packed
+    )
+    path = mcap_with(tmp_path / "many.mcap", *[record(6, body)] * 20)
+    assert "bytes of messages" in refused(path)
+
+
+def test_definitions_that_take_long_to_parse(tmp_path: Path) -> None:
+    for blank in ("\n" * 200_000, " # x\n" * 50_000, "\t\n" * 100_000):
+        path = with_definition(tmp_path / "x.mcap", "a/msg/X", blank + "uint8 y", b"\x07")
+        with deadline(5.0):
+            assert open_log(path).series({"/x": ["y"]})["/x"].fields["y"].tolist() == [7.0] * 3
