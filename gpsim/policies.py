@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -28,7 +29,16 @@ def train_ppo(
     watcher = _Watcher(settings.total_steps, progress)
     # A rollout longer than the whole budget would overshoot it (tiny budgets).
     n_steps = min(settings.n_steps, max(settings.total_steps // settings.n_envs, 2))
-    model = PPO(
+    with warnings.catch_warnings():
+        # A last mini-batch that is smaller than the others is harmless, and tiny budgets have one.
+        warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
+        model = _ppo(env, scale, settings, n_steps, seed)
+    model.learn(settings.total_steps, callback=watcher)
+    return _actor(model, scale), watcher.curve()
+
+
+def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_steps: int, seed: int) -> PPO:
+    return PPO(
         "MlpPolicy",
         _StableBaselinesEnv(env, scale, settings.reward_scale),
         n_steps=n_steps,
@@ -43,8 +53,6 @@ def train_ppo(
         seed=seed,
         device="cpu",
     )
-    model.learn(settings.total_steps, callback=watcher)
-    return _actor(model, scale), watcher.curve()
 
 
 def _linear(start: float, anneal: bool) -> float | Callable[[float], float]:
