@@ -11,14 +11,21 @@ from gpsim.errors import UsageError
 
 Sources = Annotated[
     list[str],
-    typer.Argument(metavar="SOURCE... [KEY=VALUE]...", help="Log files or folders, then settings, as rate=50."),
+    typer.Argument(
+        metavar="SOURCE... [KEY=VALUE]...", help="Log files or folders, then settings, as rate=50."
+    ),
 ]
 Out = Annotated[Path | None, typer.Option("--out", help="The folder to make; it must not exist.")]
 MappingName = Annotated[
-    str | None, typer.Option("--mapping", help="A mapping's name or YAML file; none for columns named as channels.")
+    str | None,
+    typer.Option("--mapping", help="A mapping's name or YAML file; none for columns named as channels."),
 ]
-Inspect = Annotated[bool, typer.Option("--inspect", help="List topics, rates and gaps, and propose a mapping.")]
-Salvage = Annotated[bool, typer.Option("--salvage", help="Import what is readable of a damaged log, and count it.")]
+Inspect = Annotated[
+    bool, typer.Option("--inspect", help="List topics, rates and gaps, and propose a mapping.")
+]
+Salvage = Annotated[
+    bool, typer.Option("--salvage", help="Import what is readable of a damaged log, and count it.")
+]
 
 
 def import_command(

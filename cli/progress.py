@@ -56,7 +56,11 @@ class Board:
         if now - self._spoken.setdefault(job, now) >= SECONDS_BETWEEN_LINES and done < total:
             self._spoken[job] = now
             left = (now - self._started[job]) * (total - done) / max(done, 1)
-            print(f"  {job}: {100 * done // max(total, 1)} %, {left:.0f} s left, {note}", file=sys.stderr, flush=True)
+            print(
+                f"  {job}: {100 * done // max(total, 1)} %, {left:.0f} s left, {note}",
+                file=sys.stderr,
+                flush=True,
+            )
 
     def finish(self, job: str, line: str) -> None:
         """Job `job` is done: say so and drop its bar."""

@@ -11,11 +11,14 @@ from .configuration import as_yaml, resolve
 from .progress import single_progress
 
 Words = Annotated[
-    list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Settings, as experiment=cartpole gp.n_train=500.")
+    list[str] | None,
+    typer.Argument(metavar="[KEY=VALUE]...", help="Settings, as experiment=cartpole gp.n_train=500."),
 ]
 ConfigDir = Annotated[Path | None, typer.Option("--config-dir", help="A folder with your own configs.")]
 ShowConfig = Annotated[bool, typer.Option("--show-config", help="Print the resolved configuration and stop.")]
-Out = Annotated[Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/<stage>/vNNNN.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/<stage>/vNNNN.")
+]
 STAGES = {
     "train-source": "Train a policy in the base simulator (variant=source|randomised|target).",
     "collect": "Record episodes of the target.",
@@ -46,16 +49,16 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
     return command
 
 
-def _run(name: str, config: dict[str, object], words: tuple[str, ...], config_dir: Path | None, out: Path | None) -> None:
+def _run(
+    name: str, config: dict[str, object], words: tuple[str, ...], config_dir: Path | None, out: Path | None
+) -> None:
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
-    from gpsim.stages.registry import STAGES as registered
+    from gpsim.stages import registry
     from gpsim.stages.stage import Request
 
     shown = words + ((f"--config-dir={config_dir}",) if config_dir else ())
     with single_progress(name) as progress:
-        artifact, existed = registered[name].make(Request(config, shown, progress, out))
+        artifact, existed = registry.STAGES[name].make(Request(config, shown, progress, out))
     typer.echo(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
-    for line in registered[name].notes(artifact):
+    for line in registry.STAGES[name].notes(artifact):
         typer.echo(f"  {line}")
-
-

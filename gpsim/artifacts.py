@@ -97,17 +97,23 @@ def read_artifact(path: Path, stage: str | None = None) -> Artifact:
     except FileNotFoundError as error:
         raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
     except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError, OSError) as error:
-        raise UsageError(f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again") from error
+        raise UsageError(
+            f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again"
+        ) from error
     if stage is not None and made_by != stage:
         raise UsageError(f"{path}: made by '{made_by}', expected an artifact of '{stage}'")
     recorded = manifest.pop("sha256", None)
     if recorded != hashlib.sha256(canonical(manifest)).hexdigest():
-        raise UsageError(f"{path / MANIFEST}: changed after it was written; delete the folder and make it again")
+        raise UsageError(
+            f"{path / MANIFEST}: changed after it was written; delete the folder and make it again"
+        )
     actual = folder_digests(path)
     for name in sorted(set(expected) | set(actual)):
         if expected.get(name) != actual.get(name):
             problem = "missing" if name not in actual else "added" if name not in expected else "changed"
-            raise UsageError(f"{path / name}: {problem} after it was written; delete the folder and make it again")
+            raise UsageError(
+                f"{path / name}: {problem} after it was written; delete the folder and make it again"
+            )
     return Artifact(path, manifest, str(recorded))
 
 
@@ -143,7 +149,12 @@ class Store:
         return None
 
     def publish(
-        self, recipe: Recipe, write: Callable[[Path], Json | None], *, out: Path | None = None, number: int | None = None
+        self,
+        recipe: Recipe,
+        write: Callable[[Path], Json | None],
+        *,
+        out: Path | None = None,
+        number: int | None = None,
     ) -> Artifact:
         """Run `write(folder)` in a temporary folder, seal it with a manifest and rename it into place.
 
@@ -196,7 +207,8 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
         "config": recipe.config,
         "seeds": recipe.seeds,
         "parents": {
-            role: {"stage": parent.stage, "sha256": parent.digest} for role, parent in sorted(recipe.parents.items())
+            role: {"stage": parent.stage, "sha256": parent.digest}
+            for role, parent in sorted(recipe.parents.items())
         },
         "packages": package_versions(),
         "git_commit": git_commit(),
@@ -205,7 +217,9 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
     digest = hashlib.sha256(canonical(manifest)).hexdigest()
     write_json(folder / MANIFEST, manifest | {"sha256": digest})
     lineage = {role: str(parent.path) for role, parent in sorted(recipe.parents.items())}
-    write_json(folder / TIMINGS, {"finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "parents": lineage} | facts)
+    write_json(
+        folder / TIMINGS, {"finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "parents": lineage} | facts
+    )
     for path in sorted(folder.rglob("*")):
         _fsync(path)
     _fsync(folder)
@@ -265,8 +279,12 @@ def _disk_errors(shelf: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise UsageError(f"{shelf}: no space left on the device; finished artifacts are whole, free space and run again") from error
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise UsageError(
+                f"{shelf}: no space left on the device; finished artifacts are whole, free space and run again"
+            ) from error
         if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.EEXIST):
-            raise UsageError(f"{shelf}: cannot write here ({error.strerror}); choose another runs_dir") from error
+            raise UsageError(
+                f"{shelf}: cannot write here ({error.strerror}); choose another runs_dir"
+            ) from error
         raise

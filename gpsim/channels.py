@@ -77,7 +77,7 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
 
 
 def difference(after: FloatArray, before: FloatArray, channels: Channels) -> FloatArray:
-    """after - before, (..., C), the short way round for channels that wrap."""
+    """After - before, (..., C), the short way round for channels that wrap."""
     delta = np.asarray(after - before, dtype=np.float64)
     if channels.wraps.any():
         delta[..., channels.wraps] = wrap_angle(delta[..., channels.wraps])

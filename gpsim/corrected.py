@@ -23,7 +23,9 @@ class RateCorrection(Protocol):
         """The memory of `count` new episodes."""
         ...
 
-    def rates(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+    def rates(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """(B, R): added to the base rates."""
         ...
 
@@ -41,11 +43,13 @@ class GpCorrection:
     prediction: Prediction
     sample_noise: bool
 
-    def begin(self, count: int, rng: np.random.Generator) -> Memory:  # noqa: ARG002 - the protocol's signature
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Draws are independent from step to step: nothing to remember."""
         return {}
 
-    def rates(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+    def rates(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """(B, R) correction of the rates."""
         inputs = self.features(np.hstack([state, action]))
         if self.prediction == "mean":
@@ -66,7 +70,9 @@ class CorrectedPlant(SimulatorPlant):
         """The correction's memory."""
         return self.correction.begin(count, rng)
 
-    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """One control step with action and correction held."""
         extra = self.correction.rates(state, action, memory, rng)
         return self.simulator.integrate(

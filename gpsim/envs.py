@@ -56,7 +56,7 @@ class Episodes:
         self.steps[rows] = 0
 
 
-class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, FloatArray]):
+class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, Any]):
     """A Gymnasium VectorEnv whose episodes step as one NumPy batch and restart within the same step."""
 
     def __init__(self, plant: Plant, task: Task, count: int, seed: int) -> None:
@@ -68,7 +68,7 @@ class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, FloatArray]):
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
         self.episodes = Episodes(plant, task, count, np.random.default_rng(seed))
 
-    def reset(  # type: ignore[override]
+    def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start every episode anew; `options={"states": (B, S)}` sets the initial states."""

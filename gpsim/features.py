@@ -33,8 +33,12 @@ class Features:
         for name in names:
             match = _TERM.fullmatch(name.replace(" ", ""))
             function = match.group(1) if match else None
-            if match is None or (function is not None and (function not in _FUNCTIONS or not name.endswith(")"))):
-                raise UsageError(f"gp.inputs: '{name}' is neither a channel nor one of sign, sin, cos of a channel")
+            if match is None or (
+                function is not None and (function not in _FUNCTIONS or not name.endswith(")"))
+            ):
+                raise UsageError(
+                    f"gp.inputs: '{name}' is neither a channel nor one of sign, sin, cos of a channel"
+                )
             columns.append(channels.index(match.group(2)))
             functions.append(function)
         if not columns:

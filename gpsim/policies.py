@@ -38,7 +38,9 @@ class PpoSettings:
     ent_coef: float = 0.0
     hidden: Sequence[int] = (64, 64)  # tanh units, for the actor and for the critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
-    reward_scale: float = 1.0  # rewards are multiplied by it while training; a critic learns small targets faster
+    reward_scale: float = (
+        1.0  # rewards are multiplied by it while training; a critic learns small targets faster
+    )
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,9 @@ class LearningCurve:
     episodes: NDArray[np.int64]
 
 
-def train_ppo(env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress) -> tuple[Policy, LearningCurve]:
+def train_ppo(
+    env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress
+) -> tuple[Policy, LearningCurve]:
     """Train on one torch thread (two are no faster for networks of this size) and return plain arrays."""
     torch.set_num_threads(1)
     size = env.single_observation_space.shape[0]  # type: ignore[index]
@@ -162,5 +166,5 @@ class _StableBaselinesEnv(VecEnv):
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
         raise AttributeError(f"a batched environment has no method '{method_name}' of its own episodes")
 
-    def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:  # noqa: ARG002
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:
         return [False] * self.num_envs

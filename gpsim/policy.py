@@ -35,7 +35,7 @@ class Policy:
             hidden = hidden @ self.weights[f"layer.{layer}.weight"].T + self.weights[f"layer.{layer}.bias"]
             if layer < last:
                 hidden = np.tanh(hidden)
-        return hidden
+        return np.asarray(hidden)
 
     def act(self, observations: NDArray[np.float32], rng: np.random.Generator | None = None) -> Actions:
         """(B,) actions: the most probable one, or drawn from the policy's distribution when `rng` is given."""
@@ -47,11 +47,17 @@ class Policy:
     def to_arrays(self) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
         """Arrays and JSON-able metadata for disk."""
         layers = len(self.weights) // 2
-        return {**self.weights, "scale": self.scale}, {"format": FORMAT, "layers": layers, "activation": "tanh"}
+        return {**self.weights, "scale": self.scale}, {
+            "format": FORMAT,
+            "layers": layers,
+            "activation": "tanh",
+        }
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> Policy:
         """The inverse of `to_arrays`; raises UsageError for another format."""
         if metadata.get("format") != FORMAT or len(arrays) != 2 * int(metadata.get("layers", 0)) + 1:
-            raise UsageError(f"not a policy of format {FORMAT}: {metadata.get('format')!r}, {len(arrays)} arrays")
+            raise UsageError(
+                f"not a policy of format {FORMAT}: {metadata.get('format')!r}, {len(arrays)} arrays"
+            )
         return cls({k: v for k, v in arrays.items() if k != "scale"}, arrays["scale"])

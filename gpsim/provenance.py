@@ -8,7 +8,17 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-PACKAGES = ("gpsim", "gymnasium", "numpy", "pandas", "pyarrow", "rosbags", "scipy", "stable-baselines3", "torch")
+PACKAGES = (
+    "gpsim",
+    "gymnasium",
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "rosbags",
+    "scipy",
+    "stable-baselines3",
+    "torch",
+)
 
 
 @cache

@@ -58,12 +58,16 @@ def build_residuals(
     check_match(recording, simulator)
     transitions = recording.transitions()
     check_varies(recording)
-    predicted = simulator.step(transitions.states, transitions.actions, parameters, transitions.dt, integrator)
+    predicted = simulator.step(
+        transitions.states, transitions.actions, parameters, transitions.dt, integrator
+    )
     test = held_out_rows(recording, transitions, test_fraction)
     order = np.full(len(transitions), -1, dtype=np.int64)
     training = np.flatnonzero(~test)
     if not training.size:
-        raise UsageError("no transitions are left for training: hold out fewer episodes (residuals.test_fraction)")
+        raise UsageError(
+            "no transitions are left for training: hold out fewer episodes (residuals.test_fraction)"
+        )
     order[rng.permutation(training)] = np.arange(training.size)
     return Residuals(
         channels=simulator.state + simulator.action,
@@ -99,7 +103,7 @@ def check_varies(recording: Recording) -> None:
     if constant.size:
         column = int(constant[0])
         first, last = recording.episodes[0].name, recording.episodes[-1].name
-        value = f"{rows[0, column]:g}" if len(rows) else "absent"
+        value = f"{rows[0, column] + 0.0:g}" if len(rows) else "absent"
         raise UsageError(
             f"channel {channels[column]} is constant ({value}) from episode {first}, row 0 to episode {last}, "
             f"row {len(recording.episodes[-1])}: check the sensor, or record data in which it moves"

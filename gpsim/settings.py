@@ -67,7 +67,9 @@ def _checked(value: Any, hint: Any, where: str) -> Any:
     if hint is int:
         return _expect(value, isinstance(value, int) and not isinstance(value, bool), "a whole number", where)
     if hint is float:
-        return float(_expect(value, isinstance(value, int | float) and not isinstance(value, bool), "a number", where))
+        return float(
+            _expect(value, isinstance(value, int | float) and not isinstance(value, bool), "a number", where)
+        )
     if hint is str:
         return _expect(value, isinstance(value, str), "a text", where)
     if origin is not None and issubclass(origin, Mapping):

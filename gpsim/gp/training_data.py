@@ -115,9 +115,8 @@ class TrainingData:
     def of(inputs: FloatArray, targets: FloatArray, average_replicates: bool) -> TrainingData:
         """From standardised rows (N, D) and (N,); distinct inputs keep the order of first appearance."""
         if average_replicates:
-            # + 0.0 turns -0.0 into 0.0: equal inputs must fall into one group.
             _, first, group, counts = np.unique(
-                inputs + 0.0, axis=0, return_index=True, return_inverse=True, return_counts=True
+                inputs, axis=0, return_index=True, return_inverse=True, return_counts=True
             )
             if counts.max() > 1:
                 return _averaged(inputs, targets, first, group.reshape(-1), counts)

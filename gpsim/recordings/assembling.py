@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray, wrap_angle
+from gpsim.channels import FloatArray, wrap_angle
 from gpsim.recordings import episodes as where
 from gpsim.recordings import resample, velocities
 from gpsim.recordings.episodes import Interval
@@ -86,7 +86,8 @@ def _stages(
         values = flag.fields[mapping.episodes.field or ""]
         if mapping.episodes.by == "flag":
             pieces = where.flagged(flag.t, values == mapping.episodes.equals, end)
-            reason = f"{mapping.episodes.field} of {flag.topic} is not {mapping.episodes.equals:g}"
+            topic = "" if flag.topic in state else f" of {flag.topic}"
+            reason = f"{mapping.episodes.field}{topic} is not {mapping.episodes.equals:g}"
         else:
             pieces, reason = (
                 where.constant_pieces(flag.t, values),
@@ -123,7 +124,7 @@ def _interval(track: Track) -> float:
 
 def grid(piece: Interval, reference: Track, rate: float | None) -> FloatArray:
     """Times of an episode: the reference's own stamps, or even steps from its first stamp in the piece."""
-    own = reference.t[(reference.t >= piece[0]) & (reference.t <= piece[1])]
+    own = reference.t[where.inside(reference.t, [piece])]
     if rate is None or not len(own):
         return own
     steps = int(np.floor((piece[1] - own[0]) * rate + 1e-6))
@@ -169,7 +170,7 @@ def _filtered(
     derivative: bool,
 ) -> FloatArray:
     """Smooth (and differentiate) the piece at the source's own rate, then read it at the grid."""
-    rows = np.flatnonzero(_within(track.t, piece))
+    rows = np.flatnonzero(where.inside(track.t, [piece]))
     t, values = track.t[rows], samples(source, track, rows)
     even = velocities.even_grid(t)
     on_even = resample.linear(even, t, values)
@@ -180,12 +181,6 @@ def _filtered(
         else velocities.smoothed(on_even, smoothing)
     )
     return resample.linear(at, even, made)
-
-
-def _within(t: FloatArray, piece: Interval) -> BoolArray:
-    slack = 1e-9 * max(1.0, abs(piece[1]))
-    inside: BoolArray = (t >= piece[0] - slack) & (t <= piece[1] + slack)
-    return inside
 
 
 def _command(source: ChannelSource, track: Track, at: FloatArray, mapping: ImportMapping) -> FloatArray:

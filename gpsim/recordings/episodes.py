@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.recordings.mapping import HeldOutRule
 from gpsim.recordings.recording import Episode, HeldOut
+from gpsim.recordings.resample import TOLERANCE
 
 Interval = tuple[float, float]
 
@@ -81,8 +82,8 @@ def inside(t: FloatArray, intervals: Sequence[Interval]) -> BoolArray:
     if not intervals:
         return np.zeros(len(t), dtype=np.bool_)
     starts, ends = np.array(intervals).T
-    index = np.searchsorted(starts, t, side="right") - 1
-    found: NDArray[np.bool_] = (index >= 0) & (t <= ends[np.clip(index, 0, None)])
+    index = np.searchsorted(starts - TOLERANCE, t, side="right") - 1
+    found: NDArray[np.bool_] = (index >= 0) & (t <= ends[np.clip(index, 0, None)] + TOLERANCE)
     return found
 
 

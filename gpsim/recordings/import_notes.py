@@ -91,7 +91,10 @@ def warnings_of(mapping: ImportMapping, recording: Recording, built: Sequence[As
 
 def origins(counts: Sequence[EpisodeCount]) -> dict[str, Any]:
     """Episode name -> the log it is from and where it starts there."""
-    return {count.name: {"log": count.source, "start_s": round(count.start, 6)} for count in counts}
+    return {
+        count.name: {"log": count.source, "epoch_s": count.epoch, "start_s": round(count.start, 9)}
+        for count in counts
+    }
 
 
 def mapping_metadata(mapping: ImportMapping) -> dict[str, Any]:

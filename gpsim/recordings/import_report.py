@@ -43,13 +43,14 @@ class TopicCount:
 
 @dataclass(frozen=True)
 class EpisodeCount:
-    """One episode: name, the log it is from, start on that log's clock [s], duration [s], transitions."""
+    """One episode: name, the log it is from, start after `epoch` on that log's clock [s], duration [s]."""
 
     name: str
     source: str
     start: float
     duration: float
     transitions: int
+    epoch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,12 @@ class ImportReport:
     def summed(self) -> tuple[TopicCount, ...]:
         """The topics with the logs added up."""
         groups: dict[tuple[str, str, str], list[TopicCount]] = {}
-        for count in self.topics:
-            groups.setdefault((count.topic, count.type, count.clock), []).append(count)
-        return tuple(_sum(group) for group in groups.values())
+        sources = {count.source for count in self.topics}
+        alone = len(sources) == len(self.topics) and len({count.topic for count in self.topics}) > 1
+        for count in self.topics:  # tables are called as their files: add up what is alone in its log
+            topic = f"the table of each of {len(sources)} logs" if alone else count.topic
+            groups.setdefault((topic, count.type, count.clock), []).append(count)
+        return tuple(_sum(topic, group) for (topic, _, _), group in groups.items())
 
     def as_metadata(self) -> dict[str, Any]:
         """Plain numbers for recording.yaml."""
@@ -93,13 +97,13 @@ class ImportReport:
         }
 
 
-def _sum(group: Sequence[TopicCount]) -> TopicCount:
+def _sum(topic: str, group: Sequence[TopicCount]) -> TopicCount:
     first = group[0]
     delays = [count.delay for count in group if count.delay is not None]
     middle = delays[len(delays) // 2] if delays else None
     return TopicCount(
         source=first.source if len(group) == 1 else f"{len(group)} logs",
-        topic=first.topic,
+        topic=topic,
         type=first.type,
         clock=first.clock,
         read=sum(c.read for c in group),
@@ -149,8 +153,8 @@ def _topic_table(counts: Sequence[TopicCount]) -> Table:
             middle, low, high = (1e3 * value for value in count.delay)
             odd.append(f"(received {middle:.1f} ms after its stamp, 5-95 %: {low:.1f} to {high:.1f})")
         table.add_row(
-            count.topic, count.clock, str(count.read), str(count.kept), str(sum(count.dropped.values())),
-            ", ".join(why) + (" " if why and odd else "") + " ".join(odd),
+            Text(count.topic), Text(count.clock), str(count.read), str(count.kept), str(sum(count.dropped.values())),
+            Text(", ".join(why) + (" " if why and odd else "") + " ".join(odd)),
         )  # fmt: skip
     return table
 
@@ -168,7 +172,7 @@ def _episode_table(report: ImportReport) -> RenderableType:
     for name in ("start [s]", "duration [s]", "transitions"):
         table.add_column(name, justify="right")
     for e in episodes:
-        table.add_row(e.name, e.source, f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions))
+        table.add_row(e.name, Text(e.source), f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions))
     return table
 
 
@@ -180,9 +184,14 @@ def _lag_lines(report: ImportReport) -> list[str]:
                 f"lag of {lag.command}: these data cannot tell it (best correlation {lag.correlation:.2f})"
             )
             continue
+        when = (
+            f"follows {1e3 * lag.lag:.0f} ms later" if lag.lag >= 0 else f"leads by {-1e3 * lag.lag:.0f} ms"
+        )
+        why = "clock offset and the system's own delay together"
+        if lag.lag < 0:
+            why = "the command follows the state (feedback), or its stamps are late"
         lines.append(
-            f"lag of {lag.command}: {lag.response} follows {1e3 * lag.lag:.0f} ms later (correlation "
-            f"{lag.correlation:.2f}); clock offset and the system's own delay together"
+            f"lag of {lag.command}: {lag.response} {when} (correlation {lag.correlation:.2f}); {why}"
         )
     if report.applied:
         shifts = ", ".join(f"{topic} {1e3 * value:+.1f} ms" for topic, value in report.applied.items())

@@ -113,7 +113,7 @@ def _numbered(
                 )
             episodes.append(Episode(name, t, episode.states, episode.actions))
             length = float(episode.t[-1] - episode.t[0])
-            counts.append(EpisodeCount(name, part.name, start, length, len(episode)))
+            counts.append(EpisodeCount(name, part.name, start, length, len(episode), part.epoch))
     return tuple(episodes), tuple(counts), session
 
 

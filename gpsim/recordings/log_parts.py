@@ -53,17 +53,18 @@ def read_parts(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> l
 
 def _whole_log(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> list[Part]:
     bound, flag_topic, series = _read(named, mapping)
-    pieces = _unbroken(named.name, series, bound)
+    log_epoch = 1e-9 * named.log.epoch_ns
+    pieces = _unbroken(named.name, series, bound, log_epoch)
     parts = []
     for number, piece in enumerate(pieces):
         name = named.name if len(pieces) == 1 else f"{named.name} [{number + 1}]"
         bad = {topic: inspect(name, one, bound) for topic, one in piece.items()}
         state = {s.topic for s in bound.state if s.derivative_of is None}
-        tracks = {t: build_track(one, bad[t], bound, t in state, name) for t, one in piece.items()}
+        tracks = {t: build_track(one, bad[t], bound, t in state, name, log_epoch) for t, one in piece.items()}
         first = [float(track.t[0]) for track in tracks.values() if len(track.t)]
         epoch = float(np.floor(min(first))) if first else 0.0
         tracks = {topic: track.shifted(-epoch) for topic, track in tracks.items()}
-        parts.append(Part(name, bound, tracks, tracks[flag_topic] if flag_topic else None, epoch))
+        parts.append(Part(name, bound, tracks, tracks[flag_topic] if flag_topic else None, log_epoch + epoch))
     return parts
 
 
@@ -88,24 +89,22 @@ def _read(named: NamedLog, mapping: ImportMapping) -> tuple[ImportMapping, str |
     return bound, flag_topic, named.log.series(wanted)
 
 
-def _unbroken(name: str, series: Mapping[str, Series], mapping: ImportMapping) -> list[Mapping[str, Series]]:
+def _unbroken(
+    name: str, series: Mapping[str, Series], mapping: ImportMapping, epoch: float
+) -> list[Mapping[str, Series]]:
     """Cut a single table where its clock was set back; with several topics nobody can tell what is whose."""
     for topic, one in series.items():
         choice = mapping.clock.topics.get(topic, mapping.clock.stamps)
-        t, _ = stamps(one, mapping.time, choice, name)
+        t, _ = stamps(one, mapping.time, choice, name, epoch)
         finite = np.flatnonzero(np.isfinite(t))
-        jumps = set(clock.jumping(t[finite], mapping.checks.jump).tolist())
-        sound = np.array([row for i, row in enumerate(finite.tolist()) if i not in jumps], dtype=np.int64)
-        cuts = [int(sound[i]) for i in clock.restarts(t[sound])]
+        sound = np.delete(finite, clock.jumping(t[finite], mapping.checks.jump))
+        cuts = sound[clock.restarts(t[sound])].tolist()
         if not cuts:
             continue
         if len(series) > 1:
-            back = float(
-                np.max(t[sound][t[sound] <= np.inf][: int(np.searchsorted(sound, cuts[0]))]) - t[cuts[0]]
-            )
             raise UsageError(
-                f"{name}: the clock of {topic} was set back by {back:.3g} s at row {cuts[0]}; choose another "
-                f"clock with clock.topics, or split the log there"
+                f"{name}: the clock of {topic} was set back at row {cuts[0]}; choose another clock with "
+                "clock.topics, or split the log there"
             )
         edges = [0, *cuts, len(t)]
         return [{topic: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]

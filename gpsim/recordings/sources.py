@@ -18,12 +18,18 @@ MOST = 10_000  # files below one folder; more is a mistaken path
 Opener = Callable[[Path], RawLog]
 
 
-@dataclass(frozen=True)
+@dataclass
 class FolderLog:
     """The tables of one folder as the topics of one log, each named by its file without the ending."""
 
     files: Mapping[str, Path]
     opener: Opener
+    epoch_ns: int = 0
+
+    @property
+    def losses(self) -> Mapping[str, int]:
+        """Tables lose rows, which the series count."""
+        return {}
 
     def topics(self) -> Sequence[Topic]:
         """One topic a file."""

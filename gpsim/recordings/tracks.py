@@ -38,9 +38,9 @@ class Track:
 
 
 def stamps(
-    series: Series, time: TimeColumns | None, choice: StampChoice, where: str
+    series: Series, time: TimeColumns | None, choice: StampChoice, where: str, epoch: float = 0.0
 ) -> tuple[FloatArray, str]:
-    """The stamps (N,) s of every row and the clock they are of, in words."""
+    """The stamps (N,) s of every row and the clock they are of, in words; epoch: the log's, in s."""
     count = len(series.receive)
     if time is not None:
         if time.step is not None:
@@ -51,7 +51,9 @@ def stamps(
             return series.fields[time.seconds] + fine, f"column {parts}"
         assert time.field is not None
         return time.scale * series.fields[time.field], f"column {time.field}"
-    unset = series.header is None or not np.any(series.header > 0)
+    if series.header is None and count and not np.any(np.isfinite(series.receive)):
+        raise UsageError(f"{where}: a table has no clock; name its time column, as time.field=t")
+    unset = _never_set(series, epoch)
     if choice == "header" and unset:
         why = "has no header" if series.header is None else "never sets its header stamp"
         raise UsageError(f"{where}: {series.topic} {why}; use clock.topics with {series.topic}: receive")
@@ -65,14 +67,19 @@ def stamps(
 
 
 def build_track(
-    series: Series, bad: Mapping[str, IntArray], mapping: ImportMapping, is_state: bool, where: str
+    series: Series,
+    bad: Mapping[str, IntArray],
+    mapping: ImportMapping,
+    is_state: bool,
+    where: str,
+    epoch: float = 0.0,
 ) -> Track:
     """Choose the stamps, leave out the `bad` rows (by reason), put the rest in order.
 
     Raises UsageError when nothing is left or a chosen clock does not exist.
     """
     choice = mapping.clock.topics.get(series.topic, mapping.clock.stamps)
-    t, clock = stamps(series, mapping.time, choice, where)
+    t, clock = stamps(series, mapping.time, choice, where, epoch)
     keep = np.ones(len(t), dtype=np.bool_)
     dropped = dict(series.dropped)
     for reason, rows in (*bad.items(), ("stamp not finite", np.flatnonzero(~np.isfinite(t)))):
@@ -96,12 +103,17 @@ def build_track(
         read=len(t) + sum(series.dropped.values()),
         dropped=dropped | dict(ordered.dropped),
         noticed=ordered.noticed,
-        delay=_delay(series),
+        delay=_delay(series, epoch),
     )
 
 
-def _delay(series: Series) -> tuple[float, float, float] | None:
-    if series.header is None or not len(series.header) or not np.any(series.header > 0):
+def _never_set(series: Series, epoch: float) -> bool:
+    """Whether the messages have no stamp of their own, or one that is 0 in all of them."""
+    return series.header is None or not np.any(series.header + epoch > 1e-6)
+
+
+def _delay(series: Series, epoch: float) -> tuple[float, float, float] | None:
+    if series.header is None or _never_set(series, epoch):
         return None
     late = series.receive - series.header
     late = late[np.isfinite(late)]

@@ -59,7 +59,7 @@ def _panel(panel: Axes, recording: Recording, starts: FloatArray, row: int) -> N
         if row < states:
             values = episode.states[:, row]
             wraps = bool(recording.state.wraps[row])
-            panel.plot(*_thinned(*_broken(t, values, wraps)), color=STATE_COLOUR, linewidth=0.8)
+            panel.plot(*_broken(*_thinned(t, values), wraps), color=STATE_COLOUR, linewidth=0.8)
         else:
             values = episode.actions[:, row - states]
             x, y = np.repeat(t, 2)[1:-1], np.repeat(values, 2)
@@ -98,7 +98,7 @@ def _thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]
         return t, values
     size = -(-len(t) // (MOST_POINTS // 2))
     runs = len(t) // size
-    block = np.nan_to_num(values[: runs * size].reshape(runs, size), nan=0.0)
+    block = values[: runs * size].reshape(runs, size)
     picks = np.stack([block.argmin(axis=1), block.argmax(axis=1)], axis=1)
     rows = np.sort(picks, axis=1) + size * np.arange(runs)[:, None]
     chosen = np.unique(np.concatenate([rows.ravel(), [len(t) - 1]]))

@@ -42,14 +42,14 @@ class CartPole(MechanicalSimulator):
     ) -> FloatArray:
         """Accelerations (B, 2): the two by two mass matrix solved in closed form."""
         g, m = parameters["gravity"], parameters["pole_mass"]
-        l, total = parameters["pole_half_length"], parameters["cart_mass"] + parameters["pole_mass"]
+        half, total = parameters["pole_half_length"], parameters["cart_mass"] + parameters["pole_mass"]
         sin, cos = np.sin(state[:, 2]), np.cos(state[:, 2])
-        push = action[:, 0] + m * l * state[:, 3] ** 2 * sin
-        turn = m * g * l * sin
+        push = action[:, 0] + m * half * state[:, 3] ** 2 * sin
+        turn = m * g * half * sin
         if forces is not None:
             push, turn = push + forces[:, 0], turn + forces[:, 1]
-        # [total, m l cos; m l cos, 4/3 m l^2] (x_acc, theta_acc) = (push, turn)
-        m11, m12, m22 = total, m * l * cos, 4.0 / 3.0 * m * l**2
+        # [total, m half cos; m half cos, 4/3 m half^2] (x_acc, theta_acc) = (push, turn)
+        m11, m12, m22 = total, m * half * cos, 4.0 / 3.0 * m * half**2
         determinant = m11 * m22 - m12**2
         x_acc = (m22 * push - m12 * turn) / determinant
         theta_acc = (m11 * turn - m12 * push) / determinant

@@ -37,7 +37,9 @@ class Plant(Protocol):
         """The memory of `count` new episodes."""
         ...
 
-    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """(B, S): the next state; `memory` is changed in place."""
         ...
 
@@ -67,11 +69,13 @@ class SimulatorPlant:
         """The simulator's action channels."""
         return self.simulator.action
 
-    def begin(self, count: int, rng: np.random.Generator) -> Memory:  # noqa: ARG002 - the protocol's signature
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Nothing to remember."""
         return {}
 
-    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """One control step with the action held."""
         dt = np.full(len(state), self.dt)
         return self.simulator.step(state, action, self.parameters, dt, self.integrator)
@@ -94,7 +98,9 @@ class RandomisedPlant(SimulatorPlant):
             for name, value in self.parameters.items()
         }
 
-    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """One control step under each episode's own parameters."""
         dt = np.full(len(state), self.dt)
         return self.simulator.step(state, action, memory, dt, self.integrator)

@@ -92,7 +92,9 @@ class Simulator(ABC):
                 )
         return {name: float(given.get(name, p.default)) for name, p in self.parameters.items()}
 
-    def integrate(self, state: FloatArray, rates_of: RateFunction, dt: FloatArray, integrator: Integrator) -> FloatArray:
+    def integrate(
+        self, state: FloatArray, rates_of: RateFunction, dt: FloatArray, integrator: Integrator
+    ) -> FloatArray:
         """One step of dt (B,) s; `rates_of(state)` gives the (corrected) rates with the action held.
 
         euler is explicit; semi_implicit steps the velocities first and the positions with the new ones;
@@ -121,7 +123,12 @@ class Simulator(ABC):
         raise UsageError(f"unknown integrator '{integrator}'; choose one of {', '.join(INTEGRATORS)}")
 
     def step(
-        self, state: FloatArray, action: FloatArray, parameters: Parameters, dt: FloatArray, integrator: Integrator
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        parameters: Parameters,
+        dt: FloatArray,
+        integrator: Integrator,
     ) -> FloatArray:
         """(B, S): the state after dt (B,) s with the action held."""
         return self.integrate(state, lambda s: self.rates(s, action, parameters), dt, integrator)

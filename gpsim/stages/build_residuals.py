@@ -23,10 +23,14 @@ def recipe(request: Request) -> Recipe:
     config = request.section("simulator", "residuals")
     given = request.config["recording"]
     if given is None:
-        return Recipe("build-residuals", config, {"recording": collect.STAGE.need(request)}, {"seed": request.seed})
+        return Recipe(
+            "build-residuals", config, {"recording": collect.STAGE.need(request)}, {"seed": request.seed}
+        )
     folder = Path(str(given))
     if not folder.is_dir():
-        raise UsageError(f"recording={folder}: no such folder; give a recording folder, as `gpsim import` makes")
+        raise UsageError(
+            f"recording={folder}: no such folder; give a recording folder, as `gpsim import` makes"
+        )
     if (folder / MANIFEST).is_file():
         return Recipe("build-residuals", config, {"recording": read_artifact(folder)}, {"seed": request.seed})
     digests = {path.name: file_digest(path) for path in sorted(folder.glob("recording.*"))}
@@ -68,9 +72,12 @@ def _summary(residuals: Residuals) -> dict[str, Any]:
         "rows": {"training": len(train), "test": len(test)},
         "residual_std": {name: float(train[:, i].std()) for i, name in enumerate(residuals.rate.names)},
         "measured_std": {
-            name: float(residuals.measured[~residuals.test, i].std()) for i, name in enumerate(residuals.rate.names)
+            name: float(residuals.measured[~residuals.test, i].std())
+            for i, name in enumerate(residuals.rate.names)
         },
     }
 
 
-STAGE = Stage("build-residuals", "Subtract the simulator's prediction from the recording, rate by rate.", recipe, write)
+STAGE = Stage(
+    "build-residuals", "Subtract the simulator's prediction from the recording, rate by rate.", recipe, write
+)

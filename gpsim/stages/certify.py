@@ -35,9 +35,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write certified.csv: one row a start."""
     task, start = make_task(request.config), evaluation_starts(request)
     base = base_plant(request.config)
-    g, l = base.parameters["gravity"], base.parameters["pole_half_length"]
+    g, half = base.parameters["gravity"], base.parameters["pole_half_length"]
     search = BeamSearch(
-        cost=balance_cost(float(np.sqrt(g / (4.0 / 3.0 * l)))),
+        cost=balance_cost(float(np.sqrt(g / (4.0 / 3.0 * half)))),
         cells=np.array([0.1, 0.02, 0.005, 0.02]),
         width=positive(request.config["certify"]["width"], "certify.width"),
     )

@@ -21,8 +21,12 @@ DRIVERS = ("source", "random", "dithered")
 def recipe(request: Request) -> Recipe:
     """The target, the task and who drives."""
     driver = choice(request.config["collect"]["policy"], DRIVERS, "collect.policy")
-    parents = {} if driver == "random" else {"policy": train_source.STAGE.need(request.having(variant="source"))}
-    return Recipe("collect", request.section("simulator", "target", "task", "collect"), parents, {"seed": request.seed})
+    parents = (
+        {} if driver == "random" else {"policy": train_source.STAGE.need(request.having(variant="source"))}
+    )
+    return Recipe(
+        "collect", request.section("simulator", "target", "task", "collect"), parents, {"seed": request.seed}
+    )
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
@@ -66,4 +70,6 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     return dithered_actor(actor, task, float(share), rng)
 
 
-STAGE = Stage("collect", "Record episodes of the target, driven by the source policy or at random.", recipe, write)
+STAGE = Stage(
+    "collect", "Record episodes of the target, driven by the source policy or at random.", recipe, write
+)

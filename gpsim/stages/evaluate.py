@@ -18,6 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.evaluation.one_step import OneStep
 from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
+from gpsim.evaluation.summary import start_sets
 from gpsim.recordings import Recording
 from gpsim.residuals import build_residuals
 from gpsim.settings import positive
@@ -42,7 +43,9 @@ def policy_names(request: Request) -> tuple[str, ...]:
     names = request.config["evaluate"]["policies"]
     unknown = [name for name in names if name not in TRAINED_BY]
     if unknown or not names:
-        raise UsageError(f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}")
+        raise UsageError(
+            f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}"
+        )
     return tuple(names)
 
 
@@ -73,7 +76,10 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
-        **{key: summarise_all({n: v[None] for n, v in returns.items()}, starts) for key, starts in by_set.items()},
+        **{
+            key: summarise_all({n: v[None] for n, v in returns.items()}, starts)
+            for key, starts in by_set.items()
+        },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
         "one_step": one_step["policy"],
         "one_step_random": one_step["random"],
@@ -82,17 +88,6 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     write_json(folder / "evaluation.json", evaluation)
     request.progress(3, 3, "done")
     return {}
-
-
-def start_sets(returns: Mapping[str, FloatArray], certified: np.ndarray) -> dict[str, np.ndarray]:
-    """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
-
-    returns: policy to (seeds, N). Without a Target policy the first set is the certified one.
-    """
-    full = max(float(values.max()) for values in returns.values())
-    target = returns.get("Target")
-    solved = (target >= full).any(axis=0) if target is not None else certified
-    return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
 
 
 def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]:
@@ -119,13 +114,18 @@ def _one_step(request: Request, recipe: Recipe, driver: str) -> dict[str, Any]:
     mean, variance = correction.predictor.mean_and_variance(correction.features(data.inputs))
     result = OneStep(data.values, mean, variance, correction.predictor.noise_variances, data.episode)
     scores = {
-        name: result.scores(i, rng, sample_noise=correction.sample_noise) for i, name in enumerate(data.rate.names)
+        name: result.scores(i, rng, sample_noise=correction.sample_noise)
+        for i, name in enumerate(data.rate.names)
     }
     return {"transitions": len(data.values), **scores} if driver == "random" else scores
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
-    section, task, target = request.config["evaluate"], make_task(request.config), target_plant(request.config)
+    section, task, target = (
+        request.config["evaluate"],
+        make_task(request.config),
+        target_plant(request.config),
+    )
     rng = generator(section["start_seed"], "evaluate/rollouts")
     count = positive(section["rollouts"], "evaluate.rollouts")
     steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
@@ -136,20 +136,34 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     plants: dict[str, Plant] = {
         "Target": target,
         "Source": base_plant(request.config),
-        "GP-Mean": train_gp_policy.corrected_plant(request.having(prediction="mean"), recipe.parents["gp"].path),
-        "GP-Sample": train_gp_policy.corrected_plant(request.having(prediction="sample"), recipe.parents["gp"].path),
+        "GP-Mean": train_gp_policy.corrected_plant(
+            request.having(prediction="mean"), recipe.parents["gp"].path
+        ),
+        "GP-Sample": train_gp_policy.corrected_plant(
+            request.having(prediction="sample"), recipe.parents["gp"].path
+        ),
     }
     paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
-    save_file({name: np.ascontiguousarray(path[:8]) for name, path in paths.items()}, folder / "rollouts.safetensors")
+    save_file(
+        {name: np.ascontiguousarray(path[:8]) for name, path in paths.items()},
+        folder / "rollouts.safetensors",
+    )
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
     for name in ("Source", "GP-Mean", "GP-Sample"):
         distance = divergence(paths[name], paths["Target"], target.state)
-        found[name] = {"rms": root_mean_square(distance, target.state), "bands": bands(distance, target.state)}
+        found[name] = {
+            "rms": root_mean_square(distance, target.state),
+            "bands": bands(distance, target.state),
+        }
     return found
 
 
 def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
-    task, target, start = make_task(request.config), target_plant(request.config), certify.evaluation_starts(request)
+    task, target, start = (
+        make_task(request.config),
+        target_plant(request.config),
+        certify.evaluation_starts(request),
+    )
     rng = generator(request.config["evaluate"]["start_seed"], "evaluate/returns")
     return {
         name: episode_returns(target, task, policy_actor(read_policy(recipe.parents[name].path)), start, rng)
@@ -157,4 +171,6 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
     }
 
 
-STAGE = Stage("evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write)
+STAGE = Stage(
+    "evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write
+)

@@ -33,7 +33,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     inputs, targets = features(residuals.inputs[rows]), residuals.values[rows]
     gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
     write_gp(folder, Predictor(gps), features.names)
-    reports = {name: gp.report.to_dict() for name, gp in zip(residuals.rate.names, gps, strict=True) if gp.report}
+    reports = {
+        name: gp.report.to_dict() for name, gp in zip(residuals.rate.names, gps, strict=True) if gp.report
+    }
     warnings = [f"{name}: {text}" for name, report in reports.items() for text in report["warnings"]]
     if len(rows) < count:
         warnings.append(f"asked for {count} training transitions, the recording has {len(rows)}")

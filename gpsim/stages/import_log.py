@@ -1,4 +1,4 @@
-"""import: raw logs and a mapping to a recording, with a report and a picture; --inspect to find the mapping."""
+"""import: raw logs and a mapping to a recording, with a report and a picture; --inspect proposes one."""
 
 from __future__ import annotations
 
@@ -40,7 +40,11 @@ class Imported:
 
 
 def import_log(
-    sources: Sequence[Path], out: Path, mapping: str | None = None, words: Sequence[str] = (), salvage: bool = False
+    sources: Sequence[Path],
+    out: Path,
+    mapping: str | None = None,
+    words: Sequence[str] = (),
+    salvage: bool = False,
 ) -> Imported:
     """Import `sources` into the new folder `out`, which is written whole or not at all.
 
@@ -103,7 +107,9 @@ def read_mapping(name_or_file: str) -> dict[str, Any]:
     path = Path(name_or_file)
     if path.suffix in (".yaml", ".yml") or path.is_file():
         if not path.is_file():
-            raise UsageError(f"--mapping {path}: no such file; mappings by name are: {', '.join(mapping_names())}")
+            raise UsageError(
+                f"--mapping {path}: no such file; mappings by name are: {', '.join(mapping_names())}"
+            )
         text, where = _text_of(path), str(path)
     else:
         if name_or_file not in mapping_names():
@@ -114,7 +120,9 @@ def read_mapping(name_or_file: str) -> dict[str, Any]:
     try:
         raw = yaml.safe_load(text)
     except (yaml.YAMLError, RecursionError) as error:
-        raise UsageError(f"--mapping {where}: not readable as YAML: {' '.join(str(error).split())[:200]}") from error
+        raise UsageError(
+            f"--mapping {where}: not readable as YAML: {' '.join(str(error).split())[:200]}"
+        ) from error
     if not isinstance(raw, dict):
         raise UsageError(f"--mapping {where}: expected keys and values (system, state, action, rate)")
     return raw

@@ -14,10 +14,10 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from gpsim.artifacts import write_json
+from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.features import Features
-from gpsim.channels import Channels
 from gpsim.gp import Predictor, from_arrays, to_arrays
 from gpsim.policies import LearningCurve
 from gpsim.policy import Policy
@@ -48,7 +48,9 @@ def read_gp(folder: Path) -> tuple[Predictor, tuple[str, ...]]:
         raise UsageError(f"{folder}: not a Gaussian process that this version reads: {error}") from error
 
 
-def read_gp_correction(folder: Path, channels: Channels, prediction: Prediction, sample_noise: bool) -> GpCorrection:
+def read_gp_correction(
+    folder: Path, channels: Channels, prediction: Prediction, sample_noise: bool
+) -> GpCorrection:
     """The correction that the Gaussian processes in `folder` make to a simulator with these channels."""
     predictor, inputs = read_gp(folder)
     return GpCorrection(predictor, Features.of(inputs, channels), prediction, sample_noise)
@@ -61,7 +63,9 @@ def write_curve(folder: Path, curve: LearningCurve) -> None:
 
 
 def _write(folder: Path, name: str, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
-    save_file({key: np.ascontiguousarray(array) for key, array in arrays.items()}, folder / f"{name}.safetensors")
+    save_file(
+        {key: np.ascontiguousarray(array) for key, array in arrays.items()}, folder / f"{name}.safetensors"
+    )
     write_json(folder / f"{name}.json", metadata)
 
 

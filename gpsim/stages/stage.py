@@ -80,7 +80,9 @@ class Stage:
         found = request.store.find(self.recipe(request))
         if found is None:
             shelf = request.store.root / request.store.experiment / self.name
-            raise UsageError(f"{shelf}: nothing with this configuration; make it with: {self.command(request)}")
+            raise UsageError(
+                f"{shelf}: nothing with this configuration; make it with: {self.command(request)}"
+            )
         return found
 
     def make(self, request: Request) -> tuple[Artifact, bool]:

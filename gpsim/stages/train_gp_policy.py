@@ -19,13 +19,26 @@ def recipe(request: Request) -> Recipe:
     """The base simulator, the GPs and how they are used."""
     prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
     # What a sample is of does not matter to a mean: the same mean policy serves both settings.
-    keys = ("simulator", "task", "policy", "prediction", *(("sample_noise",) if prediction == "sample" else ()))
-    return Recipe("train-gp-policy", request.section(*keys), {"gp": fit_gp.STAGE.need(request)}, {"seed": request.seed})
+    keys = (
+        "simulator",
+        "task",
+        "policy",
+        "prediction",
+        *(("sample_noise",) if prediction == "sample" else ()),
+    )
+    return Recipe(
+        "train-gp-policy", request.section(*keys), {"gp": fit_gp.STAGE.need(request)}, {"seed": request.seed}
+    )
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
-    return train(request, corrected_plant(request, recipe.parents["gp"].path), f"train-gp-policy/{request.config['prediction']}", folder)
+    return train(
+        request,
+        corrected_plant(request, recipe.parents["gp"].path),
+        f"train-gp-policy/{request.config['prediction']}",
+        folder,
+    )
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
@@ -39,4 +52,6 @@ def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
     return CorrectedPlant(base.simulator, base.parameters, base.integrator, base.dt, correction)
 
 
-STAGE = Stage("train-gp-policy", "Train a policy in the corrected simulator (prediction=mean|sample).", recipe, write)
+STAGE = Stage(
+    "train-gp-policy", "Train a policy in the corrected simulator (prediction=mean|sample).", recipe, write
+)

@@ -39,10 +39,14 @@ def train(request: Request, plant: Plant, purpose: str, folder: Path) -> Json:
     """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose."""
     settings, task = ppo_settings(request.config), make_task(request.config)
     env = BatchedEnv(plant, task, settings.n_envs, derived_seed(request.seed, f"{purpose}/environment"))
-    policy, curve = train_ppo(env, settings, derived_seed(request.seed, f"{purpose}/policy"), request.progress)
+    policy, curve = train_ppo(
+        env, settings, derived_seed(request.seed, f"{purpose}/policy"), request.progress
+    )
     write_policy(folder, policy)
     write_curve(folder, curve)
     return {"environment_steps": int(curve.steps[-1])}
 
 
-STAGE = Stage("train-source", "Train a policy in the base simulator (variant=source|randomised|target).", recipe, write)
+STAGE = Stage(
+    "train-source", "Train a policy in the base simulator (variant=source|randomised|target).", recipe, write
+)

@@ -24,15 +24,15 @@ def cart_pole_accelerations(
     state: FloatArray, force: FloatArray, direction: FloatArray, p: Mapping[str, float], friction: float
 ) -> FloatArray:
     """(B, 2) accelerations when friction of the given coefficient acts against `direction` (B,) in {-1, 0, 1}."""
-    g, m, l = p["gravity"], p["pole_mass"], p["pole_half_length"]
+    g, m, half = p["gravity"], p["pole_mass"], p["pole_half_length"]
     total = p["cart_mass"] + m
     sin, cos = np.sin(state[:, 2]), np.cos(state[:, 2])
     spin = state[:, 3] ** 2
     mu = friction * direction
-    delta = (-force - m * l * spin * (sin + mu * cos)) / total
-    theta_acc = (g * sin + cos * (delta + mu * g)) / (l * (4.0 / 3.0 - m * cos * (cos - mu * sin) / total))
-    normal = total * g - m * l * (theta_acc * sin + spin * cos)
-    x_acc = (force + m * l * (spin * sin - theta_acc * cos) - mu * normal) / total
+    delta = (-force - m * half * spin * (sin + mu * cos)) / total
+    theta_acc = (g * sin + cos * (delta + mu * g)) / (half * (4.0 / 3.0 - m * cos * (cos - mu * sin) / total))
+    normal = total * g - m * half * (theta_acc * sin + spin * cos)
+    x_acc = (force + m * half * (spin * sin - theta_acc * cos) - mu * normal) / total
     return np.stack([x_acc, theta_acc], axis=1)
 
 
@@ -54,11 +54,13 @@ class FrictionCartPole:
     state: ClassVar[Channels] = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"})
     action: ClassVar[Channels] = Channels.of({"force": "N"})
 
-    def begin(self, count: int, rng: np.random.Generator) -> Memory:  # noqa: ARG002 - the plant's signature
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Nothing to remember."""
         return {}
 
-    def step(self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:  # noqa: ARG002
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
         """(B, 4): the state after one control step with the force held."""
         force = action[:, 0]
         if self.contact == "chatter":
@@ -80,9 +82,15 @@ class FrictionCartPole:
         speed = state[:, 1] + h * slide[:, 0]
         held = np.where(moving != 0, speed * moving < 0, speed * direction <= 0)
         # A held cart feels whatever friction keeps its speed at zero; the pole swings about a fixed pivot.
-        pivot = self.parameters["gravity"] * np.sin(state[:, 2]) / (4.0 / 3.0 * self.parameters["pole_half_length"])
+        pivot = (
+            self.parameters["gravity"]
+            * np.sin(state[:, 2])
+            / (4.0 / 3.0 * self.parameters["pole_half_length"])
+        )
         stop = -state[:, 1] / h
-        pole = np.where(held, pivot - 0.75 * np.cos(state[:, 2]) / self.parameters["pole_half_length"] * stop, slide[:, 1])
+        pole = np.where(
+            held, pivot - 0.75 * np.cos(state[:, 2]) / self.parameters["pole_half_length"] * stop, slide[:, 1]
+        )
         x_dot = np.where(held, 0.0, speed)
         theta_dot = state[:, 3] + h * pole
         return np.stack([state[:, 0] + h * x_dot, x_dot, state[:, 2] + h * theta_dot, theta_dot], axis=1)

@@ -42,7 +42,7 @@ class Balance:
         """Uniform in +-start_range on every state variable."""
         return Start(rng.uniform(-self.start_range, self.start_range, (count, 4)), np.empty((count, 0)))
 
-    def observe(self, states: FloatArray, context: FloatArray) -> NDArray[np.float32]:  # noqa: ARG002
+    def observe(self, states: FloatArray, context: FloatArray) -> NDArray[np.float32]:
         """The state itself."""
         return states.astype(np.float32)
 
@@ -50,11 +50,13 @@ class Balance:
         """(B, 1): force [N]."""
         return np.where(actions == 1, self.force, -self.force)[:, None]
 
-    def reward(self, states: FloatArray, actions: Actions, next_states: FloatArray, context: FloatArray) -> FloatArray:  # noqa: ARG002
+    def reward(
+        self, states: FloatArray, actions: Actions, next_states: FloatArray, context: FloatArray
+    ) -> FloatArray:
         """One a step, the falling one included, as in Gymnasium."""
         return np.ones(len(states))
 
-    def terminated(self, states: FloatArray, context: FloatArray) -> BoolArray:  # noqa: ARG002
+    def terminated(self, states: FloatArray, context: FloatArray) -> BoolArray:
         """The pole or the cart has left its limits, or the numbers have ceased to be finite."""
         over = ~(np.abs(states[:, THETA]) <= self.angle_limit)
         if self.position_limit is not None:

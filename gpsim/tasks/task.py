@@ -53,7 +53,9 @@ class Task(Protocol):
         """(B, A): the policy's actions in the units of the simulator's action channels."""
         ...
 
-    def reward(self, states: FloatArray, actions: Actions, next_states: FloatArray, context: FloatArray) -> FloatArray:
+    def reward(
+        self, states: FloatArray, actions: Actions, next_states: FloatArray, context: FloatArray
+    ) -> FloatArray:
         """(B,): what the transition earns."""
         ...
 

@@ -45,6 +45,16 @@ def test_little_noise_interpolates() -> None:
     assert variances.min() >= 0.0
 
 
+def test_variance_never_turns_negative() -> None:
+    """Dense rows and no noise: at the training inputs rounding alone decides the sign."""
+    inputs = np.linspace(0.0, 1.0, 60)[:, None]
+    hyper = HyperParameters(10.0, np.ones(1), np.ones(1), 1.0, 0.0)
+    predictor = Predictor([condition(inputs, np.sin(6.0 * inputs[:, 0]), hyper)])
+    _, variances = predictor.mean_and_variance(inputs)
+    assert variances.min() >= 0.0
+    assert np.all(np.isfinite(predictor.sample(inputs, np.random.default_rng(0), include_noise=False)))
+
+
 def test_far_from_the_data_the_prior_returns() -> None:
     rng = np.random.default_rng(1)
     inputs, targets = rng.normal(size=(15, 1)), rng.normal(size=15) + 4.0

@@ -81,7 +81,9 @@ class Bag1:
                     elif record.op == CONNECTION and on_connection is not None:
                         on_connection(stream_of(source, record))
                     if record.end > self.size:
-                        raise DamageError(f"the file ends at byte {self.size}, inside a record of {record.size} bytes")
+                        raise DamageError(
+                            f"the file ends at byte {self.size}, inside a record of {record.size} bytes"
+                        )
                     position = record.end
                 except DamageError as error:
                     ledger.lost(error.reason, self.where)
@@ -93,7 +95,9 @@ class Bag1:
         method = text(record.fields, b"compression")
         end = record.end
         if end > self.size:
-            ledger.lost(f"the file ends at byte {self.size}, inside a chunk of {record.size} bytes", self.where)
+            ledger.lost(
+                f"the file ends at byte {self.size}, inside a chunk of {record.size} bytes", self.where
+            )
             end = next_record(source, record.data, CHUNK) or self.size
         if end - record.data > MAX_CHUNK:
             raise DamageError(f"a chunk declares {record.size} bytes; the limit is {MAX_CHUNK}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+
 import numpy as np
 
 from gpsim.recordings.readers.bag1_records import (
@@ -58,7 +59,9 @@ def read_index(source: Source, start: int) -> list[Stream]:
 def _expect(source: Source, position: int, op: int) -> Record:
     record = read_record(source, position)
     if record.op != op:
-        raise DamageError(f"the index holds a record of kind {record.op} where {op} belongs, at byte {position}")
+        raise DamageError(
+            f"the index holds a record of kind {record.op} where {op} belongs, at byte {position}"
+        )
     return record
 
 
@@ -84,7 +87,9 @@ def _message_times(source: Source, chunk: int, count: int) -> dict[int, tuple[in
         position = read_record(source, chunk).end
         for _ in range(count):
             record = _expect(source, position, INDEX)
-            data = np.frombuffer(read_data(source, record)[: 12 * number(record.fields, b"count")], dtype=_TIMES)
+            data = np.frombuffer(
+                read_data(source, record)[: 12 * number(record.fields, b"count")], dtype=_TIMES
+            )
             stamps = data["seconds"].astype(np.int64) * 10**9 + data["nanoseconds"]
             if len(stamps):
                 ranges[number(record.fields, b"conn")] = (int(stamps.min()), int(stamps.max()))

@@ -40,7 +40,8 @@ class Ledger:
         if not self.salvage:
             place = f"{where}, topic {topic}" if topic else where
             raise UsageError(
-                f"{self.path}: {place}: {one_line(reason)}; copy the file again, or import what is readable with --salvage"
+                f"{self.path}: {place}: {one_line(reason)}; "
+                "copy the file again, or import what is readable with --salvage"
             )
         key = one_line(reason)
         if topic is None:
@@ -70,7 +71,9 @@ def refusal(path: Path, where: str, reason: str) -> UsageError:
 
 def wrong_kind(path: Path, kind: str, why: str) -> UsageError:
     """The error for a file that is not what its name promises."""
-    return UsageError(f"{path}: byte 0: not {kind} ({why}); name the file by its kind, or export the log again")
+    return UsageError(
+        f"{path}: byte 0: not {kind} ({why}); name the file by its kind, or export the log again"
+    )
 
 
 def one_line(text: object, limit: int = 200) -> str:
@@ -84,13 +87,21 @@ def regular_file(path: Path) -> int:
     """Size [bytes] of an ordinary, readable, non-empty file; UsageError for anything else."""
     try:
         if not path.is_file():
-            what = "is a folder" if path.is_dir() else "is not an ordinary file" if path.exists() else "does not exist"
+            what = (
+                "is a folder"
+                if path.is_dir()
+                else "is not an ordinary file"
+                if path.exists()
+                else "does not exist"
+            )
             raise UsageError(f"{path}: {what}; name a log file or a ROS 2 bag folder")
         size = path.stat().st_size
         with path.open("rb"):
             pass
     except (OSError, ValueError) as error:
-        raise UsageError(f"{one_line(path)}: cannot be opened: {one_line(error)}; check the path and its rights") from error
+        raise UsageError(
+            f"{one_line(path)}: cannot be opened: {one_line(error)}; check the path and its rights"
+        ) from error
     if size == 0:
         raise UsageError(f"{path}: the file is empty; copy it again")
     return size

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bz2
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import lz4.frame
@@ -32,12 +33,16 @@ def expand(data: bytes, method: str, size: int) -> tuple[bytes, str | None]:
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk declares {size} bytes; the limit is {MAX_CHUNK}")
     if method in ("", "none"):
-        return (data, None) if len(data) == size else (data, f"chunk holds {len(data)} bytes, declared {size}")
+        return (
+            (data, None) if len(data) == size else (data, f"chunk holds {len(data)} bytes, declared {size}")
+        )
     if method not in _MAKERS:
         raise DamageError(f"chunk compression {one_line(method, 40)!r} is not known")
     parts, got, reason = _decompress(data, method, size)
     if reason is None and got != size:
-        reason = f"{method} chunk makes {'more' if got > size else 'only'} {min(got, size)} bytes, declared {size}"
+        reason = (
+            f"{method} chunk makes {'more' if got > size else 'only'} {min(got, size)} bytes, declared {size}"
+        )
     return b"".join(parts)[:size], reason
 
 
@@ -58,3 +63,28 @@ def _decompress(data: bytes, method: str, size: int) -> tuple[list[bytes], int, 
     except Exception as error:  # OSError (bz2), RuntimeError (lz4), ZstdError, EOFError, MemoryError
         return parts, got, f"{method} data is damaged: {one_line(error, 80)}"
     return parts, got, None
+
+
+def expand_message(data: bytes, limit: int) -> bytes:
+    """One zstd-compressed message of at most `limit` bytes."""
+    parts, got, reason = _decompress(data, "zstd", limit)
+    if got > limit:
+        reason = f"a compressed message makes more than {limit} bytes"
+    if reason is not None:
+        raise DamageError(reason)
+    return b"".join(parts)
+
+
+def expand_file(source: Path, target: Path) -> None:
+    """Decompress a zstd file, piece by piece; DamageError beyond 200 times its size (and 64 MiB)."""
+    limit = 200 * source.stat().st_size + (64 << 20)
+    written = 0
+    try:
+        with source.open("rb") as packed, zstd.open(packed, "rb") as reader, target.open("wb") as out:
+            while piece := reader.read(_STEP):
+                written += len(piece)
+                if written > limit:
+                    raise DamageError(f"{source.name} makes more than {limit} bytes")
+                out.write(piece)
+    except (zstd.ZstdError, EOFError, OSError, MemoryError) as error:
+        raise DamageError(f"{source.name} cannot be decompressed: {one_line(error, 80)}") from error

@@ -45,7 +45,9 @@ class Decoder:
             if self.encoding == "ros1":
                 return self.store.deserialize_ros1(data, self.name)
             return self.store.deserialize_cdr(data, self.name)
-        except Exception as error:  # rosbags lets a dozen kinds through: SerdeError, struct.error, MemoryError ...
+        except (
+            Exception
+        ) as error:  # rosbags lets a dozen kinds through: SerdeError, struct.error, MemoryError ...
             raise DamageError(f"not a {self.name}: {one_line(error, 120)}") from error
 
 
@@ -58,11 +60,15 @@ def _distro_types(distro: str) -> Types:
 def decoder(stream: Stream, distro: str) -> Decoder:
     """The decoder of a stream: from the bag's own definition, else from ROS 2 `distro`; DamageError if neither."""
     if stream.encoding not in ("ros1", "cdr"):
-        raise DamageError(f"messages are encoded as {one_line(stream.encoding, 40)!r}; only ROS 1 and CDR are read")
+        raise DamageError(
+            f"messages are encoded as {one_line(stream.encoding, 40)!r}; only ROS 1 and CDR are read"
+        )
     types = _parse(stream) if stream.format != "none" else _distro_types(distro)
     if stream.type not in types:
         source = "the bag's definition" if stream.format != "none" else f"ROS 2 {distro}"
-        raise DamageError(f"type {one_line(stream.type, 80)} is not in {source}; name the distribution it belongs to")
+        raise DamageError(
+            f"type {one_line(stream.type, 80)} is not in {source}; name the distribution it belongs to"
+        )
     types = _reachable(types, stream.type)
     check_types(types, stream.type)
     store = get_typestore(Stores.EMPTY)
@@ -120,7 +126,9 @@ def _reachable(types: Types, root: str) -> dict[str, tuple[Any, Any]]:
             raise DamageError(f"definition of {root} lacks {one_line(name, 80)}")
         found[name] = types[name]
         for _, description in types[name][1]:
-            inner = description[1][0] if description[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else description
+            inner = (
+                description[1][0] if description[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else description
+            )
             if inner[0] == Nodetype.NAME:
                 todo.append(inner[1])
     return found
@@ -155,7 +163,9 @@ def _size(types: Types, name: str, sizes: dict[str, tuple[int, int]], depth: int
         if kind == Nodetype.SEQUENCE:
             # Without this a few bytes could stand for millions of objects.
             if below[1] == 0 or below[0] > 64 + 8 * below[1]:
-                raise DamageError(f"{name} holds a sequence of {inner[1]}, which has too many fields for its bytes")
+                raise DamageError(
+                    f"{name} holds a sequence of {inner[1]}, which has too many fields for its bytes"
+                )
             nodes, size = nodes + below[0], size + 4
         else:
             as_block = kind == Nodetype.ARRAY and not named and inner[1][0] != "string"

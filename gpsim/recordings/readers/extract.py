@@ -115,7 +115,9 @@ def _group(selection: Selection | None, paths: list[Path], decoder: Decoder, abs
 def _stamp(path: tuple[str, ...] | None) -> Callable[[Any], tuple[float, float]]:
     if path is None:
         return lambda _: (NAN, NAN)
-    get: Callable[[Any], tuple[float, float]] = attrgetter(f"{'.'.join(path)}.sec", f"{'.'.join(path)}.nanosec")
+    get: Callable[[Any], tuple[float, float]] = attrgetter(
+        f"{'.'.join(path)}.sec", f"{'.'.join(path)}.nanosec"
+    )
     return get
 
 
@@ -163,4 +165,3 @@ def _never(path: Path, absent: dict[str, int]) -> Callable[[Any], float]:
 def seconds(nanoseconds: IntArray, epoch_ns: int) -> FloatArray:
     """Integer nanoseconds to seconds after the epoch; exact to 1 ns within 100 days of it."""
     return np.asarray((nanoseconds - epoch_ns) / 1e9, dtype=np.float64)
-

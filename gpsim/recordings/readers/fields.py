@@ -71,7 +71,9 @@ def parse_path(text: str, types: Types, root: str) -> Path:
             if selection is not None or any(isinstance(step, int) for step in steps):
                 raise PathError(f"{text}: only one selection in brackets is possible, before any index")
             here = _element(here, text, None)
-            selection = Selection(tuple(str(s) for s in steps), _conditions(where, here, types, text), here[1])
+            selection = Selection(
+                tuple(str(s) for s in steps), _conditions(where, here, types, text), here[1]
+            )
             steps = []
     if here[0] != Nodetype.BASE or here[1][0] not in _NUMBERS:
         raise PathError(f"{text}: not a number; it leads to {_name(here)}")
@@ -84,7 +86,9 @@ def _segments(text: str) -> list[tuple[int | None, str, str | None]]:
     while position < len(text):
         match = _SEGMENT.match(text, position)
         if match is None or (match.end() < len(text) and text[match.end()] != "."):
-            raise PathError(f"{one_line(text)}: not a path at character {position + 1}; expected as pose.position.x or data.0")
+            raise PathError(
+                f"{one_line(text)}: not a path at character {position + 1}; expected as pose.position.x or data.0"
+            )
         index = match["index"]
         found.append((None if index is None else int(index), match["name"] or "", match["where"]))
         position = match.end() + 1
@@ -96,7 +100,7 @@ def _segments(text: str) -> list[tuple[int | None, str, str | None]]:
 def _field(here: Any, name: str, types: Types, text: str) -> Any:
     if here[0] != Nodetype.NAME:
         raise PathError(f"{text}: '{name}' is asked of {_name(here)}, which has no fields")
-    names = {field: description for field, description in types[here[1]][1]}
+    names = dict(types[here[1]][1])
     if name not in names:
         close = difflib.get_close_matches(name, names, 3, 0.4) or list(names)[:12]
         raise PathError(f"{text}: {here[1]} has no field '{name}'; there are {', '.join(close)}")
@@ -110,7 +114,9 @@ def _element(here: Any, text: str, index: int | None) -> Any:
     if index is not None and here[0] == Nodetype.ARRAY and index >= length:
         raise PathError(f"{text}: index {index} is outside an array of {length}")
     if index is None and inner[0] != Nodetype.NAME:
-        raise PathError(f"{text}: elements can be selected only in an array of messages, this is {_name(here)}")
+        raise PathError(
+            f"{text}: elements can be selected only in an array of messages, this is {_name(here)}"
+        )
     return inner
 
 

@@ -2,14 +2,183 @@
 
 from __future__ import annotations
 
+import shutil
+import weakref
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
+from tempfile import mkdtemp
 from typing import Any
 
 import yaml
 
 from gpsim.recordings.readers.container import Container, Message, Stream
-from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.readers.definitions import DISTROS
+from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
+from gpsim.recordings.readers.decompress import expand_file, expand_message
+
+METADATA = "metadata.yaml"
+Opener = Callable[[Path], Container]
+_MAX_METADATA = 16 << 20
+_SHIFT = 40
+_NEWEST = 9
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """What is needed of metadata.yaml. counts: messages by topic; compression: none, message or file."""
+
+    files: tuple[str, ...]
+    counts: Mapping[str, int]
+    compression: str
+    distro: str | None
+
+
+@dataclass
+class Folder:
+    """A ROS 2 bag folder; `openers` makes a container of a storage file by its suffix."""
+
+    path: Path
+    openers: Mapping[str, Opener]
+    where: str = METADATA
+    distro: str | None = None
+    _parts: list[Container] = field(default_factory=list)
+    _compressed: bool = False
+    _unpacked: Path | None = None
+
+    def streams(self, ledger: Ledger) -> Sequence[Stream]:
+        """The streams of all storage files, ids made unique."""
+        metadata = self._metadata(ledger)
+        self.distro = metadata.distro
+        self._compressed = metadata.compression == "message"
+        found: list[Stream] = []
+        for name in metadata.files:
+            part = self._open(name, metadata.compression == "file", ledger)
+            if part is not None:
+                base = len(self._parts) << _SHIFT
+                self._parts.append(part)
+                found += [replace(s, id=base + s.id) for s in part.streams(ledger)]
+        if not self._parts:
+            raise refusal(self.path, METADATA, "no storage file of this bag can be opened")
+        self._compare(found, metadata, ledger)
+        return found
+
+    def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
+        """Messages of the wanted streams, file by file."""
+        for index, part in enumerate(self._parts):
+            base = index << _SHIFT
+            own = [i - base for i in wanted if base <= i < base + (1 << _SHIFT)]
+            if not own:
+                continue
+            for identity, stamp, data in part.messages(own, ledger):
+                self.where = part.where
+                if self._compressed:
+                    try:
+                        data = expand_message(data, MAX_MESSAGE)
+                    except DamageError as error:
+                        ledger.lost(error.reason, part.where)
+                        continue
+                yield base + identity, stamp, data
+
+    def _open(self, name: str, compressed: bool, ledger: Ledger) -> Container | None:
+        path = self.path / name
+        try:
+            regular_file(path)
+            if compressed:
+                path = self._unpack(path)
+            opener = self.openers.get(path.suffix)
+            if opener is None:
+                raise DamageError(f"{one_line(name, 80)} is neither .db3 nor .mcap")
+            return opener(path)
+        except DamageError as error:
+            ledger.lost(error.reason, METADATA)
+        except Exception as error:
+            ledger.lost(f"storage file: {error}", METADATA)
+        return None
+
+    def _unpack(self, path: Path) -> Path:
+        if self._unpacked is None:
+            self._unpacked = Path(mkdtemp(prefix="gpsim-bag-"))
+            weakref.finalize(self, shutil.rmtree, self._unpacked, ignore_errors=True)
+        target = self._unpacked / path.stem
+        expand_file(path, target)
+        return target
+
+    def _compare(self, found: Sequence[Stream], metadata: Metadata, ledger: Ledger) -> None:
+        there: Counter[str] = Counter()
+        for stream in found:
+            there[stream.topic] += stream.count or 0
+        for topic, count in metadata.counts.items():
+            if there[topic] != count:
+                reason = f"{count} messages announced on {one_line(topic, 60)}, the files hold {there[topic]}"
+                ledger.lost(reason, METADATA)
+
+    def _metadata(self, ledger: Ledger) -> Metadata:
+        try:
+            return _read_metadata(self.path / METADATA)
+        except DamageError as error:
+            files = sorted(p.name for p in self.path.iterdir() if p.suffix in self.openers and p.is_file())
+            if not files:
+                raise refusal(
+                    self.path, METADATA, f"{error.reason}, and the folder holds no .db3 or .mcap"
+                ) from error
+            ledger.lost(f"{error.reason} (storage files there: {', '.join(files[:5])})", METADATA)
+            return Metadata(tuple(files), {}, "none", None)
+
+
+def _read_metadata(path: Path) -> Metadata:
+    if not path.is_file():
+        raise DamageError("the folder has no metadata.yaml")
+    if path.stat().st_size > _MAX_METADATA:
+        raise DamageError(f"{path.stat().st_size} bytes of metadata")
+    try:
+        raw = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, OSError, ValueError, RecursionError, MemoryError) as error:
+        raise DamageError(f"not readable as YAML: {one_line(error, 120)}") from error
+    info = _mapping(raw, METADATA).get("rosbag2_bagfile_information")
+    table = _mapping(info, "rosbag2_bagfile_information")
+    version = table.get("version")
+    if not isinstance(version, int) or not 1 <= version <= _NEWEST:
+        raise DamageError(f"version is {one_line(version, 40)}; 1 to {_NEWEST} are known")
+    compression = str(table.get("compression_mode") or "none").lower()
+    if compression not in ("none", "file", "message") or (
+        compression != "none" and table.get("compression_format") != "zstd"
+    ):
+        raise DamageError(
+            f"compression {one_line(compression, 40)} in {one_line(table.get('compression_format'), 40)}"
+        )
+    distro = table.get("ros_distro")
+    return Metadata(_files(table), _counts(table), compression, distro if isinstance(distro, str) else None)
+
+
+def _mapping(value: object, name: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise DamageError(f"the key {name} with its table is missing")
+    return value
+
+
+def _files(table: Mapping[str, Any]) -> tuple[str, ...]:
+    names = table.get("relative_file_paths")
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+        raise DamageError("the key relative_file_paths with the storage files is missing")
+    paths = [PurePosixPath(name) for name in names]
+    for path in paths:
+        if path.is_absolute() or ".." in path.parts or "\\" in path.name or "\0" in path.name:
+            raise DamageError(f"storage file {one_line(path, 80)} lies outside the bag's folder")
+    # Bags of ROS 2 before Foxy name the folder in front; the files lie in the folder all the same.
+    return tuple(dict.fromkeys(path.name for path in paths))
+
+
+def _counts(table: Mapping[str, Any]) -> dict[str, int]:
+    entries = table.get("topics_with_message_count")
+    if not isinstance(entries, list):
+        raise DamageError("the key topics_with_message_count with its list is missing")
+    counts: Counter[str] = Counter()
+    for entry in entries:
+        known = _mapping(entry, "topics_with_message_count")
+        name = _mapping(known.get("topic_metadata"), "topic_metadata").get("name")
+        count = known.get("message_count")
+        if not isinstance(name, str) or not isinstance(count, int):
+            raise DamageError("an entry of topics_with_message_count lacks its name or message_count")
+        counts[name] += count
+    return dict(counts)

@@ -101,7 +101,9 @@ class Mcap:
                     if record.op == CHUNK:
                         yield from self._in_chunk(self._chunk(source, record, walk, ledger), walk, ledger)
                     if record.end > self.size:
-                        raise DamageError(f"the file ends at byte {self.size}, inside a record of {record.size} bytes")
+                        raise DamageError(
+                            f"the file ends at byte {self.size}, inside a record of {record.size} bytes"
+                        )
                     if record.op == MESSAGE:
                         yield _message(content(source, record))
                     elif record.op in (SCHEMA, CHANNEL):
@@ -113,7 +115,9 @@ class Mcap:
 
     def _chunk(self, source: Source, record: Record, walk: _Walk, ledger: Ledger) -> bytes:
         """A chunk's records, as much of them as can be had."""
-        front = Content(source.read(record.start, min(CHUNK_HEAD.size + 64, record.size, self.size - record.start)))
+        front = Content(
+            source.read(record.start, min(CHUNK_HEAD.size + 64, record.size, self.size - record.start))
+        )
         _, _, size, checksum = CHUNK_HEAD.unpack(front.take(CHUNK_HEAD.size))
         method, stored = front.text(), front.u64()
         begin, end = record.start + front.position, record.end
@@ -121,8 +125,8 @@ class Mcap:
             raise DamageError(f"a chunk's head is damaged (compression {method[:8]!r}, {stored} bytes)")
         if end > self.size:
             ledger.lost(f"the file ends at byte {self.size}, inside a chunk of {stored} bytes", self.where)
-            end = next_record(source, begin, walk.found.streams, chunks=True) if method else None
-            end = end or self.size
+            following = next_record(source, begin, walk.found.streams, chunks=True) if method else None
+            end = following or self.size
         if end - begin > MAX_CHUNK:
             raise DamageError(f"a chunk declares {stored} bytes; the limit is {MAX_CHUNK}")
         data, reason = expand(source.read(begin, end - begin), COMPRESSIONS[method], size)

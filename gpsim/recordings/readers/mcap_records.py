@@ -18,7 +18,12 @@ CHUNK_HEAD = struct.Struct("<QQQI")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 _RECORD = struct.Struct("<BQ")
 _U16, _U32, _U64 = struct.Struct("<H"), struct.Struct("<I"), struct.Struct("<Q")
-_FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "omgidl": "idl"}
+_FORMATS: dict[str, DefinitionFormat] = {
+    "ros2msg": "msg",
+    "ros1msg": "msg",
+    "ros2idl": "idl",
+    "omgidl": "idl",
+}
 _START = re.compile(rb"[\x05\x06](?=.{4}\x00\x00\x00\x00)", re.DOTALL)
 
 
@@ -146,7 +151,9 @@ def _believable(source: Source, position: int, channels: Collection[int], *, chu
 
 
 def _is_chunk(source: Source, record: Record) -> bool:
-    parts = Content(source.read(record.start, min(record.size, CHUNK_HEAD.size + 16, source.size - record.start)))
+    parts = Content(
+        source.read(record.start, min(record.size, CHUNK_HEAD.size + 16, source.size - record.start))
+    )
     start, end, _, _ = CHUNK_HEAD.unpack(parts.take(CHUNK_HEAD.size))
     method, size = parts.text(), parts.u64()
     return start <= end < 2**63 and method in COMPRESSIONS and parts.position + size == record.size

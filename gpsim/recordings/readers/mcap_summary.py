@@ -42,7 +42,7 @@ class Summary:
 
 
 def read_summary(source: Source) -> list[Stream] | None:
-    """Streams with counts and time ranges; None where a sound file has no summary. DamageError where it is not sound."""
+    """Streams with counts and times; None where a sound file has no summary. DamageError where it is not sound."""
     tail = source.read(max(0, source.size - _FOOTER_SIZE), min(_FOOTER_SIZE, source.size))
     if len(tail) < _FOOTER_SIZE or not tail.endswith(MAGIC):
         raise DamageError("the file was cut off or never closed: it does not end with the MCAP mark")
@@ -63,15 +63,15 @@ def read_summary(source: Source) -> list[Stream] | None:
         record = read_record(source, position)
         _take(source, record.op, content(source, record), summary)
         position = record.end
-    if summary.counts is None and not summary.chunks:
-        return None
+    if not summary.chunks:
+        return None  # messages outside chunks have no index, so nothing tells when they came
     return _result(summary)
 
 
 def _result(summary: Summary) -> list[Stream] | None:
     found = summary.found
     if summary.counts is not None:
-        if not found.streams and sum(summary.counts.values()):
+        if not found.streams and any(summary.counts.values()):
             return None
         unknown = sorted(set(summary.counts) - set(found.streams))
         if unknown:
@@ -110,10 +110,12 @@ def _take_chunk_index(source: Source, parts: Content, found: Catalogue) -> None:
 
 
 def _message_times(source: Source, position: int, start: int, end: int) -> tuple[int, int, int]:
-    """Number, first and last time of a channel's messages in a chunk; the chunk's own times where they are not sound."""
+    """Number, first and last time of a channel's messages in a chunk, which itself lasts from start to end."""
     record = read_record(source, position)
     if record.op != MESSAGE_INDEX:
-        raise DamageError(f"the summary places a message index at byte {position}, a record of kind {record.op} is there")
+        raise DamageError(
+            f"the summary places a message index at byte {position}, a record of kind {record.op} is there"
+        )
     parts = content(source, record)
     parts.u16()
     raw = parts.blob()

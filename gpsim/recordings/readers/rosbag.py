@@ -123,7 +123,9 @@ class BagLog:
             except PathError as error:
                 raise UsageError(f"{self.path}: topic {topic}: {error}") from error
 
-    def _read(self, makers: Mapping[int, tuple[str, Decoder, Rows, Columns]], ledger: Ledger) -> dict[str, int]:
+    def _read(
+        self, makers: Mapping[int, tuple[str, Decoder, Rows, Columns]], ledger: Ledger
+    ) -> dict[str, int]:
         read = {topic: 0 for topic, *_ in makers.values()}
         found = dict.fromkeys(makers, 0)
         for identity, receive, data in self._container.messages(makers, ledger):

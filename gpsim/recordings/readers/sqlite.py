@@ -12,7 +12,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gpsim.recordings.readers.container import DefinitionFormat, Message, Stream
-from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file, wrong_kind
+from gpsim.recordings.readers.damage import (
+    MAX_MESSAGE,
+    DamageError,
+    Ledger,
+    one_line,
+    refusal,
+    regular_file,
+    wrong_kind,
+)
 
 _MAGIC = b"SQLite format 3\x00"
 _FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros2idl": "idl"}
@@ -53,7 +61,10 @@ class Sqlite:
         """The rows of the table `topics`, counted in the table `messages`."""
         unwritten = self.path.with_name(f"{self.path.name}-wal")
         if unwritten.is_file() and unwritten.stat().st_size:
-            ledger.lost(f"messages in {unwritten.name} were never written into the bag (sqlite3 would do it)", "byte 0")
+            ledger.lost(
+                f"messages in {unwritten.name} were never written into the bag (sqlite3 would do it)",
+                "byte 0",
+            )
         try:
             with self._open() as base:
                 self._check_tables(base)
@@ -62,15 +73,21 @@ class Sqlite:
                 streams = [_stream(row, known) for row in rows]
         except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
             # Salvage has nothing to offer where the schema or the topics cannot be read.
-            raise refusal(self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}") from error
+            raise refusal(
+                self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}"
+            ) from error
         return self._counted(streams, ledger)
 
     def _check_tables(self, base: sqlite3.Connection) -> None:
-        tables = {_text(name) for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type='table'")}
+        tables = {
+            _text(name) for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type='table'")
+        }
         for table, columns in (("topics", _TOPICS), ("messages", _MESSAGES)):
             there = {_text(row[1]) for row in base.execute(f"PRAGMA table_xinfo({table})") if row[6] == 0}
             if table not in tables or not set(columns) <= there:
-                raise wrong_kind(self.path, "a ROS 2 bag", f"it has no table {table} with {', '.join(columns)}")
+                raise wrong_kind(
+                    self.path, "a ROS 2 bag", f"it has no table {table} with {', '.join(columns)}"
+                )
 
     def _counted(self, streams: list[Stream], ledger: Ledger) -> list[Stream]:
         try:
@@ -98,7 +115,9 @@ class Sqlite:
     def _rows(self, wanted: Sequence[int] | None, ledger: Ledger) -> Iterator[Message]:
         """Rows in order of their numbers; behind a damaged page the search goes on (salvage only)."""
         chosen = "" if wanted is None else f"AND +topic_id IN ({', '.join(str(int(i)) for i in wanted)})"
-        query = f"SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? {chosen} ORDER BY rowid"
+        query = (
+            f"SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? {chosen} ORDER BY rowid"
+        )
         last, failures = -1, 0
         while last < _LAST_ROW:
             try:
@@ -141,7 +160,11 @@ def _definitions(base: sqlite3.Connection) -> dict[str, tuple[str, DefinitionFor
         return {}
     rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
     found = [(_text(kind), _text(form), _text(definition)) for kind, form, definition in rows]
-    return {kind: (definition, _FORMATS[form]) for kind, form, definition in found if form in _FORMATS and definition}
+    return {
+        kind: (definition, _FORMATS[form])
+        for kind, form, definition in found
+        if form in _FORMATS and definition
+    }
 
 
 def _text(value: object) -> str:

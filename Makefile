@@ -1,0 +1,65 @@
+# `make help` lists the targets. Everything runs in .venv, which `make install` (implied) creates.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+GPSIM := $(BIN)/gpsim
+# Settings for any stage target, as: make fit-gp ARGS="gp.n_train=500 seed=3"
+ARGS ?=
+STAGES := train-source collect build-residuals fit-gp train-gp-policy certify evaluate
+
+.DEFAULT_GOAL := help
+.PHONY: help install run smoke report $(STAGES) test test-slow lint format types bench wheel clean
+
+help:            ## List the targets
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
+	@echo "  $(STAGES)"
+	@echo "                   One stage each; settings in ARGS, as: make fit-gp ARGS=\"gp.n_train=500 seed=3\""
+
+install: $(VENV)/.installed  ## Make .venv and install gpsim into it
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "error: gpsim needs Python 3.11 or newer, $(PYTHON) is older; set PYTHON=..."; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	@touch $@
+
+run: install     ## The full CartPole loop: train, collect, learn the residual, train again, evaluate, report
+	$(GPSIM) run full-loop experiment=cartpole $(ARGS)
+
+smoke: install   ## The whole loop on a tiny budget, under a minute
+	$(GPSIM) run full-loop experiment=cartpole budget=smoke $(ARGS)
+
+report: install  ## Tables and HTML page of a finished loop
+	$(GPSIM) report experiment=cartpole $(ARGS)
+
+$(STAGES): install
+	$(GPSIM) $@ $(ARGS)
+
+test: install lint types  ## Tests, ruff and strict types
+	$(BIN)/python -m pytest
+
+test-slow: install  ## The heavy tests, minutes each
+	$(BIN)/python -m pytest -m slow
+
+lint: install    ## ruff: style and format
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+format: install  ## Let ruff format the code
+	$(BIN)/ruff check --fix-only --quiet .
+	$(BIN)/ruff format .
+
+types: install   ## mypy, strict
+	$(BIN)/mypy
+
+bench: install   ## Speed, side by side with other libraries
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt '.[benchmark]'
+	$(BIN)/python benchmarks/gp_speed.py
+	$(BIN)/python benchmarks/training_speed.py
+
+wheel: install   ## Build the wheel into dist/
+	$(BIN)/python -m build --wheel
+
+clean:           ## Remove the environment and everything built; artifacts in runs/ stay
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

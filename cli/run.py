@@ -1,0 +1,69 @@
+"""`gpsim run full-loop`: the whole experiment in one command."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from .configuration import as_yaml, resolve
+from .progress import Board
+from .stages import ConfigDir, ShowConfig, Words
+
+if TYPE_CHECKING:
+    from gpsim.artifacts import Artifact
+
+CORES = os.cpu_count() or 1
+run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
+Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
+
+
+@run_app.command("full-loop")
+def full_loop(
+    words: Words = None,
+    seeds: Seeds = 1,
+    jobs: Jobs = CORES,
+    config_dir: ConfigDir = None,
+    show_config: ShowConfig = False,
+) -> None:
+    """Every stage and the report; what is already there with the same configuration and parents is kept."""
+    config = resolve(words or [], config_dir)
+    if show_config:
+        typer.echo(as_yaml(config), nl=False)
+        return
+    # Imported here: torch takes seconds to load, and `--help` should not wait for it.
+    from gpsim.stages import full_loop as loop
+    from gpsim.stages import report
+    from gpsim.stages.stage import Request
+
+    shown = tuple(words or ()) + ((f"--config-dir={config_dir}",) if config_dir else ())
+    started = time.monotonic()
+    console = Console(stderr=True)
+    with Board() as board:
+
+        def finished(job: str, artifact: Artifact, existed: bool) -> None:
+            mark = "[dim]kept[/]" if existed else "[green]made[/]"
+            board.finish(job, f"{mark} {job:<34} {artifact.path}")
+
+        request = Request(config, shown)
+        chosen = tuple(request.seed + i for i in range(seeds))
+        loop.run(request, chosen, jobs, board.update, finished)
+        artifact, _ = report.stage_for(chosen).make(request)
+    console.print(f"finished in {time.monotonic() - started:.0f} s", highlight=False)
+    _show(artifact)
+
+
+def _show(artifact: Artifact) -> None:
+    from gpsim.stages.report import tables
+
+    console = Console()
+    for table in tables(artifact):
+        console.print(table)
+        console.print()
+    typer.echo(f"report: {Path(artifact.path) / 'report.html'}")
+    typer.echo(f"{Path(artifact.path) / 'summary.json'}")

@@ -1,0 +1,54 @@
+"""Several seeds' evaluations -> one summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.evaluation.returns import summarise_all
+
+Json = dict[str, Any]
+
+
+def start_sets(returns: Mapping[str, FloatArray], certified: BoolArray) -> dict[str, BoolArray]:
+    """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
+
+    returns: policy to (seeds, N). Solved means the highest return that any policy reached anywhere. Without a Target
+    policy the first set is the certified one.
+    """
+    full = max(float(values.max()) for values in returns.values())
+    target = returns.get("Target")
+    solved = np.asarray((target >= full).any(axis=0)) if target is not None else certified
+    return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
+
+
+def summarise_seeds(
+    evaluations: Sequence[Json], returns: Mapping[str, FloatArray], certified: BoolArray, experiment: str
+) -> Json:
+    """The content of summary.json: returns on the three sets of starts, and the other layers averaged over seeds.
+
+    evaluations: one evaluation.json a seed; returns: policy to (seeds, N).
+    """
+    sets = start_sets(returns, certified)
+    return {
+        "experiment": experiment,
+        "seeds": [evaluation["seed"] for evaluation in evaluations],
+        **{key: summarise_all(returns, starts) for key, starts in sets.items()},
+        "share": {key: float(starts.mean()) for key, starts in sets.items()},
+        **{key: _mean([e[key] for e in evaluations]) for key in ("one_step", "one_step_random", "rollout")},
+    }
+
+
+def _mean(values: Sequence[Any]) -> Any:
+    """The same structure with every number averaged; None where a number is missing."""
+    first = values[0]
+    if isinstance(first, Mapping):
+        return {key: _mean([value[key] for value in values]) for key in first}
+    if isinstance(first, list):
+        return [_mean(list(column)) for column in zip(*values, strict=True)]
+    if isinstance(first, str) or any(value is None for value in values):
+        return first
+    return float(np.mean(values)) if isinstance(first, float) or len(set(values)) > 1 else first

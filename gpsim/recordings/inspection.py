@@ -1,0 +1,187 @@
+"""What a log holds, and the mapping it suggests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import yaml
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from gpsim.errors import UsageError
+from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.raw import Topic
+from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
+from gpsim.simulators.simulator import Simulator
+
+GAP = 5.0  # a step of this many usual steps is a gap
+_POSES = {
+    "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
+    "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
+    "geometry_msgs/msg/Pose": ("position", "orientation"),
+}
+_TWISTS = {"geometry_msgs/msg/Twist": "", "geometry_msgs/msg/TwistStamped": "twist."}
+_ACKERMANN = {
+    "ackermann_msgs/msg/AckermannDrive": "",
+    "ackermann_msgs/msg/AckermannDriveStamped": "drive.",
+}
+_TIMES = ("t", "time", "timestamp", "Time", "time [s]")
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """The topics of a log, how they come, and a mapping as YAML; others: further logs in the same folder."""
+
+    name: str
+    topics: tuple[Topic, ...]
+    paces: Mapping[str, Statistics]
+    proposal: str
+    others: int
+
+
+def inspect_log(named: NamedLog, count: int = 1) -> Inspection:
+    """Read one field of every topic (of a table: what looks like its time), to see how the rows come."""
+    topics = tuple(named.log.topics())
+    wanted = {topic.name: [_telling(topic)] for topic in topics if topic.fields and topic.count}
+    series = named.log.series(wanted) if wanted else {}
+    paces: dict[str, Statistics] = {}
+    for name, one in series.items():
+        column = one.fields[wanted[name][0]]
+        is_table = one.header is None and not np.isfinite(one.receive).any()
+        if not is_table:
+            paces[name] = statistics(one, gap_factor=GAP)
+        elif wanted[name][0] in _TIMES:
+            paces[name] = of_stamps(column, "receive", GAP)
+    return Inspection(named.name, topics, paces, proposal(topics, paces), count - 1)
+
+
+def _telling(topic: Topic) -> str:
+    return next((name for name in _TIMES if name in topic.fields), topic.fields[0])
+
+
+def render_inspection(found: Inspection) -> RenderableType:
+    """The inspection for a terminal."""
+    table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
+    for name in ("topic", "type"):
+        table.add_column(name, overflow="fold")
+    names = ("count", "rate [Hz]", "gaps", "longest [s]", "duplicates", "backwards", "from [s]", "to [s]")
+    for name in names:
+        table.add_column(name, justify="right")
+    for topic in found.topics:
+        pace = found.paces.get(topic.name)
+        cells = ["-"] * 7
+        if pace is not None:
+            longest = f"{pace.gaps[0][1]:.3g}" if pace.gaps else "-"
+            rate = f"{pace.rate:.4g}" if pace.rate else "-"
+            counts = [str(len(pace.gaps)), longest, str(pace.duplicates), str(pace.backwards)]
+            cells = [rate, *counts, _seconds(pace.start), _seconds(pace.end)]
+        table.add_row(Text(topic.name), Text(topic.type), str(topic.count), *cells)
+    fields = [Text(f"{topic.name}: {', '.join(topic.fields[:40])}") for topic in found.topics if topic.fields]
+    more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
+    return Group(table, *more, Text(""), Text("numeric fields"), *fields, Text(""))
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
+    """A mapping to start from, as YAML; what could not be told is marked by a comment."""
+    pose = _first(topics, _POSES)
+    command = _first(topics, {**_ACKERMANN, **_TWISTS})
+    if pose is not None:
+        raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
+    elif len(topics) == 1:
+        raw, advice = (
+            _table(topics[0]),
+            "name the channels as the system does; actions are what was commanded",
+        )
+    else:
+        raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
+        advice = "no pose topic found; fill in state and action from the fields above"
+    reference = paces.get(pose.name if pose else topics[0].name) if topics else None
+    if pose is not None and reference is not None and reference.rate:
+        raw["rate"] = min(50, max(1, round(reference.rate)))
+    text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
+    return f"# proposed mapping: save it, {advice}\n{text}"
+
+
+def _first(topics: tuple[Topic, ...], known: Mapping[str, Any]) -> Topic | None:
+    found = [topic for topic in topics if topic.type in known and topic.count]
+    return max(found, key=lambda topic: topic.count, default=None)
+
+
+def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
+    position, orientation = _POSES[pose.type]
+    state: dict[str, Any] = {
+        axis: {"topic": pose.name, "field": f"{position}.{axis}", "unit": "m"} for axis in ("x", "y")
+    }
+    state["yaw"] = {
+        "topic": pose.name,
+        "quaternion": orientation,
+        "angle": "yaw",
+        "unit": "rad",
+        "wraps": True,
+    }
+    action: dict[str, Any] = {}
+    system = "unicycle"
+    if command is not None and command.type in _ACKERMANN:
+        system, prefix = "ackermann", _ACKERMANN[command.type]
+        action["v_cmd"] = {"topic": command.name, "field": f"{prefix}speed", "unit": "m/s"}
+        action["steering_cmd"] = {"topic": command.name, "field": f"{prefix}steering_angle", "unit": "rad"}
+    elif command is not None:
+        prefix = _TWISTS[command.type]
+        action["v_cmd"] = {"topic": command.name, "field": f"{prefix}linear.x", "unit": "m/s"}
+        action["w_cmd"] = {"topic": command.name, "field": f"{prefix}angular.z", "unit": "rad/s"}
+    return {"system": system, "rate": 50, "gap_limit": 0.5, "state": state, "action": action}
+
+
+def _table(topic: Topic) -> dict[str, Any]:
+    columns = [name for name in topic.fields if name not in _TIMES]
+    raw: dict[str, Any] = {"system": "?", "rate": "source"}
+    time = next((name for name in _TIMES if name in topic.fields), None)
+    if time is not None:
+        raw["time"] = {"field": time}
+    raw["state"] = {name: {"field": name, "unit": "?"} for name in columns}
+    return raw | {"action": {}}
+
+
+def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simulator]]) -> dict[str, Any]:
+    """The mapping of a table whose columns are called as the channels of `system`.
+
+    Raises UsageError naming the columns that lack, or asking for a mapping where the log is no table.
+    """
+    topics = named.log.topics()
+    if len(topics) != 1:
+        raise UsageError(
+            f"{named.name}: {len(topics)} topics; say which is which channel with --mapping NAME_OR_FILE "
+            "(gpsim import --inspect proposes one)"
+        )
+    if system not in systems:
+        raise UsageError(
+            f"{named.name}: no --mapping; give one, or system=NAME where the columns are the channels of "
+            f"{', '.join(systems)}"
+        )
+    simulator, fields = systems[system], topics[0].fields
+    time = next((name for name in _TIMES if name in fields), None)
+    lacking = [name for name in (*simulator.state.names, *simulator.action.names) if name not in fields]
+    if time is None or lacking:
+        what = ", ".join([*([] if time else ["t"]), *lacking])
+        raise UsageError(
+            f"{named.name}: column(s) {what} missing for {system}; there are: {', '.join(fields[:30])}"
+        )
+    raw: dict[str, Any] = {"system": system, "rate": "source", "time": {"field": time}}
+    if "episode" in fields:
+        raw["episodes"] = {"by": "column", "field": "episode"}
+    raw["state"] = {
+        c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {})
+        for c in simulator.state
+    }
+    raw["action"] = {c.name: {"field": c.name, "unit": c.unit} for c in simulator.action}
+    return raw

@@ -1,0 +1,64 @@
+"""Readers of raw logs: one registry from kind of file to reader, one door.
+
+`open_log` finds the kind by the file's name (a folder is a ROS 2 bag) and gives a RawLog. Every fault of a file ends
+in one UsageError: file, place, reason, what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from gpsim.errors import UsageError
+from gpsim.recordings.raw import RawLog
+from gpsim.recordings.readers.bag1 import Bag1
+from gpsim.recordings.readers.container import Container
+from gpsim.recordings.readers.damage import one_line
+from gpsim.recordings.readers.definitions import DISTROS
+from gpsim.recordings.readers.folder import Folder
+from gpsim.recordings.readers.matlab import open_matlab
+from gpsim.recordings.readers.mcap import Mcap
+from gpsim.recordings.readers.rosbag import BagLog
+from gpsim.recordings.readers.sqlite import Sqlite
+from gpsim.recordings.readers.tables import open_csv, open_parquet
+
+__all__ = ["DEFAULT_DISTRO", "KINDS", "open_log"]
+
+DEFAULT_DISTRO = "humble"
+_STORAGE: Mapping[str, Callable[[Path], Container]] = {".db3": Sqlite, ".mcap": Mcap}
+_TABLES: Mapping[str, Callable[[Path, bool], RawLog]] = {
+    ".csv": open_csv,
+    ".tsv": open_csv,
+    ".txt": open_csv,
+    ".parquet": open_parquet,
+    ".mat": open_matlab,
+}
+KINDS = (".bag", *_STORAGE, *_TABLES)
+
+
+def open_log(path: Path, *, salvage: bool = False, distro: str | None = None) -> RawLog:
+    """Open a log of any kind.
+
+    salvage: go on behind damage and count what is lost, instead of raising UsageError at the first. distro: the
+    ROS 2 distribution whose message types an old sqlite3 bag without definitions uses (default: what the bag's
+    metadata say, else humble).
+    """
+    if distro is not None and distro not in DISTROS:
+        raise UsageError(f"no ROS 2 distribution '{one_line(distro, 40)}'; there are: {', '.join(DISTROS)}")
+    try:
+        folder = path.is_dir()
+        suffix = path.suffix.lower()
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{one_line(path)}: cannot be opened: {one_line(error)}; check the path") from error
+    if suffix in _TABLES and not folder:
+        return _TABLES[suffix](path, salvage)
+    if suffix == ".bag" and not folder:
+        return BagLog(path, Bag1(path), salvage=salvage, distro=distro or DEFAULT_DISTRO)
+    if folder:
+        container = Folder(path, _STORAGE)
+        return BagLog(path, container, salvage=salvage, distro=distro or DEFAULT_DISTRO)
+    if suffix in _STORAGE:
+        return BagLog(path, _STORAGE[suffix](path), salvage=salvage, distro=distro or DEFAULT_DISTRO)
+    raise UsageError(
+        f"{path}: kind of log not known by its name; known are {', '.join(KINDS)} and ROS 2 bag folders"
+    )

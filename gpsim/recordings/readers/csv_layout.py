@@ -1,0 +1,134 @@
+"""How a text table is written: comment lines, separator, decimal mark, header; judged by the file's beginning."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from gpsim.recordings.readers.damage import DamageError, one_line
+
+HEAD = 1 << 18
+LONGEST_LINE = 1 << 18
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf(inity)?|true|false)", re.IGNORECASE
+)
+_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_SEPARATORS = (",", ";", "\t", "|")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """skip: lines before the data (comments, header); names: the header's cells; rows: lines of data."""
+
+    skip: int
+    separator: str
+    decimal: str
+    encoding: str
+    names: tuple[str, ...]
+    rows: int
+    last_line: str
+
+
+def read_layout(path: Path) -> Layout:
+    """Look at the file; DamageError when it is no text table."""
+    lines_there, last = _count_lines(path)
+    with path.open("rb") as file:
+        raw = file.read(HEAD)
+    encoding = "utf-8-sig"
+    try:
+        raw[: raw.rfind(b"\n") + 1].decode(encoding)
+    except UnicodeDecodeError:
+        encoding = "latin-1"
+    lines = raw.decode(encoding, errors="replace").splitlines()
+    if len(raw) == HEAD:
+        lines = lines[:-1]
+    comments = _leading_comments(lines)
+    body = [line for line in lines[comments:] if line.strip()][:40]
+    if not body:
+        raise DamageError("the file holds no table, only comments or empty lines")
+    separator = _separator(body)
+    names, header = _header(lines[:comments], body, separator)
+    first = next(i for i, line in enumerate(lines) if i >= comments and line.strip())
+    decimal = _decimal(body[header:], separator)
+    rows = max(0, lines_there - header)
+    return Layout(first + header, separator, decimal, encoding, names, rows, last.decode(encoding, "replace"))
+
+
+def _count_lines(path: Path) -> tuple[int, bytes]:
+    """(lines that are neither blank nor comment, the last of them); DamageError at what no text table has."""
+    count, last = 0, b""
+    with path.open("rb") as file:
+        while line := file.readline(LONGEST_LINE + 1):
+            if len(line) > LONGEST_LINE:
+                raise DamageError(
+                    f"a line at byte {file.tell() - len(line)} is longer than {LONGEST_LINE} bytes"
+                )
+            if b"\0" in line:
+                raise DamageError(
+                    f"byte {file.tell() - len(line) + line.index(0)} is zero, so this is no UTF-8 text table"
+                )
+            if line.strip() and not line.lstrip().startswith((b"#", b"%")):
+                count, last = count + 1, line
+    return count, last
+
+
+def _leading_comments(lines: list[str]) -> int:
+    count = 0
+    for line in lines:
+        if line.strip() and not line.lstrip().startswith(("#", "%")):
+            break
+        count += 1
+    return count
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """A line's cells without quotes."""
+    parts = line.split() if separator == r"\s+" else line.strip("\r\n").split(separator)
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, as any program writes it."""
+    return bool(_NUMBER.fullmatch(cell) or _COMMA_NUMBER.fullmatch(cell))
+
+
+def _separator(body: list[str]) -> str:
+    """The candidate that cuts most lines into the same number of cells."""
+    best, share = r"\s+", 0.0
+    for candidate in _SEPARATORS:
+        counts = [line.count(candidate) for line in body]
+        usual = max(set(counts), key=counts.count)
+        agreeing = counts.count(usual) / len(counts)
+        if usual > 0 and agreeing > share:
+            best, share = candidate, agreeing
+    return best
+
+
+def _decimal(body: list[str], separator: str) -> str:
+    found = [cell for line in body for cell in cells(line, separator)]
+    return "," if separator != "," and any(_COMMA_NUMBER.fullmatch(cell) for cell in found) else "."
+
+
+def _header(comments: list[str], body: list[str], separator: str) -> tuple[tuple[str, ...], int]:
+    """(column names, how many lines of the body the header takes)."""
+    first = cells(body[0], separator)
+    if any(cell and not is_number(cell) for cell in first):
+        return _distinct(first), 1
+    for line in reversed(comments):
+        names = cells(line.strip().lstrip("#%"), separator)
+        if len(names) == len(first) and all(name and not is_number(name) for name in names):
+            return _distinct(names), 0
+    return tuple(f"column_{i}" for i in range(len(first))), 0
+
+
+def _distinct(names: list[str]) -> tuple[str, ...]:
+    """Names that differ: empty ones numbered, repeated ones with a suffix."""
+    made: dict[str, None] = {}
+    for index, name in enumerate(names):
+        base = one_line(name, 200) or f"column_{index}"
+        unique, copy = base, 1
+        while unique in made:
+            unique, copy = f"{base}.{copy}", copy + 1
+        made[unique] = None
+    return tuple(made)

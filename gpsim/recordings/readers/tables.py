@@ -1,0 +1,188 @@
+"""CSV (any separator, comments in front) and Parquet, read in pieces of 65 536 rows."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from gpsim.channels import FloatArray
+from gpsim.recordings.readers.csv_layout import Layout, cells, is_number, read_layout
+from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
+from gpsim.recordings.readers.table_log import Rows, Table, TableLog
+
+_PIECE = 65_536
+_LOOK = 2_000
+_MAX_GROUP = 2 << 30
+
+
+def open_csv(path: Path, salvage: bool) -> TableLog:
+    """A text table; UsageError when it is none."""
+    regular_file(path)
+    try:
+        layout = read_layout(path)
+        columns = _numeric_columns(path, layout)
+    except (DamageError, OSError) as error:
+        raise refusal(path, "table", one_line(error)) from error
+    ledger = Ledger(path, salvage=salvage)
+    count = len(cells(layout.last_line, layout.separator))
+    cut = layout.rows > 1 and 0 < count < len(layout.names)
+    if cut:
+        ledger.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
+    read = partial(_read_csv, path, layout)
+    return TableLog(path, [Table(path.stem, "table", columns, layout.rows, read)], salvage=salvage)
+
+
+def _pieces(
+    path: Path, layout: Layout, columns: Sequence[str], rows: int | None = None
+) -> Iterator[pd.DataFrame]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        reader = pd.read_csv(
+            path,
+            sep=layout.separator,
+            decimal=layout.decimal,
+            encoding=layout.encoding,
+            encoding_errors="replace",
+            names=list(layout.names),
+            usecols=list(columns),
+            skiprows=layout.skip,
+            nrows=rows,
+            chunksize=_PIECE,
+            header=None,
+            index_col=False,
+            comment="#",
+            float_precision="round_trip",
+            low_memory=False,
+        )
+        with reader:
+            yield from reader
+
+
+def _numeric_columns(path: Path, layout: Layout) -> tuple[str, ...]:
+    """Columns of which at least half of the first rows' filled cells are numbers."""
+    try:
+        table = next(
+            iter(_pieces(path, layout, layout.names, _LOOK)), pd.DataFrame(columns=list(layout.names))
+        )
+    except Exception as error:
+        raise DamageError(f"not a table: {one_line(error, 120)}") from error
+    found = []
+    for name in layout.names:
+        column = table[name].dropna()
+        numbers = pd.api.types.is_numeric_dtype(column) or (
+            len(column) > 0 and sum(is_number(str(cell).strip()) for cell in column) * 2 >= len(column)
+        )
+        if numbers and len(column):
+            found.append(name)
+    return tuple(found)
+
+
+def _read_csv(path: Path, layout: Layout, columns: Sequence[str], ledger: Ledger) -> Rows:
+    kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
+    absent = dict.fromkeys(columns, 0)
+    topic = path.stem
+    first = layout.skip + 1
+    try:
+        for piece in _pieces(path, layout, columns):
+            good = np.ones(len(piece), dtype=np.bool_)
+            made: dict[str, FloatArray] = {}
+            for name in columns:
+                made[name], empty, bad = _numbers(piece[name])
+                absent[name] += int(empty.sum())
+                if bad.any():
+                    row = int(np.flatnonzero(bad)[0])
+                    cell = one_line(piece[name].iloc[row], 40)
+                    where = f"line {first + row}, column {name}: {cell!r}"
+                    ledger.lost("a cell is not a number", where, topic, int(bad.sum()))
+                    good &= ~bad
+            for name in columns:
+                kept[name].append(made[name][good])
+            first += len(piece)
+    except (
+        pd.errors.ParserError,
+        pd.errors.EmptyDataError,
+        ValueError,
+        OverflowError,
+        MemoryError,
+        OSError,
+    ) as error:
+        ledger.lost(
+            f"the rest of the table cannot be read: {one_line(error, 120)}", f"behind line {first - 1}"
+        )
+    return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
+
+
+def _numbers(column: Any) -> tuple[FloatArray, Any, Any]:
+    """(values, empty cells, cells that are no numbers)."""
+    empty = column.isna().to_numpy()
+    if pd.api.types.is_numeric_dtype(column):
+        return column.to_numpy(dtype=np.float64), empty, np.zeros(len(column), dtype=np.bool_)
+    text = column.astype(str).str.strip().replace({"True": "1", "true": "1", "False": "0", "false": "0"})
+    values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
+    named = text.str.lower().isin(["nan", "inf", "-inf", "+inf", "infinity", "-infinity"]).to_numpy()
+    return values, empty, np.isnan(values) & ~empty & ~named
+
+
+def open_parquet(path: Path, salvage: bool) -> TableLog:
+    """A Parquet file's flat numeric, boolean and time columns (times become seconds)."""
+    regular_file(path)
+    try:
+        with pq.ParquetFile(path, **_LIMITS) as file:
+            groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
+            if any(group.total_byte_size > _MAX_GROUP for group in groups):
+                raise DamageError(f"a row group declares more than {_MAX_GROUP} bytes")
+            columns = tuple(f.name for f in file.schema_arrow if _is_numeric(f.type))
+            rows = file.metadata.num_rows
+    except (
+        Exception
+    ) as error:  # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
+        raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
+    table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path))
+    return TableLog(path, [table], salvage=salvage)
+
+
+_LIMITS: dict[str, Any] = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 1 << 20}
+
+
+def _is_numeric(kind: Any) -> bool:
+    types = pa.types
+    return bool(
+        types.is_integer(kind)
+        or types.is_floating(kind)
+        or types.is_boolean(kind)
+        or types.is_timestamp(kind)
+    )
+
+
+def _read_parquet(path: Path, columns: Sequence[str], ledger: Ledger) -> Rows:
+    kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
+    absent = dict.fromkeys(columns, 0)
+    rows = 0
+    try:
+        with pq.ParquetFile(path, **_LIMITS) as file:
+            for batch in file.iter_batches(batch_size=_PIECE, columns=list(columns), use_threads=False):
+                made = {name: _seconds_or_numbers(batch.column(name)) for name in columns}
+                for name in columns:
+                    absent[name] += batch.column(name).null_count
+                    kept[name].append(made[name])
+                rows += batch.num_rows
+    except Exception as error:  # as above
+        ledger.lost(f"the rest of the table cannot be read: {one_line(error, 120)}", f"behind row {rows}")
+    return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
+
+
+def _seconds_or_numbers(column: Any) -> FloatArray:
+    if pa.types.is_timestamp(column.type):
+        ticks = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[column.type.unit]
+        return np.asarray(column.cast(pa.int64()).to_numpy(zero_copy_only=False), dtype=np.float64) / ticks
+    if pa.types.is_boolean(column.type):
+        column = column.cast(pa.int8())
+    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -1,0 +1,91 @@
+"""The report in one paragraph: what the first policy earns, what the corrected simulator's earns, what can be earned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpsim.reports.loop_report import START_SETS, LoopReport
+from gpsim.reports.model_sheets import DATA, rates, scores
+from gpsim.reports.sheets import fixed, known, percent, whole_percent
+
+CORRECTED = ("GP-Sample", "Effects", "GP-Mean")
+"""Policies trained in a corrected simulator, the one to name first first."""
+
+WORDS = {
+    "Source": "trained in the plain simulator",
+    "Target": "trained on the target itself, the reachable optimum",
+    "GP-Mean": "trained in the simulator corrected by the GP's mean",
+    "GP-Sample": "trained in the simulator corrected by samples of the GP",
+    "Effects": "trained in the simulator corrected by named effects",
+}
+
+
+@dataclass(frozen=True)
+class Card:
+    """A headline number."""
+
+    policy: str
+    value: str
+    words: str
+
+
+def headline_starts(report: LoopReport) -> str | None:
+    """The set of starts that the headline speaks of: the first that holds any."""
+    return next(iter(report.start_sets), None)
+
+
+def cards(report: LoopReport) -> list[Card]:
+    """Source, the corrected simulator's policy and Target, as far as they were compared."""
+    starts = headline_starts(report)
+    if starts is None:
+        return []
+    corrected = next((name for name in CORRECTED if known(report.stats(starts, name).get("mean"))), None)
+    found = []
+    for name in ("Source", corrected, "Target"):
+        mean = report.stats(starts, name).get("mean") if name else None
+        if name and known(mean):
+            found.append(Card(name, fixed(mean), WORDS[name]))
+    return found
+
+
+def paragraph(report: LoopReport) -> str:
+    """Plain words with the headline numbers."""
+    starts = headline_starts(report)
+    shown = cards(report)
+    if starts is None or not shown:
+        return "No policy was evaluated on the target."
+    best = f"{report.best_return:g}"
+    parts = []
+    for card in shown:
+        if card.policy == "Source":
+            parts.append(f"the policy trained in the plain simulator earns {card.value} of {best} on the target")
+        elif card.policy == "Target":
+            parts.append(f"the reachable optimum, trained on the target itself, earns {card.value}")
+        else:
+            parts.append(f"the policy {card.words} ({card.policy}) earns {card.value}{_ratio(report, starts, card)}")
+    text = "; ".join(parts)
+    return f"{text[0].upper()}{text[1:]}. {_scope(report, starts)}{_one_step(report)}"
+
+
+def _ratio(report: LoopReport, starts: str, card: Card) -> str:
+    target, mean = report.stats(starts, "Target").get("mean"), report.stats(starts, card.policy).get("mean")
+    if not (known(target) and known(mean) and target > 0 and mean is not None):
+        return ""
+    return f" ({whole_percent(float(mean) / float(target))} of Target)"
+
+
+def _scope(report: LoopReport, starts: str) -> str:
+    share = (report.summary.get("share") or {}).get(starts)
+    seeds = f"{len(report.seeds)} seeds" if len(report.seeds) != 1 else f"one seed ({report.seeds[0]})"
+    of = f", {whole_percent(share)} of all" if known(share) and starts != "returns_all" else ""
+    return f"Mean returns over {seeds} and the {START_SETS[starts].removeprefix('all ')}{of}."
+
+
+def _one_step(report: LoopReport) -> str:
+    said = []
+    for key, words in DATA.items():
+        errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
+        finite = [error for error in errors if known(error)]
+        if finite:
+            said.append(f"{percent(max(finite))} on {'the ' if key == 'one_step' else 'data from '}{words}")
+    return f" One step ahead the correction is wrong by at most {' and '.join(said)} (NRMSE)." if said else ""

@@ -1,0 +1,116 @@
+"""What the page and the tables of a whole loop are made from: plain data, no paths, no configuration objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray
+
+START_SETS = {
+    "returns": "starts that a Target policy of any seed solves",
+    "returns_certified": "starts that a search over action sequences certifies as solvable",
+    "returns_all": "all starts",
+}
+"""The three sets of starts, by their key in summary.json, in the order in which they are shown."""
+
+
+@dataclass(frozen=True)
+class ResidualSlice:
+    """One rate's residual along one input, the other inputs held at `at`: what the GP says and what it was taught.
+
+    grid: (G,) values of `channel`; mean, latent_std, observed_std: (G,) of the GP there, observed_std with noise;
+    point_inputs, point_residuals: (N,) training rows; point_errors: (N,) residual minus the GP's mean at the row's
+    own inputs; near: (N,) True on the rows that lie closest to the slice.
+    """
+
+    rate: str
+    channel: str
+    at: Mapping[str, float]
+    grid: FloatArray
+    mean: FloatArray
+    latent_std: FloatArray
+    observed_std: FloatArray
+    point_inputs: FloatArray
+    point_residuals: FloatArray
+    point_errors: FloatArray
+    near: BoolArray
+
+
+@dataclass(frozen=True)
+class MadeBy:
+    """An artifact that the report rests on. role: what it is to the loop, as `GP-Mean`; seed: None where shared."""
+
+    stage: str
+    role: str
+    version: str
+    sha256: str
+    seed: int | None = None
+    manifest: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LoopReport:
+    """Everything that the report of a loop shows; parts that are missing are left out of the page.
+
+    summary: the content of summary.json (returns, returns_all, returns_certified, share, one_step,
+    one_step_random, rollout); returns: policy to (seeds, N) episode returns on the target, NaN where unknown;
+    starts: the keys of START_SETS to masks (N,); best_return: what an episode earns at most; curves: policy to
+    one (steps, mean return) per seed; slices: rate to slice, of the first seed; fits: seed to the content of
+    fit.json; rollouts: simulator to (B, T + 1, S) states in the order of `states`; units: channel or rate to unit;
+    limits: channel to the absolute value beyond which an episode ends; settings: the resolved configuration worth
+    knowing; command: what makes this report again.
+    """
+
+    experiment: str
+    seeds: tuple[int, ...]
+    summary: Mapping[str, Any]
+    returns: Mapping[str, FloatArray] = field(default_factory=dict)
+    starts: Mapping[str, BoolArray] = field(default_factory=dict)
+    best_return: float = 500.0
+    curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
+    slices: Mapping[str, ResidualSlice] = field(default_factory=dict)
+    fits: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    states: tuple[str, ...] = ()
+    rollouts: Mapping[str, FloatArray] = field(default_factory=dict)
+    dt: float = 1.0
+    units: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    artifacts: Sequence[MadeBy] = ()
+    command: str = ""
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """The policies that were compared, in the summary's order."""
+        return tuple(self.summary.get("returns_all") or self.summary.get("returns") or self.returns)
+
+    @property
+    def start_sets(self) -> tuple[str, ...]:
+        """Those of START_SETS that the summary holds and that hold a start."""
+        return tuple(
+            key
+            for key in START_SETS
+            if any(stats.get("episodes", 0) for stats in (self.summary.get(key) or {}).values())
+        )
+
+    def stats(self, starts: str, policy: str) -> Mapping[str, Any]:
+        """The summary of a policy on a set of starts; empty where it holds none."""
+        return (self.summary.get(starts) or {}).get(policy) or {}
+
+    def episodes(self, starts: str, policy: str) -> FloatArray:
+        """(seeds, n): the known returns of a policy from a set of starts."""
+        values = self.returns.get(policy)
+        if values is None:
+            return np.empty((0, 0))
+        mask = self.starts.get(starts)
+        return np.asarray(values if mask is None else values[:, mask], dtype=np.float64)
+
+    def full_share(self, starts: str, policy: str) -> float:
+        """Share of the episodes that earn all there is; NaN where none is known."""
+        values = self.episodes(starts, policy)
+        values = values[np.isfinite(values)]
+        return float(np.mean(values >= self.best_return)) if values.size else float("nan")

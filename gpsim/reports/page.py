@@ -1,0 +1,125 @@
+"""The report as one self-contained HTML page: style and figures inside, no network, no scripts, no dates."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from gpsim.reports import headline
+from gpsim.reports.canvas import data_uri
+from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
+from gpsim.reports.loop_report import LoopReport, MadeBy
+from gpsim.reports.model_sheets import (
+    calibration_sheet,
+    fit_sheet,
+    fit_warnings,
+    one_step_sheet,
+    rollout_sheet,
+    scale_sheet,
+)
+from gpsim.reports.palette import colours
+from gpsim.reports.return_figures import figure_learning_curves, figure_returns
+from gpsim.reports.return_sheets import return_sheets
+from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
+from gpsim.reports.sheets import Sheet
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as the source of an image, with what it shows in words."""
+
+    source: str
+    words: str
+    caption: str
+
+
+def render(report: LoopReport) -> str:
+    """The page; equal reports give equal pages."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    template = environment.from_string(_resource("loop_report.html.jinja"))
+    sheets = return_sheets(report)
+    return template.render(
+        report=report,
+        style=Markup(_resource("loop_report.css")),  # noqa: S704 - our own file, not a user's text
+        colours=colours([*report.policies, *report.rollouts]),
+        paragraph=headline.paragraph(report),
+        cards=headline.cards(report),
+        return_sheets=sheets,
+        one_step=_filled(one_step_sheet(report)),
+        calibration=_filled(calibration_sheet(report)),
+        rollout=_filled(rollout_sheet(report)),
+        fit=_filled(fit_sheet(report)),
+        scales=_filled(scale_sheet(report)),
+        warnings=fit_warnings(report),
+        pictures=_pictures(report),
+        settings=list(settings(report.settings)),
+        manifest=_manifest,
+    )
+
+
+def settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """(dotted name, value) of every leaf of a configuration."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from settings(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+
+
+def _filled(sheet: Sheet) -> Sheet | None:
+    return sheet if sheet.rows else None
+
+
+def _manifest(made: MadeBy) -> str:
+    return json.dumps(made.manifest, indent=1, sort_keys=False, default=str)
+
+
+def _resource(name: str) -> str:
+    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")
+
+
+def _pictures(report: LoopReport) -> dict[str, Picture]:
+    first = f"seed {report.seeds[0]}" if report.seeds else "the first seed"
+    made: dict[str, tuple[Figure | None, str, str]] = {
+        "returns": (
+            figure_returns(report),
+            "Distribution of episode returns on the target, per policy and set of starts",
+            "Bars: share of episodes per bin of return. Outcomes are bimodal: an episode fails early or lasts to the end.",
+        ),
+        "slices": (
+            figure_residual_slices(report),
+            "Residual of each rate along its most telling input, with the Gaussian process and its training points",
+            f"Above: what the simulator gets wrong, and what the GP says of it along one input, the others held ({first}). "
+            "Below: what the GP's mean leaves, each point at its own inputs, with the band of ±2 std of an observation.",
+        ),
+        "calibration": (
+            figure_calibration(report),
+            "Share of target transitions inside the predicted intervals beside the nominal share",
+            "How many of the target's transitions lie in the GP's 50, 90 and 99 % intervals.",
+        ),
+        "rollouts": (
+            figure_rollouts(report),
+            "State over time under the same start and actions in the simulators and the target",
+            f"Same start, same random actions, nothing terminates ({first}).",
+        ),
+        "divergence": (
+            figure_divergence(report),
+            "Distance to the target's rollouts over time, median and 80 % band, logarithmic",
+            f"Distance to the target over time: median and the band between the 10 and 90 % quantiles ({first}).",
+        ),
+        "learning": (
+            figure_learning_curves(report),
+            "Mean return in training over steps, per policy",
+            "Each policy in the simulator that it is trained in: a high curve there says nothing yet about the target.",
+        ),
+    }
+    return {
+        key: Picture(data_uri(figure), words, caption) for key, (figure, words, caption) in made.items() if figure is not None
+    }

@@ -1,0 +1,41 @@
+"""The report's tables for the terminal."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from gpsim.reports.loop_report import LoopReport
+from gpsim.reports.model_sheets import calibration_sheet, one_step_sheet, rollout_sheet
+from gpsim.reports.palette import POLICIES, colours
+from gpsim.reports.return_sheets import return_sheets
+from gpsim.reports.sheets import Cell, Sheet
+
+
+def terminal_tables(report: LoopReport) -> list[Table]:
+    """Returns, one step, calibration and rollouts: the page's numbers; empty tables are left out."""
+    sheets = [*return_sheets(report), one_step_sheet(report), calibration_sheet(report), rollout_sheet(report)]
+    colour = colours(report.policies)
+    return [_table(sheet, colour) for sheet in sheets if sheet.rows]
+
+
+def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
+    table = Table(
+        title=sheet.title, caption=sheet.note or None, box=box.SIMPLE_HEAD, title_justify="left", caption_justify="left"
+    )
+    for index, name in enumerate(sheet.columns):
+        label = index < sheet.labels
+        table.add_column(name, justify="left" if label else "right", no_wrap=label)
+    for cells in sheet.rows:
+        table.add_row(*(_text(cell, colour) for cell in cells))
+    return table
+
+
+def _text(cell: Cell, colour: dict[str, str]) -> Text:
+    if cell.marked:
+        return Text(f"{cell.text} !", style="bold red")
+    # Target is nearly black in figures: invisible on a dark terminal.
+    if cell.name and cell.name in colour and cell.name != "Target":
+        return Text(cell.text, style=colour[cell.name])
+    return Text(cell.text, style="bold" if cell.name in POLICIES else "")

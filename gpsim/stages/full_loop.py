@@ -1,0 +1,39 @@
+"""full-loop: every stage for every seed, side by side where they do not depend on each other."""
+
+from __future__ import annotations
+
+from gpsim.stages.evaluate import TRAINED_BY, policy_names
+from gpsim.stages.jobs import Finished, Job, Update, run_jobs
+from gpsim.stages.stage import Request
+
+
+def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
+    """The loop's jobs in the order in which they matter: what others wait for comes first."""
+    jobs = [job for seed in seeds for job in _plan_seed(request.having(seed=seed), seed)]
+    certify = Job("certify", "certify", request.having(seed=seeds[0]))
+    jobs.append(certify)
+    for seed in seeds:
+        after = tuple(f"{name} · seed {seed}" for name in policy_names(request))
+        parents = (*after, f"Source · seed {seed}", f"fit-gp · seed {seed}", certify.label)
+        jobs.append(Job(f"evaluate · seed {seed}", "evaluate", request.having(seed=seed), parents))
+    return jobs
+
+
+def _plan_seed(request: Request, seed: int) -> list[Job]:
+    source = Job(f"Source · seed {seed}", "train-source", request.having(variant="source"))
+    collect = Job(f"collect · seed {seed}", "collect", request, (source.label,))
+    residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, (collect.label,))
+    fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
+    jobs = [source, collect, residuals, fit]
+    for name in policy_names(request):
+        stage, settings = TRAINED_BY[name]
+        after = (fit.label,) if stage.name == "train-gp-policy" else ()
+        job = Job(f"{name} · seed {seed}", stage.name, request.having(**settings), after)
+        if name != "Source":
+            jobs.append(job)
+    return jobs
+
+
+def run(request: Request, seeds: tuple[int, ...], workers: int, update: Update, finished: Finished) -> None:
+    """Make everything the report needs; what exists with the same configuration and parents is kept."""
+    run_jobs(plan(request, seeds), workers, update, finished)

@@ -1,0 +1,98 @@
+"""Logs built by hand, with a known truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.recordings.import_report import ImportReport
+from gpsim.recordings.importing import import_logs
+from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.raw import Series, Topic
+from gpsim.recordings.recording import Recording
+
+
+@dataclass
+class HandLog:
+    contents: dict[str, Series]
+    epoch_ns: int = 0
+
+    @property
+    def losses(self) -> Mapping[str, int]:
+        return {}
+
+    def topics(self) -> Sequence[Topic]:
+        return [
+            Topic(name, s.type, len(s.receive), tuple(s.fields), 0.0, 1.0, s.header is not None)
+            for name, s in self.contents.items()
+        ]
+
+    def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
+        return {name: self.contents[name] for name in wanted}
+
+
+def series(topic: str, receive: FloatArray, header: FloatArray | None = None, **fields: FloatArray) -> Series:
+    named = {name.replace("__", "."): np.asarray(values, dtype=np.float64) for name, values in fields.items()}
+    return Series(topic, "test", np.asarray(receive, dtype=np.float64), header, named, read=len(receive))
+
+
+def pose_series(t: FloatArray, x: FloatArray, y: FloatArray, yaw: FloatArray, receive: FloatArray) -> Series:
+    """A planar pose whose quaternion changes sign at random rows, as drivers do."""
+    sign = np.where(np.random.default_rng(1).random(len(t)) < 0.5, -1.0, 1.0)
+    zero = np.zeros(len(t))
+    return series(
+        "/pose",
+        receive,
+        t,
+        p__x=x,
+        p__y=y,
+        q__x=zero,
+        q__y=zero,
+        q__z=sign * np.sin(yaw / 2),
+        q__w=sign * np.cos(yaw / 2),
+    )
+
+
+UNICYCLE: dict[str, Any] = {
+    "system": "unicycle",
+    "rate": 20,
+    "gap_limit": 0.3,
+    "state": {
+        "x": {"topic": "/pose", "field": "p.x", "unit": "m"},
+        "y": {"topic": "/pose", "field": "p.y", "unit": "m"},
+        "yaw": {"topic": "/pose", "quaternion": "q", "unit": "rad", "wraps": True},
+    },
+    "action": {
+        "v_cmd": {"topic": "/cmd", "field": "v", "unit": "m/s"},
+        "w_cmd": {"topic": "/cmd", "field": "w", "unit": "rad/s"},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive at constant speed on a circle, turning with `w` [rad/s]: everything about it is known at any time."""
+
+    v: float = 0.5
+    w: float = 1.3
+
+    def x(self, t: FloatArray) -> FloatArray:
+        return self.v / self.w * np.sin(self.w * t)
+
+    def y(self, t: FloatArray) -> FloatArray:
+        return self.v / self.w * (1.0 - np.cos(self.w * t))
+
+    def pose(self, t: FloatArray, receive: FloatArray | None = None) -> Series:
+        return pose_series(t, self.x(t), self.y(t), self.w * t, t if receive is None else receive)
+
+
+def imported(
+    contents: dict[str, Series], mapping: dict[str, Any], **changes: Any
+) -> tuple[Recording, ImportReport]:
+    plan = parse_mapping({**mapping, **changes})
+    return import_logs([NamedLog("hand", HandLog(contents))], plan, lambda name, one, m: {})

@@ -1,0 +1,18 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def real() -> Path:
+    """The folder of the real recordings; tests skip where it is absent."""
+    beside = Path(__file__).resolve().parents[3] / "shared" / "recordings"
+    folder = Path(os.environ.get("GPSIM_RECORDINGS", beside))
+    if not folder.is_dir():
+        pytest.skip(
+            "the real recordings are not here (set GPSIM_RECORDINGS; data/README.md says where they are from)"
+        )
+    return folder

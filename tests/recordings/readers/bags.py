@@ -1,0 +1,235 @@
+"""Small bags of every kind for tests: written with rosbags' writers, messages given as nested dictionaries.
+
+write_bag(folder / "drive.bag", "ros1-lz4", drive(seconds=2.0))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap_writer import Chunks, write_mcap
+from rosbags.interfaces import Nodetype
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+ROS1_KINDS = ("ros1", "ros1-bz2", "ros1-lz4")
+ROS2_KINDS = ("sqlite3", "sqlite3-message", "sqlite3-file", "mcap-folder", "mcap-folder-zstd")
+MCAP_KINDS = ("mcap", "mcap-lz4", "mcap-zstd", "mcap-unchunked", "mcap-no-summary")
+KINDS = (*ROS1_KINDS, *ROS2_KINDS, *MCAP_KINDS)
+EPOCH = 1_700_000_000_000_000_000
+ACKERMANN = "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\nfloat32 acceleration\nfloat32 jerk\n"
+CUSTOM = {
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    "ackermann_msgs/msg/AckermannDrive": ACKERMANN,
+    "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
+    "limo_msgs/msg/Status": "std_msgs/Header header\nuint8 vehicle_state\nfloat64 battery_voltage\nint16[4] wheel_ticks\n"
+    "bool[] flags\nbool from\n",
+}
+
+
+@dataclass(frozen=True)
+class Messages:
+    """What one topic says: (receive time [ns], fields as nested dictionaries; what is left out is zero or empty)."""
+
+    type: str
+    rows: Sequence[tuple[int, Mapping[str, Any]]] = field(default_factory=list)
+
+
+@lru_cache(maxsize=2)
+def typestore(ros: int) -> Typestore:
+    """The message types of ROS 1 Noetic or ROS 2 Humble, and the custom ones."""
+    store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
+    for name, text in CUSTOM.items():
+        if name not in store.fielddefs:
+            store.register(get_types_from_msg(text, name))
+    return store
+
+
+def stamp(nanoseconds: int) -> dict[str, int]:
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+
+
+def header(nanoseconds: int, frame: str = "map") -> dict[str, Any]:
+    return {"stamp": stamp(nanoseconds), "frame_id": frame}
+
+
+def build(store: Typestore, name: str, values: Mapping[str, Any]) -> Any:
+    """A message object from nested dictionaries."""
+    made = {key: _value(store, description, values.get(key)) for key, description in store.fielddefs[name][1]}
+    unknown = set(values) - set(made) - {"seq"}
+    assert not unknown, f"{name} has no {unknown}"
+    return store.types[name](*made.values())
+
+
+def _value(store: Typestore, description: Any, value: Any) -> Any:
+    kind, detail = description
+    if kind == Nodetype.NAME:
+        return build(store, detail, value or {})
+    if kind == Nodetype.BASE:
+        return ("" if value is None else value) if detail[0] == "string" else (value or 0)
+    inner, length = detail
+    values = list(value) if value is not None else [None] * (length if kind == Nodetype.ARRAY else 0)
+    if inner[0] == Nodetype.BASE and inner[1][0] != "string":
+        dtype = {"bool": "bool_", "char": "uint8", "byte": "uint8"}.get(inner[1][0], inner[1][0])
+        return np.array([v or 0 for v in values], dtype=dtype)
+    return [_value(store, inner, v) for v in values]
+
+
+def serialise(ros: int, kind: str, values: Mapping[str, Any]) -> bytes:
+    """A message's bytes in ROS 1 or ROS 2 (CDR) form."""
+    store = typestore(ros)
+    message = build(store, kind, values)
+    return bytes(store.serialize_ros1(message, kind) if ros == 1 else store.serialize_cdr(message, kind))
+
+
+def write_bag(path: Path, kind: str, topics: Mapping[str, Messages], *, chunk: int = 4096) -> Path:
+    """Write a bag whose messages lie in order of receive time; returns what `open_log` is given.
+
+    chunk: bytes of a chunk (ROS 1 and the .mcap kinds). ROS 2 kinds but .mcap make a folder.
+    """
+    ros = 1 if kind in ROS1_KINDS else 2
+    rows = sorted(
+        (
+            (receive, topic, messages.type, values)
+            for topic, messages in topics.items()
+            for receive, values in messages.rows
+        ),
+        key=lambda row: row[0],
+    )
+    found = [(receive, topic, serialise(ros, name, values)) for receive, topic, name, values in rows]
+    types = {topic: messages.type for topic, messages in topics.items()}
+    if kind in MCAP_KINDS:
+        definitions = {name: typestore(2).generate_msgdef(name, ros_version=2)[0] for name in types.values()}
+        options = Chunks(
+            compression={"mcap-lz4": "lz4", "mcap-zstd": "zstd"}.get(kind, ""),
+            size=None if kind == "mcap-unchunked" else chunk,
+            summary=kind != "mcap-no-summary",
+        )
+        path.write_bytes(write_mcap(types, definitions, found, options))
+    elif ros == 1:
+        _write_ros1(path, kind, types, found, chunk)
+    else:
+        _write_ros2(path, kind, types, found)
+    return path
+
+
+def _write_ros1(path: Path, kind: str, types: Mapping[str, str], rows: Any, chunk: int) -> None:
+    writer = Writer1(path)
+    writer.chunk_threshold = chunk
+    if kind != "ros1":
+        writer.set_compression(Writer1.CompressionFormat[kind.removeprefix("ros1-").upper()])
+    with writer:
+        store = typestore(1)
+        connections = {
+            topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()
+        }
+        for receive, topic, data in rows:
+            writer.write(connections[topic], receive, data)
+
+
+def _write_ros2(path: Path, kind: str, types: Mapping[str, str], rows: Any) -> None:
+    plugin = StoragePlugin.SQLITE3 if kind.startswith("sqlite3") else StoragePlugin.MCAP
+    writer = Writer2(path, version=9, storage_plugin=plugin)
+    mode = {"sqlite3-message": "MESSAGE", "sqlite3-file": "FILE", "mcap-folder-zstd": "STORAGE"}.get(kind)
+    if mode is not None:
+        writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+    with writer:
+        store = typestore(2)
+        connections = {
+            topic: writer.add_connection(topic, name, typestore=store) for topic, name in types.items()
+        }
+        for receive, topic, data in rows:
+            writer.write(connections[topic], receive, data)
+
+
+def drive(seconds: float = 1.0, rate: float = 50.0, seed: int = 0) -> dict[str, Messages]:
+    """A car on a circle: every message type that an import knows, header stamps 7 ms before arrival.
+
+    /pose and /tf at `rate` [Hz], the commands at a fifth of it; header stamps carry odd nanoseconds.
+    """
+    rng = np.random.default_rng(seed)
+    poses, covariances, transforms, frames, odometry = [], [], [], [], []
+    for i in range(int(seconds * rate)):
+        receive = EPOCH + 123_456_789 + round(i * 1e9 / rate) + int(rng.integers(0, 500_000))
+        when, angle = receive - 7_000_001, 0.02 * i
+        position = {"x": float(np.cos(angle)), "y": float(np.sin(angle)), "z": 0.05}
+        orientation = {"z": float(np.sin(angle / 2)), "w": float(np.cos(angle / 2))}
+        pose = {"position": position, "orientation": orientation}
+        stamped = {"header": header(when), "pose": pose}
+        transform = {"translation": position, "rotation": orientation}
+        child = {"header": header(when), "child_frame_id": "base_link", "transform": transform}
+        other = {
+            "header": header(when - 5),
+            "child_frame_id": "wheel",
+            "transform": {"translation": {"x": float(i)}},
+        }
+        covariance = [float(j) for j in range(36)]
+        poses.append((receive, stamped))
+        covariances.append(
+            (receive, {"header": header(when), "pose": {"pose": pose, "covariance": covariance}})
+        )
+        transforms.append((receive, child))
+        frames.append((receive, {"transforms": [child, other] if i % 2 else [other]}))
+        twist = {"twist": {"linear": {"x": 0.5}, "angular": {"z": 0.1}}}
+        odometry.append((receive, {"header": header(when), "pose": {"pose": pose}, "twist": twist}))
+    return {
+        "/pose": Messages("geometry_msgs/msg/PoseStamped", poses),
+        "/pose_cov": Messages("geometry_msgs/msg/PoseWithCovarianceStamped", covariances),
+        "/transform": Messages("geometry_msgs/msg/TransformStamped", transforms),
+        "/tf": Messages("tf2_msgs/msg/TFMessage", frames),
+        "/odom": Messages("nav_msgs/msg/Odometry", odometry),
+        **_commands(seconds, rate / 5.0),
+    }
+
+
+def _commands(seconds: float, rate: float) -> dict[str, Messages]:
+    times = [EPOCH + 150_000_003 + round(i * 1e9 / rate) for i in range(int(seconds * rate))]
+    twists = [{"linear": {"x": 0.1 * i}, "angular": {"z": -0.2 * i}} for i in range(len(times))]
+    drives = [{"steering_angle": 0.125 * i, "speed": 0.25 * i} for i in range(len(times))]
+    return {
+        "/cmd_vel": Messages("geometry_msgs/msg/Twist", list(zip(times, twists, strict=True))),
+        "/cmd_stamped": Messages(
+            "geometry_msgs/msg/TwistStamped",
+            [(t, {"header": header(t - 11), "twist": twist}) for t, twist in zip(times, twists, strict=True)],
+        ),
+        "/ackermann": Messages("ackermann_msgs/msg/AckermannDrive", list(zip(times, drives, strict=True))),
+        "/ackermann_stamped": Messages(
+            "ackermann_msgs/msg/AckermannDriveStamped",
+            [(t, {"header": header(t - 13), "drive": drive}) for t, drive in zip(times, drives, strict=True)],
+        ),
+        "/throttle": Messages("std_msgs/msg/Float32", [(t, {"data": 0.5 * i}) for i, t in enumerate(times)]),
+        "/sensors": Messages(
+            "std_msgs/msg/Float32MultiArray",
+            [(t, {"data": [float(i), 2.0, 3.0][: 3 if i % 4 else 2]}) for i, t in enumerate(times)],
+        ),
+        "/joy": Messages(
+            "sensor_msgs/msg/Joy",
+            [
+                (t, {"header": header(t - 17), "axes": [0.0, 0.01 * i], "buttons": [1, 0, i]})
+                for i, t in enumerate(times)
+            ],
+        ),
+        "/status": Messages(
+            "limo_msgs/msg/Status",
+            [
+                (
+                    t,
+                    {
+                        "header": header(t - 19),
+                        "battery_voltage": 11.5 - 0.01 * i,
+                        "wheel_ticks": [i, -i, 7, -7],
+                        "from": True,
+                    },
+                )
+                for i, t in enumerate(times)
+            ],
+        ),
+    }

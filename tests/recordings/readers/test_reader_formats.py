@@ -1,0 +1,204 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import EPOCH, KINDS, Messages, drive, write_bag
+from rosbags.highlevel import AnyReader
+
+from gpsim.errors import UsageError
+from gpsim.recordings.readers import open_log
+
+WANTED = {
+    "/pose": ["pose.position.x", "pose.orientation.w"],
+    "/pose_cov": ["pose.pose.position.y", "pose.covariance.35"],
+    "/transform": ["transform.translation.x", "transform.rotation.z"],
+    "/tf": ["transforms[child_frame_id=base_link].transform.translation.x"],
+    "/odom": ["pose.pose.position.x", "twist.twist.linear.x"],
+    "/cmd_vel": ["linear.x", "angular.z"],
+    "/cmd_stamped": ["twist.angular.z"],
+    "/ackermann": ["steering_angle", "speed"],
+    "/ackermann_stamped": ["drive.speed"],
+    "/throttle": ["data"],
+    "/sensors": ["data.0", "data.2"],
+    "/joy": ["axes.1", "buttons.2"],
+    "/status": ["battery_voltage", "wheel_ticks.1", "from"],
+}
+
+
+def seconds(stamps: list[int]) -> np.ndarray:
+    return np.array([stamp - EPOCH for stamp in stamps]) / 1e9
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    suffix = (
+        ".bag" if request.param.startswith("ros1") else ".mcap" if request.param.startswith("mcap") else ""
+    )
+    suffix = "" if "folder" in request.param else suffix
+    return write_bag(tmp_path_factory.mktemp("bags") / f"drive{suffix}", request.param, drive(2.0))
+
+
+def test_every_message_comes_back(bag: Path) -> None:
+    log, given = open_log(bag), drive(2.0)
+    series = log.series(WANTED)
+    assert log.epoch_ns == EPOCH
+    for topic, messages in given.items():
+        if topic != "/tf":
+            np.testing.assert_array_equal(
+                series[topic].receive, seconds([receive for receive, _ in messages.rows])
+            )
+        assert series[topic].read == len(messages.rows)
+        assert not series[topic].dropped
+    x = [values["pose"]["position"]["x"] for _, values in given["/pose"].rows]
+    np.testing.assert_array_equal(series["/pose"].fields["pose.position.x"], x)
+    speeds = [np.float32(values["drive"]["speed"]) for _, values in given["/ackermann_stamped"].rows]
+    np.testing.assert_array_equal(series["/ackermann_stamped"].fields["drive.speed"], speeds)
+    np.testing.assert_array_equal(series["/joy"].fields["buttons.2"], np.arange(len(speeds)))
+    np.testing.assert_array_equal(series["/status"].fields["wheel_ticks.1"], -np.arange(len(speeds)))
+    assert (series["/status"].fields["from"] == 1.0).all()
+    assert (series["/pose_cov"].fields["pose.covariance.35"] == 35.0).all()
+
+
+def test_header_stamps_keep_their_nanoseconds(bag: Path) -> None:
+    series = open_log(bag).series({"/pose": ["pose.position.x"], "/throttle": ["data"]})
+    header = series["/pose"].header
+    assert header is not None
+    given = [receive - 7_000_001 for receive, _ in drive(2.0)["/pose"].rows]
+    np.testing.assert_array_equal(np.round(header * 1e9).astype(np.int64) + EPOCH, given)
+    assert series["/throttle"].header is None
+
+
+def test_transforms_are_selected_by_their_child_frame(bag: Path) -> None:
+    paths = [f"transforms[child_frame_id={name}].transform.translation.x" for name in ("base_link", "wheel")]
+    log, given = open_log(bag), drive(2.0)["/tf"].rows
+    alone = log.series({"/tf": paths[:1]})["/tf"]
+    rows = [(r, t) for r, values in given for t in values["transforms"] if t["child_frame_id"] == "base_link"]
+    np.testing.assert_array_equal(
+        alone.fields[paths[0]], [t["transform"]["translation"]["x"] for _, t in rows]
+    )
+    np.testing.assert_array_equal(alone.receive, seconds([r for r, _ in rows]))
+    assert alone.header is not None
+    np.testing.assert_array_equal(alone.header, seconds([r - 7_000_001 for r, _ in rows]))
+    assert alone.read == len(given)
+    both = log.series({"/tf": paths})["/tf"]
+    assert len(both.receive) == sum(len(values["transforms"]) for _, values in given)
+    for path in paths:
+        assert int(np.isnan(both.fields[path]).sum()) == both.absent[path]
+    wheel = both.fields[paths[1]]
+    np.testing.assert_array_equal(wheel[~np.isnan(wheel)], np.arange(len(given)))
+
+
+def test_elements_that_a_message_does_not_have_are_absent(bag: Path) -> None:
+    series = open_log(bag).series({"/sensors": ["data.0", "data.2"]})["/sensors"]
+    missing = np.arange(len(series.receive)) % 4 == 0
+    np.testing.assert_array_equal(np.isnan(series.fields["data.2"]), missing)
+    assert series.absent == {"data.2": int(missing.sum())}
+
+
+def test_topics_say_what_is_inside(bag: Path) -> None:
+    topics = {topic.name: topic for topic in open_log(bag).topics()}
+    given = drive(2.0)
+    assert list(topics) == sorted(given)
+    for name, messages in given.items():
+        stamps = seconds([receive for receive, _ in messages.rows])
+        assert topics[name].type == messages.type
+        assert (topics[name].count, topics[name].start, topics[name].end) == (
+            len(stamps),
+            stamps.min(),
+            stamps.max(),
+        )
+    assert topics["/sensors"].fields[-3:] == ("data.0", "data.1", "data.2")
+    assert "transforms[child_frame_id=wheel].transform.translation.x" in topics["/tf"].fields
+    assert "pose.covariance.35" in topics["/pose_cov"].fields
+    assert topics["/joy"].has_header
+    assert not topics["/cmd_vel"].has_header
+
+
+def test_every_listed_field_can_be_read(bag: Path) -> None:
+    log = open_log(bag)
+    listed = {topic.name: topic.fields for topic in log.topics()}
+    for topic, series in log.series(listed).items():
+        assert set(series.fields) == set(listed[topic])
+
+
+def test_rosbags_reads_the_same(bag: Path) -> None:
+    """An independent oracle: rosbags' own reader, message by message."""
+    if bag.suffix == ".mcap":
+        pytest.skip("rosbags wants ROS 2 metadata that these files lack in part")
+    log = open_log(bag)
+    with AnyReader([bag]) as reader:
+        for topic, path in (("/odom", "pose.pose.position.x"), ("/cmd_vel", "angular.z")):
+            wanted = [c for c in reader.connections if c.topic == topic]
+            theirs = [(t, reader.deserialize(raw, c.msgtype)) for c, t, raw in reader.messages(wanted)]
+            ours = log.series({topic: [path]})[topic]
+            np.testing.assert_array_equal(ours.receive, seconds([t for t, _ in theirs]))
+            get = [m.pose.pose.position.x if topic == "/odom" else m.angular.z for _, m in theirs]
+            np.testing.assert_array_equal(ours.fields[path], get)
+
+
+@pytest.mark.parametrize(
+    ("topic", "path", "says"),
+    [
+        ("/nowhere", "x", "no topic '/nowhere'"),
+        ("/pose", "pose.position.q", "no field 'q'; there are x, y, z"),
+        ("/pose", "pose.position", "not a number"),
+        ("/pose", "header.frame_id", "not a number"),
+        ("/pose", "pose..x", "not a path"),
+        ("/pose_cov", "pose.covariance.36", "outside an array of 36"),
+        ("/tf", "transforms[child=base_link].transform.rotation.x", "no field 'child'"),
+        ("/sensors", "data[a=b]", "only in an array of messages"),
+    ],
+)
+def test_wrong_wishes_are_one_line_with_the_alternatives(
+    tmp_path: Path, topic: str, path: str, says: str
+) -> None:
+    log = open_log(write_bag(tmp_path / "drive.bag", "ros1", drive(0.2)))
+    with pytest.raises(UsageError) as caught:
+        log.series({topic: [path]})
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_publishers_of_one_topic_are_one_series(tmp_path: Path) -> None:
+    from bags import serialise, typestore
+    from rosbags.rosbag1 import Writer
+
+    with Writer(tmp_path / "two.bag") as writer:
+        kind = "std_msgs/msg/Float32"
+        two = [
+            writer.add_connection("/u", kind, typestore=typestore(1), callerid=f"/node{i}") for i in range(2)
+        ]
+        for i in range(10):
+            writer.write(two[i % 2], EPOCH + i, serialise(1, kind, {"data": float(i)}))
+    series = open_log(tmp_path / "two.bag").series({"/u": ["data"]})["/u"]
+    np.testing.assert_array_equal(series.fields["data"], np.arange(10.0))
+
+
+def test_messages_out_of_order_stay_in_file_order(tmp_path: Path) -> None:
+    from bags import serialise, typestore
+    from rosbags.rosbag1 import Writer
+
+    stamps = [EPOCH + s for s in (5, 3, 9, 1)]
+    with Writer(tmp_path / "mixed.bag") as writer:
+        connection = writer.add_connection("/u", "std_msgs/msg/Float32", typestore=typestore(1))
+        for i, stamp in enumerate(stamps):
+            writer.write(connection, stamp, serialise(1, "std_msgs/msg/Float32", {"data": float(i)}))
+    series = open_log(tmp_path / "mixed.bag").series({"/u": ["data"]})["/u"]
+    np.testing.assert_array_equal(series.receive, seconds(stamps))
+
+
+def test_an_old_sqlite3_bag_without_definitions_uses_a_distribution(tmp_path: Path) -> None:
+    import sqlite3
+
+    bag = write_bag(
+        tmp_path / "old", "sqlite3", {"/u": Messages("std_msgs/msg/Float32", [(EPOCH, {"data": 2.5})])}
+    )
+    base = sqlite3.connect(bag / "old.db3")
+    base.execute("DELETE FROM message_definitions")
+    base.commit()
+    base.close()
+    assert open_log(bag, distro="foxy").series({"/u": ["data"]})["/u"].fields["data"].tolist() == [2.5]
+    with pytest.raises(UsageError, match="no ROS 2 distribution"):
+        open_log(bag, distro="noetic")

@@ -1,0 +1,258 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from by_hand import UNICYCLE, Drive, HandLog, imported, pose_series, series
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gpsim.errors import UsageError
+from gpsim.recordings.import_report import as_text
+from gpsim.recordings.importing import import_logs
+from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.mapping_files import parse_mapping
+
+DRIVE = Drive()
+T = np.arange(0, 10, 0.01)
+COMMANDS = np.arange(0, 10, 0.1)
+
+
+def commands(t=COMMANDS, v=None):
+    v = np.arange(len(t), dtype=float) if v is None else v
+    return series("/cmd", t, v=v, w=-v)
+
+
+def adds_up(report):
+    for count in report.topics:
+        assert count.read == count.kept + sum(count.dropped.values())
+    return {count.topic: count for count in report.topics}
+
+
+def test_poses_and_commands_land_on_one_grid():
+    recording, report = imported({"/pose": DRIVE.pose(T), "/cmd": commands()}, UNICYCLE)
+    (episode,) = recording.episodes
+    assert np.allclose(np.diff(episode.t), 0.05)
+    assert episode.states[:, 0] == pytest.approx(DRIVE.x(episode.t), abs=1e-12)
+    assert (episode.states[:, 2] >= -np.pi).all()
+    assert (episode.states[:, 2] < np.pi).all()
+    error = episode.states[:, 2] - DRIVE.w * episode.t
+    assert np.abs((error + np.pi) % (2 * np.pi) - np.pi).max() < 1e-9
+    # the action of row k is what was commanded from t_k to t_k+1: command j was given at 0.1 j
+    assert np.array_equal(episode.actions[:, 0], np.floor(episode.t[:-1] / 0.1 + 1e-6))
+    assert adds_up(report)["/pose"].kept == 996  # up to the last whole step, 9.95 s
+    assert recording.velocities is None
+    assert recording.clock == "session"
+
+
+def test_interpolation_between_stamps_is_within_the_second_order_error():
+    t = np.sort(np.random.default_rng(0).uniform(0, 10, 900))
+    recording, _ = imported({"/pose": DRIVE.pose(t), "/cmd": commands()}, UNICYCLE, rate=73)
+    (episode,) = recording.episodes
+    shift = float(t[t >= 0][0])  # the episode's clock starts at the first pose after the first command
+    bound = DRIVE.v * DRIVE.w * np.diff(t).max() ** 2 / 8
+    assert np.abs(episode.states[:, 0] - DRIVE.x(episode.t + shift)).max() <= bound * 1.01
+
+
+def test_a_gap_ends_an_episode_and_is_not_bridged():
+    keep = (T < 3.0) | (T > 4.0)
+    recording, report = imported({"/pose": DRIVE.pose(T[keep]), "/cmd": commands()}, UNICYCLE)
+    first, second = recording.episodes
+    assert first.t[-1] <= 2.99 + 1e-9
+    assert second.t[0] >= 4.0
+    counts = adds_up(report)
+    assert counts["/cmd"].dropped == {"in a gap over 0.3 s": 10}
+    assert "2 episode(s)" in as_text(report)
+
+
+def test_a_flag_ends_and_begins_episodes():
+    flag = series("/safe", np.arange(0, 10, 0.5), on=(np.arange(0, 10, 0.5) % 5 >= 1.0).astype(float))
+    rule = {"by": "flag", "topic": "/safe", "field": "on", "equals": 1}
+    recording, report = imported(
+        {"/pose": DRIVE.pose(T), "/cmd": commands(), "/safe": flag}, UNICYCLE, episodes=rule
+    )
+    starts = [float(episode.t[0]) for episode in recording.episodes]
+    assert np.diff(starts) == pytest.approx([5.0])
+    assert recording.episodes[0].t[-1] - recording.episodes[0].t[0] == pytest.approx(4.0)
+    adds_up(report)
+
+
+def test_header_or_receive_is_chosen_per_topic_and_said():
+    late = T + 0.03
+    pose = DRIVE.pose(T, receive=late)
+    by_header, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
+    by_receive, _ = imported(
+        {"/pose": pose, "/cmd": commands()}, UNICYCLE, clock={"topics": {"/pose": "receive"}}
+    )
+    assert adds_up(report)["/pose"].clock == "header"
+    assert adds_up(report)["/pose"].delay == pytest.approx((0.03, 0.03, 0.03))
+    # the same poses sit 30 ms later on the receive clock, so the commands are 30 ms further on
+    assert by_header.episodes[0].states[0, 0] == pytest.approx(DRIVE.x(np.zeros(1))[0])
+    assert by_receive.episodes[0].states[0, 0] == pytest.approx(DRIVE.x(np.zeros(1))[0])
+    k = np.arange(190)
+    assert np.array_equal(by_receive.episodes[0].actions[k, 0], np.floor((0.05 * k + 0.03) / 0.1 + 1e-6))
+    assert np.array_equal(by_header.episodes[0].actions[k, 0], np.floor(0.05 * k / 0.1 + 1e-6))
+    assert "mixed" in as_text(report)
+
+
+def test_unset_header_stamps_fall_back_to_receive_time_and_forced_ones_are_refused():
+    pose = pose_series(T * 0.0, DRIVE.x(T), DRIVE.y(T), DRIVE.w * T, receive=T)
+    _, report = imported({"/pose": pose, "/cmd": commands()}, UNICYCLE)
+    assert adds_up(report)["/pose"].clock == "receive (header never set)"
+    with pytest.raises(UsageError, match="never sets its header stamp"):
+        imported({"/pose": pose, "/cmd": commands()}, UNICYCLE, clock={"stamps": "header"})
+
+
+def lagging(delay):
+    rng = np.random.default_rng(5)
+    t, given = np.arange(0, 60, 0.01), np.arange(0, 60, 0.1)
+    v, w = np.repeat(rng.uniform(0.2, 1.0, 60), 10), np.repeat(rng.uniform(-1.0, 1.0, 60), 10)
+    fine = np.arange(0, 60, 0.001)
+    at = np.clip(np.searchsorted(given, fine - delay + 1e-9, side="right") - 1, 0, None)
+    yaw = np.cumsum(w[at]) * 0.001
+    x, y = np.cumsum(v[at] * np.cos(yaw)) * 0.001, np.cumsum(v[at] * np.sin(yaw)) * 0.001
+    pose = pose_series(t, x[::10], y[::10], yaw[::10], receive=t)
+    return {"/pose": pose, "/cmd": series("/cmd", given, v=v, w=w)}
+
+
+def test_the_offset_between_topics_is_shown_and_applied_only_when_asked():
+    contents = lagging(0.12)
+    shown, report = imported(contents, UNICYCLE)
+    lags = {lag.command: lag for lag in report.lags}
+    assert lags["v_cmd"].response == "forward speed"
+    assert lags["w_cmd"].response == "rate of yaw"
+    assert lags["w_cmd"].lag == pytest.approx(0.12, abs=0.01)
+    assert not report.applied
+    asked, applied = imported(contents, UNICYCLE, clock={"apply_offset": True})
+    assert applied.applied["/cmd"] == pytest.approx(0.12, abs=0.01)
+    number, applied = imported(contents, UNICYCLE, clock={"apply_offset": 0.12})
+    assert applied.applied == {"/cmd": 0.12}
+
+    def turning_error(recording):
+        moves = recording.transitions()
+        turned = np.diff(np.unwrap(np.append(moves.states[:, 2], moves.next_states[-1, 2])))
+        return float(np.sqrt(np.mean((turned / moves.dt - moves.actions[:, 1]) ** 2)))
+
+    assert turning_error(shown) > 0.1
+    assert turning_error(number) < 0.3 * turning_error(shown)
+    assert turning_error(asked) < 0.3 * turning_error(shown)
+
+
+def test_a_long_silence_of_commands_is_held_unless_limited():
+    sparse = commands(np.array([0.0, 4.0, 9.0]))
+    held, report = imported({"/pose": DRIVE.pose(T), "/cmd": sparse}, UNICYCLE)
+    assert len(held.episodes) == 1
+    assert any("5 s" in note for note in report.notes)
+    cut, report = imported({"/pose": DRIVE.pose(T), "/cmd": sparse}, UNICYCLE, hold_limit=1.0)
+    assert [e.t[-1] - e.t[0] for e in cut.episodes] == pytest.approx([1.0, 1.0, 0.95])
+    adds_up(report)
+
+
+def test_velocities_are_differentiated_and_edges_trimmed():
+    mapping = {
+        "system": "slider",
+        "rate": 50,
+        "time": {"field": "t"},
+        "state": {"q": {"field": "q", "unit": "m"}, "q_dot": {"derivative_of": "q", "unit": "m/s"}},
+        "action": {"force": {"field": "u", "unit": "N"}},
+    }
+    t = np.arange(0, 5, 0.01)
+    table = series("table", np.full(len(t), np.nan), t=t, q=np.sin(3 * t), u=np.cos(t))
+    recording, report = imported({"table": table}, mapping)
+    (episode,) = recording.episodes
+    start = report.episodes[0].start
+    assert recording.velocities == "differentiated"
+    assert "sigma = 2" in str(recording.provenance["mapping"]["velocities"])
+    assert start == pytest.approx(0.09)  # nine samples at either end
+    assert episode.states[:, 1] == pytest.approx(3 * np.cos(3 * (episode.t + start)), abs=1e-2)
+    assert adds_up(report)["table"].dropped["edge that the smoothing window cannot reach"] == 18
+    local, _ = imported({"table": table}, mapping, velocities={"edges": "local"})
+    assert local.transition_count > recording.transition_count
+
+
+def test_a_turning_angle_is_differentiated_without_leaps():
+    mapping = {
+        "system": "pendulum",
+        "rate": "source",
+        "time": {"field": "t"},
+        "state": {
+            "theta": {"field": "a", "unit": "rad", "wraps": True, "sign": -1, "offset": 0.3},
+            "theta_dot": {"derivative_of": "theta", "unit": "rad/s"},
+        },
+    }
+    t = np.arange(0, 5, 0.01)
+    table = series("table", t, t=t, a=(4.0 * t + np.pi) % (2 * np.pi) - np.pi)
+    recording, _ = imported({"table": table}, mapping)
+    assert recording.episodes[0].states[:, 1] == pytest.approx(-4.0, abs=1e-9)
+    assert np.abs(recording.episodes[0].states[:, 0]).max() <= np.pi
+
+
+def test_a_table_whose_clock_starts_anew_becomes_several_parts():
+    t = np.concatenate([np.arange(0, 3, 0.05), np.arange(0, 4, 0.05)])
+    mapping = {
+        "system": "s",
+        "rate": "source",
+        "time": {"field": "t"},
+        "state": {"q": {"field": "q", "unit": "m"}},
+    }
+    recording, report = imported({"table": series("table", t, t=t, q=t)}, mapping)
+    assert [len(e) for e in recording.episodes] == [59, 79]
+    assert sum(c.read for c in report.topics) == len(t)
+
+
+def test_several_logs_become_episodes_and_the_last_share_is_held_out():
+    logs = [
+        NamedLog(f"log{i}", HandLog({"/pose": DRIVE.pose(T + 100 * i), "/cmd": commands(COMMANDS + 100 * i)}))
+        for i in range(10)
+    ]
+    recording, report = import_logs(logs, parse_mapping(UNICYCLE), lambda n, s, m: {})
+    assert [e.name for e in recording.episodes] == [str(i) for i in range(10)]
+    assert recording.clock == "episode"
+    assert recording.held_out is not None
+    assert recording.held_out.episodes_from == 8
+    assert report.episodes[3].source == "log3"
+    session, _ = import_logs(
+        logs, parse_mapping({**UNICYCLE, "clock": {"kind": "session"}}), lambda n, s, m: {}
+    )
+    assert session.episodes[3].t[0] == pytest.approx(300.0)
+
+
+def test_one_log_is_held_out_by_time():
+    recording, _ = imported({"/pose": DRIVE.pose(T), "/cmd": commands()}, UNICYCLE)
+    assert recording.held_out is not None
+    assert recording.held_out.time_from == pytest.approx(0.8 * 9.95, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("contents", "text"),
+    [
+        ({"/pose": DRIVE.pose(T)}, "no topic '/cmd'; there are: /pose"),
+        ({"/pose": DRIVE.pose(T), "/cmd": commands(COMMANDS + 100)}, "no episode is left"),
+        ({"/pose": DRIVE.pose(T[:0]), "/cmd": commands()}, "no episode is left"),
+    ],
+)
+def test_what_cannot_be_imported_ends_in_one_line(contents, text):
+    with pytest.raises(UsageError, match=text) as caught:
+        imported(contents, UNICYCLE)
+    assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_whatever_the_clock_does_the_numbers_add_up(seed):
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(50, 400))
+    t = np.cumsum(rng.exponential(0.02, count))
+    t[rng.random(count) < 0.02] += 500.0
+    rows = np.sort(rng.choice(count, size=count))  # duplicates and gaps
+    t = t[rows] + rng.normal(scale=0.005, size=count)
+    c = np.sort(rng.uniform(0, t.max(), 20))
+    contents = {"/pose": pose_series(t, DRIVE.x(t), DRIVE.y(t), DRIVE.w * t, receive=t), "/cmd": commands(c)}
+    try:
+        recording, report = imported(contents, UNICYCLE, rate=float(rng.uniform(5, 200)))
+    except UsageError as error:
+        assert "\n" not in str(error)
+        return
+    adds_up(report)
+    for episode in recording.episodes:
+        assert np.isfinite(episode.states).all()
+        assert (np.diff(episode.t) > 0).all()

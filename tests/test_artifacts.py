@@ -1,0 +1,175 @@
+"""Artifacts: immutable, whole or absent, verified when read."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, Store, folder_digests, read_artifact
+from gpsim.errors import UsageError
+
+
+def write(folder: Path):
+    (folder / "a.txt").write_text("alpha")
+    (folder / "deep").mkdir()
+    (folder / "deep" / "b.bin").write_bytes(bytes(range(256)))
+    return {"note": "fast"}
+
+
+def recipe(**config):
+    return Recipe("fit-gp", config, {}, {"seed": 0})
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "runs", "cartpole")
+
+
+def test_a_version_is_sealed_and_found_again(store):
+    made = store.publish(recipe(n=1), write)
+    assert made.path == store.root / "cartpole" / "fit-gp" / "v0001"
+    assert store.find(recipe(n=1)) == made
+    assert store.find(recipe(n=2)) is None
+    assert store.publish(recipe(n=2), write).path.name == "v0002"
+    manifest = json.loads((made.path / MANIFEST).read_text())
+    assert set(manifest["files"]) == {"a.txt", "deep/b.bin"}
+    assert {"stage", "config", "parents", "seeds", "packages", "git_commit", "files", "sha256"} <= set(manifest)
+    assert json.loads((made.path / TIMINGS).read_text())["note"] == "fast"
+
+
+def test_same_recipe_same_bytes(store, tmp_path):
+    first = store.publish(recipe(n=1), write)
+    second = Store(tmp_path / "elsewhere", "cartpole").publish(recipe(n=1), write)
+    assert (first.path / MANIFEST).read_bytes() == (second.path / MANIFEST).read_bytes()
+    assert first.digest == second.digest
+
+
+def test_parents_are_part_of_the_key(store):
+    parent, other = store.publish(recipe(n=1), write), store.publish(recipe(n=2), write)
+    keys = {Recipe("x", {}, {"p": p}, {}).key for p in (parent, other)}
+    assert len(keys) == 2
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.data())
+def test_any_changed_byte_is_refused(tmp_path, data):
+    store = Store(tmp_path / f"runs{time.monotonic_ns()}", "cartpole")
+    made = store.publish(recipe(n=1), write)
+    name = data.draw(st.sampled_from(["a.txt", "deep/b.bin", MANIFEST]))
+    content = bytearray((made.path / name).read_bytes())
+    at = data.draw(st.integers(0, len(content) - 1))
+    content[at] ^= 1 << data.draw(st.integers(0, 7))
+    (made.path / name).write_bytes(bytes(content))
+    try:
+        again = read_artifact(made.path)
+    except UsageError as error:
+        assert str(made.path) in str(error)
+        return
+    # White space in the manifest may change without changing what it says.
+    assert name == MANIFEST
+    assert again == made
+
+
+def test_missing_and_added_files_are_refused(store):
+    made = store.publish(recipe(n=1), write)
+    (made.path / "extra").write_text("x")
+    with pytest.raises(UsageError, match="extra: added after it was written"):
+        read_artifact(made.path)
+    (made.path / "extra").unlink()
+    (made.path / "a.txt").unlink()
+    with pytest.raises(UsageError, match=r"a\.txt: missing"):
+        store.find(recipe(n=1))
+    with pytest.raises(UsageError, match="not an artifact"):
+        read_artifact(store.root)
+
+
+def test_the_wrong_stage_is_refused(store):
+    made = store.publish(recipe(n=1), write)
+    with pytest.raises(UsageError, match="made by 'fit-gp', expected an artifact of 'collect'"):
+        read_artifact(made.path, "collect")
+
+
+def test_a_failing_writer_leaves_nothing(store):
+    def broken(folder):
+        write(folder)
+        raise RuntimeError("crash")
+
+    with pytest.raises(RuntimeError):
+        store.publish(recipe(n=1), broken)
+    assert list((store.root / "cartpole" / "fit-gp").iterdir()) == []
+
+
+def test_a_full_disk_is_one_line(store):
+    def full(folder):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(UsageError, match="no space left"):
+        store.publish(recipe(n=1), full)
+    assert list((store.root / "cartpole" / "fit-gp").iterdir()) == []
+
+
+def test_a_really_full_disk_leaves_finished_artifacts_whole(tmp_path):
+    """On a file size limit the kernel itself refuses to write on."""
+    code = (
+        "import resource, signal, sys; from pathlib import Path\n"
+        "from gpsim.artifacts import Store, Recipe; from gpsim.errors import UsageError\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "store = Store(Path(sys.argv[1]), 'cartpole')\n"
+        "store.publish(Recipe('s', {'n': 1}, {}, {}), lambda f: (f / 'a').write_bytes(bytes(5000)) and None)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (6000, 6000))\n"
+        "store.publish(Recipe('s', {'n': 2}, {}, {}), lambda f: (f / 'a').write_bytes(bytes(9000)) and None)\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
+    assert "UsageError" in ended.stderr
+    assert [p.name for p in (tmp_path / "cartpole" / "s").iterdir()] == ["v0001"]
+    read_artifact(tmp_path / "cartpole" / "s" / "v0001")
+
+
+def test_an_existing_out_folder_is_not_touched(store, tmp_path):
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "precious").write_text("x")
+    with pytest.raises(UsageError, match="exists already"):
+        store.publish(recipe(n=1), write, out=out)
+    assert folder_digests(out).keys() == {"precious"}
+    made = store.publish(recipe(n=1), write, out=tmp_path / "new" / "place")
+    assert read_artifact(tmp_path / "new" / "place") == made
+
+
+def test_a_read_only_place_is_one_line(tmp_path):
+    (tmp_path / "runs").write_text("a file where a folder should be")
+    with pytest.raises(UsageError, match="choose another runs_dir"):
+        Store(tmp_path / "runs", "cartpole").publish(recipe(n=1), write)
+
+
+def test_publishing_side_by_side_never_collides(store):
+    with ThreadPoolExecutor(8) as pool:
+        made = list(pool.map(lambda n: store.publish(recipe(n=n), write), range(24)))
+    assert {a.path.name for a in made} == {f"v{n:04d}" for n in range(1, 25)}
+    for artifact in made:
+        assert read_artifact(artifact.path) == artifact
+
+
+def test_reserved_numbers_are_honoured_and_gaps_are_offered(store):
+    assert store.publish(recipe(n=1), write, number=2).path.name == "v0002"
+    free = store.free_numbers("fit-gp")
+    assert [next(free), next(free)] == [1, 3]
+    assert store.publish(recipe(n=2), write, number=2).path.name == "v0003"
+
+
+def test_leftovers_of_dead_processes_are_swept(store):
+    shelf = store.root / "cartpole" / "fit-gp"
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    for owner in (dead.pid, os.getppid()):
+        (shelf / f".tmp-{owner}-x").mkdir(parents=True)
+    store.publish(recipe(n=1), write)
+    assert {p.name for p in shelf.iterdir()} == {"v0001", f".tmp-{os.getppid()}-x"}

@@ -1,0 +1,88 @@
+"""Settings: everything resolves, and every mistake is one line with the alternatives."""
+
+import pytest
+
+from gpsim.cli.configuration import as_yaml, resolve
+from gpsim.errors import UsageError
+from gpsim.policies import PpoSettings
+from gpsim.settings import build
+from gpsim.stages.building import base_plant, make_task, ppo_settings, target_plant
+
+
+def test_the_thesis_is_the_default():
+    config = resolve([], None)
+    assert config["experiment"] == "cartpole"
+    assert config["policy"]["total_steps"] == 300_000
+    assert config["policy"]["n_envs"] == 10
+    assert config["gp"]["n_train"] == 250
+    assert config["collect"]["episodes"] == 20
+    assert config["target"]["friction"] == 0.9
+    task = make_task(config)
+    assert (task.angle_limit, task.position_limit, task.max_steps) == (0.2, 2.4, 500)
+    assert base_plant(config).parameters == {
+        "gravity": 9.8,
+        "cart_mass": 1.0,
+        "pole_mass": 0.1,
+        "pole_half_length": 0.5,
+    }
+
+
+def test_overrides_reach_the_objects():
+    words = ["task.position_limit=null", "target=sticking", "policy.gamma=0.9", "simulator.parameters.cart_mass=2", "seed=3"]
+    config = resolve(words, None)
+    assert make_task(config).position_limit is None
+    assert target_plant(config).contact == "stick"
+    assert target_plant(config).parameters["cart_mass"] == 2
+    assert ppo_settings(config).gamma == 0.9
+    assert config["seed"] == 3
+    assert resolve(["gp=raw"], None)["gp"]["inputs"] == ["x", "x_dot", "theta", "theta_dot", "force"]
+    assert resolve(["budget=smoke"], None)["policy"]["total_steps"] < 10_000
+    assert resolve(["budget=smoke", "policy.total_steps=77"], None)["policy"]["total_steps"] == 77
+
+
+def test_a_folder_of_ones_own(tmp_path):
+    (tmp_path / "gp").mkdir()
+    (tmp_path / "gp" / "mine.yaml").write_text("n_train: 12\ninputs: [x]\n")
+    assert resolve(["gp=mine"], tmp_path)["gp"] == {"n_train": 12, "inputs": ["x"]}
+    with pytest.raises(UsageError, match="no such folder"):
+        resolve([], tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["experiment=cartpol"], "no 'cartpol' among the choices of experiment; there are: cartpole"),
+        (["gp=rau"], "no 'rau' among the choices of gp; there are: jump, raw"),
+        (["gp.n_trian=5"], r"no setting 'gp.n_trian'; gp has: n_train, .*did you mean gp.n_train\?"),
+        (["sed=3"], r"no setting 'sed'; the top level has: .*did you mean seed\?"),
+        (["seed.x=3"], "no setting 'seed.x'"),
+        (["gp.n_train"], "'gp.n_train' is not a setting: write key=value"),
+        (["gp.n_train=[1,"], "."),
+        (["target.parameters=${nowhere}"], "."),
+    ],
+)
+def test_mistakes_are_one_line(words, message):
+    with pytest.raises(UsageError, match=message) as caught:
+        resolve(words, None)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["policy.gamma=high"], "policy.gamma: expected a number, got 'high'"),
+        (["policy.n_steps=1.5"], "policy.n_steps: expected a whole number, got 1.5"),
+        (["policy.hidden=64"], "policy.hidden: expected a list, got 64"),
+    ],
+)
+def test_wrong_values_name_the_key(words, message):
+    with pytest.raises(UsageError, match=message):
+        ppo_settings(resolve(words, None))
+    with pytest.raises(UsageError, match="target.contact: 'glue' is not one of chatter, stick"):
+        target_plant(resolve(["target.contact=glue"], None))
+    with pytest.raises(UsageError, match="policy: no setting 'momentum'"):
+        build(PpoSettings, {"momentum": 1}, "policy")
+
+
+def test_the_shown_configuration_is_the_resolved_one():
+    assert "friction: 0.9" in as_yaml(resolve([], None))

@@ -1,0 +1,85 @@
+"""Environments: Gymnasium's own checker, and the batch against one episode at a time."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from gpsim.envs import BatchedEnv, SingleEnv
+from gpsim.simulators import make_simulator
+from gpsim.simulators.plant import SimulatorPlant
+from gpsim.targets import FrictionCartPole
+from gpsim.tasks import Balance
+
+CARTPOLE = make_simulator("cartpole")
+PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")  # the checker warns of unbounded observations
+def test_gymnasium_accepts_the_single_environment():
+    check_env(SingleEnv(PLANT, Balance()), skip_render_check=True)
+
+
+def test_the_base_simulator_is_gymnasiums_cartpole():
+    """Gymnasium's CartPole-v1 is an independent oracle for the frictionless equations and the Euler step."""
+    reference = gymnasium.make("CartPole-v1").unwrapped
+    env = SingleEnv(PLANT, Balance(angle_limit=0.2095))
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        start = rng.uniform(-0.05, 0.05, 4)
+        reference.reset(seed=0)
+        reference.state = start
+        env.reset(options={"states": start})
+        for _ in range(100):
+            action = int(rng.integers(2))
+            expected, _, over, _, _ = reference.step(action)
+            got, reward, terminated, _, _ = env.step(action)
+            # Theirs divides before multiplying, and rounds observations to float32.
+            np.testing.assert_allclose(got, expected, rtol=2e-6, atol=2e-6)
+            assert reward == 1.0
+            if over:
+                break
+        assert terminated == over
+
+
+def test_a_batch_is_its_episodes_one_by_one():
+    target, task = FrictionCartPole(CARTPOLE.defaults(), 0.9, 0.02), Balance()
+    rng = np.random.default_rng(0)
+    starts = rng.uniform(-0.05, 0.05, (7, 4))
+    actions = rng.integers(0, 2, (300, 7))
+    batch = BatchedEnv(target, task, 7, seed=0)
+    batch.reset(options={"states": starts})
+    first_end = np.full(7, -1)
+    final = np.zeros((7, 4))
+    for k in range(300):
+        _, _, terminated, _, info = batch.step(actions[k])
+        for i in np.flatnonzero(terminated & (first_end < 0)):
+            first_end[i], final[i] = k, info["final_obs"][i]
+    for i in range(7):
+        single = SingleEnv(target, task)
+        single.reset(options={"states": starts[i]})
+        for k in range(300):
+            observation, _, terminated, _, _ = single.step(actions[k, i])
+            if terminated:
+                break
+        assert terminated
+        assert first_end[i] == k
+        np.testing.assert_array_equal(final[i], observation)
+
+
+def test_time_limit_is_truncation_not_termination():
+    env = BatchedEnv(PLANT, Balance(max_steps=3, angle_limit=3.0), 4, seed=0)
+    env.reset()
+    for k in range(1, 7):
+        _, _, terminated, truncated, info = env.step(np.zeros(4, dtype=np.int64))
+        assert not terminated.any()
+        assert truncated.all() == (k % 3 == 0)
+        assert ("final_obs" in info) == (k % 3 == 0)
+
+
+def test_states_that_are_no_numbers_end_the_episode():
+    task = Balance(position_limit=None)
+    states = np.array([[0.0, 0.0, np.nan, 0.0], [0.0, 0.0, 0.1, 0.0]])
+    assert task.terminated(states, np.empty((2, 0))).tolist() == [True, False]
+    assert Balance().terminated(np.array([[2.5, 0, 0, 0.0]]), np.empty((1, 0))).all()
+    assert not task.terminated(np.array([[2.5, 0, 0, 0.0]]), np.empty((1, 0))).any()

@@ -1,0 +1,74 @@
+"""Training: reproducible to the byte, exported exactly, and able to learn."""
+
+import numpy as np
+import pytest
+import torch
+
+from gpsim.envs import BatchedEnv
+from gpsim.errors import UsageError
+from gpsim.policies import PpoSettings, train_ppo
+from gpsim.policy import Policy
+from gpsim.simulators import make_simulator
+from gpsim.simulators.plant import SimulatorPlant
+from gpsim.tasks import Balance
+
+CARTPOLE = make_simulator("cartpole")
+PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
+SMALL = PpoSettings(total_steps=640, n_steps=32, n_envs=10, batch_size=64, n_epochs=2, observation_scale=(1, 2, 3, 4))
+
+
+def train(settings, seed=0):
+    return train_ppo(BatchedEnv(PLANT, Balance(), settings.n_envs, seed), settings, seed, lambda *_: None)
+
+
+def test_same_seed_same_bytes_other_seed_other_policy():
+    first, curve = train(SMALL)
+    torch.rand(3)  # somebody else's draws must not matter
+    np.random.rand(3)  # noqa: NPY002
+    again, _ = train(SMALL)
+    other, _ = train(SMALL, seed=1)
+    for name, weights in first.weights.items():
+        assert weights.tobytes() == again.weights[name].tobytes()
+    assert any(weights.tobytes() != other.weights[name].tobytes() for name, weights in first.weights.items())
+    assert curve.steps.tolist() == [320, 640]
+
+
+def test_exported_policy_acts_as_torch_does():
+    policy, _ = train(SMALL)
+    layers = []
+    for i in range(3):
+        linear = torch.nn.Linear(*reversed(policy.weights[f"layer.{i}.weight"].shape))
+        linear.weight.data = torch.from_numpy(policy.weights[f"layer.{i}.weight"])
+        linear.bias.data = torch.from_numpy(policy.weights[f"layer.{i}.bias"])
+        layers += [linear, torch.nn.Tanh()]
+    network = torch.nn.Sequential(*layers[:-1])
+    observations = np.random.default_rng(0).normal(size=(50, 4)).astype(np.float32)
+    expected = network(torch.from_numpy(observations / policy.scale)).detach().numpy()
+    np.testing.assert_allclose(policy.logits(observations), expected, rtol=1e-4, atol=1e-6)
+    assert policy.act(observations).tolist() == expected.argmax(axis=1).tolist()
+
+
+def test_drawn_actions_follow_the_softmax():
+    policy, _ = train(SMALL)
+    observation = np.full((20_000, 4), 0.02, dtype=np.float32)
+    logits = policy.logits(observation[:1])[0]
+    probability = np.exp(logits[1]) / np.exp(logits).sum()
+    drawn = policy.act(observation, np.random.default_rng(0))
+    assert drawn.mean() == pytest.approx(probability, abs=0.015)
+
+
+def test_round_trip_and_foreign_files():
+    policy, _ = train(SMALL)
+    arrays, metadata = policy.to_arrays()
+    back = Policy.from_arrays(arrays, metadata)
+    observations = np.ones((2, 4), dtype=np.float32)
+    assert back.logits(observations).tobytes() == policy.logits(observations).tobytes()
+    with pytest.raises(UsageError, match="not a policy"):
+        Policy.from_arrays(arrays, {"format": "other"})
+
+
+@pytest.mark.slow
+def test_the_source_task_is_learnt():
+    settings = PpoSettings(total_steps=100_000, observation_scale=(2.4, 0.3, 0.1, 0.5))
+    _, curve = train(settings)
+    assert curve.mean_return[-3:].mean() > 450
