@@ -28,7 +28,7 @@ class Ackermann(PlanarVehicle):
         state: FloatArray,
         action: FloatArray,
         parameters: Parameters,
-        forces: FloatArray | None = None,  # noqa: ARG002 - a kinematic model feels none
+        forces: FloatArray | None = None,
     ) -> FloatArray:
         """The twist (B, 3)."""
         w = action[:, 0] * np.tan(action[:, 1]) / parameters["wheelbase"]

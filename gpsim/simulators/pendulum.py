@@ -31,7 +31,7 @@ class Pendulum(MechanicalSimulator):
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
     ) -> FloatArray:
         """Angular acceleration (B, 1)."""
-        g, m, l = parameters["gravity"], parameters["mass"], parameters["length"]
+        g, m, length = parameters["gravity"], parameters["mass"], parameters["length"]
         torque = action[:, 0] if forces is None else action[:, 0] + forces[:, 0]
-        theta_acc = (torque / (m * l) - g * np.sin(state[:, 0])) / l
+        theta_acc = (torque / (m * length) - g * np.sin(state[:, 0])) / length
         return np.asarray(theta_acc)[:, None]

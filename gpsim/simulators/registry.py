@@ -27,5 +27,7 @@ def make_simulator(name: str) -> Simulator:
     if ":" in name:
         return load_user_simulator(name)
     if name not in SIMULATORS:
-        raise UsageError(f"unknown simulator '{name}'; registered are: {', '.join(SIMULATORS)}; your own: FILE.py:ClassName")
+        raise UsageError(
+            f"unknown simulator '{name}'; registered are: {', '.join(SIMULATORS)}; your own: FILE.py:ClassName"
+        )
     return SIMULATORS[name]()

@@ -70,9 +70,9 @@ class Simulator(ABC):
 
     def normal_force(
         self,
-        state: FloatArray,  # noqa: ARG002 - a default that knows nothing
-        rates: FloatArray,  # noqa: ARG002
-        parameters: Parameters,  # noqa: ARG002
+        state: FloatArray,
+        rates: FloatArray,
+        parameters: Parameters,
     ) -> dict[str, FloatArray]:
         """Coordinate -> (B,) N: what presses it on its guide, where the simulator knows; affine in the rates."""
         return {}

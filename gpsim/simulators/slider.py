@@ -20,7 +20,7 @@ class Slider(MechanicalSimulator):
 
     def rates(
         self,
-        state: FloatArray,  # noqa: ARG002 - nothing depends on where the body is
+        state: FloatArray,
         action: FloatArray,
         parameters: Parameters,
         forces: FloatArray | None = None,

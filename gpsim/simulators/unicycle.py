@@ -25,8 +25,8 @@ class Unicycle(PlanarVehicle):
         self,
         state: FloatArray,
         action: FloatArray,
-        parameters: Parameters,  # noqa: ARG002 - it has none
-        forces: FloatArray | None = None,  # noqa: ARG002 - a kinematic model feels none
+        parameters: Parameters,
+        forces: FloatArray | None = None,
     ) -> FloatArray:
         """The commanded twist (B, 3)."""
         return np.stack([action[:, 0], np.zeros(len(state)), action[:, 1]], axis=1)

@@ -37,12 +37,16 @@ def load_user_simulator(reference: str) -> Simulator:
     module = _import(Path(file), reference)
     found = getattr(module, name, None)
     if not isinstance(found, type):
-        classes = [k for k, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__]
+        classes = [
+            k for k, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__
+        ]
         raise UsageError(f"{file}: no class '{name}'; it has: {', '.join(classes) or 'none'}")
     try:
         instance = found()
     except Exception as error:  # a user's code may raise anything
-        raise UsageError(f"{reference}: {name}() raised {_said(error)}; it must be made without arguments") from error
+        raise UsageError(
+            f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
+        ) from error
     simulator = instance if isinstance(instance, Simulator) else UserSimulator(instance, reference)
     _try(simulator, reference)
     return simulator
@@ -63,12 +67,15 @@ class UserSimulator(Simulator):
         self.parameters = _parameters(system, reference)  # type: ignore[misc]
         for channel in (*pairs, *pairs.values(), *self.start):
             if channel not in state:
-                raise UsageError(f"{reference}: '{channel}' is not among its state channels: {', '.join(state)}")
+                raise UsageError(
+                    f"{reference}: '{channel}' is not among its state channels: {', '.join(state)}"
+                )
         positions = set(pairs)
         self._rated = [name for name in state if name not in positions]
         self.rate = Channels.of({_rate_name(n): f"{state[n]}/s" for n in self._rated})  # type: ignore[misc]
         self.coordinates = tuple(  # type: ignore[misc]
-            Coordinate(q, v, _rate_name(v), str(force_units.get(q, f"force on {q}"))) for q, v in pairs.items()
+            Coordinate(q, v, _rate_name(v), str(force_units.get(q, f"force on {q}")))
+            for q, v in pairs.items()
         )
         self._pairs = [(self.state.index(q), self.state.index(v)) for q, v in pairs.items()]
         self._rows = [self.state.index(name) for name in self._rated]
@@ -123,7 +130,8 @@ def _import(path: Path, reference: str) -> ModuleType:
     if path.suffix != ".py" or not path.is_file():
         raise UsageError(f"--simulator {reference}: no file {path}; give FILE.py:ClassName")
     spec = importlib.util.spec_from_file_location(f"user_system_{path.stem}", path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     try:
