@@ -20,7 +20,7 @@ class ActuatorGain(ActuatorEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Gain [1]."""
-        return (EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2),)
+        return (EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0),)
 
     def actuate(
         self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray

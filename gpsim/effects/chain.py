@@ -116,10 +116,10 @@ class Chain:
             out = effect.measure(out, columns, values[i], _part(memory, i), step)
         return out
 
-    @property
-    def remembers(self) -> bool:
-        """Whether commands before the first sample matter."""
-        return bool(self.rest(1, self.dt))
+    @cached_property
+    def watches(self) -> bool:
+        """Whether a sensor remembers, and `watch` must be called at every substep."""
+        return any(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._sensors)
 
     @cached_property
     def _actuators(self) -> list[tuple[int, ActuatorEffect, int]]:
@@ -236,19 +236,16 @@ class Chain:
         t: FloatArray,
         substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
-        """(B,) the friction force. Rates are affine in it: rates + mobility * force.
+        """(B,) the friction force, a mean over the substep. Rates are affine in it: rates + mobility * force.
 
-        Sticking: the force that would stop the coordinate at the end of the substep, as far as the grip allows; so
-        it stops the body instead of reversing it, and holds it at rest.
+        A body that would reverse within the substep stops on the way, after a share of it; for the rest it is held,
+        as far as the grip allows, or starts the other way.
         """
         position, velocity, rate = self._coordinate_columns[coordinate]
         name = self.simulator.coordinates[coordinate].name
-        if substep is None:
-            wanted, sign = None, -np.sign(state[:, velocity])
-        else:
-            start, step = substep
-            wanted = -(start[:, velocity] / step + rates[:, rate]) / mobility[:, rate]
-            sign = np.sign(wanted)
+        speed = state[:, velocity] if substep is None else substep[0][:, velocity]
+        free = -rates[:, rate] / mobility[:, rate]  # the force that would leave no acceleration
+        sign = np.where(speed != 0, -np.sign(speed), np.sign(free) if substep is not None else 0.0)
         load = self.simulator.normal_force(state, rates, parameters).get(name)
         change = None
         if load is not None:
@@ -271,7 +268,14 @@ class Chain:
             slope = grip(load + change * sign * most) - most
             share = np.divide(slope, most, out=np.zeros_like(most), where=most > 0)
             most = most / np.maximum(1.0 - share, 0.1)
-        return sign * most if wanted is None else np.clip(wanted, -most, most)
+        sliding = sign * most
+        if substep is None:
+            return np.asarray(sliding)
+        after = speed + substep[1] * (rates[:, rate] + mobility[:, rate] * sliding)
+        crosses = speed * after <= 0
+        gap = np.where(speed == after, 1.0, speed - after)
+        share = np.where(crosses, speed / gap, 1.0)
+        return np.asarray(share * sliding + (1.0 - share) * np.clip(free, -most, most))
 
     def _twisted(
         self,

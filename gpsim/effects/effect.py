@@ -27,7 +27,10 @@ POSE = ("x", "y", "yaw")
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One parameter of an effect at a place: unit, bounds, values to start a fit from, and its typical size."""
+    """One parameter of an effect at a place: unit, bounds, values to start a fit from, its typical size.
+
+    none: the value at which the effect does nothing (where there is one).
+    """
 
     name: str
     unit: str
@@ -35,6 +38,7 @@ class EffectParameter:
     high: float
     starts: tuple[float, ...]
     scale: float
+    none: float = 0.0
 
 
 @dataclass(frozen=True)

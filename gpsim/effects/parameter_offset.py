@@ -18,7 +18,7 @@ class ParameterOffset(ParameterEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Ratio [1]."""
-        return (EffectParameter("ratio", "1", 0.05, 20.0, (1.1,), 0.2),)
+        return (EffectParameter("ratio", "1", 0.05, 20.0, (1.1,), 0.2, none=1.0),)
 
     def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
         """The believed value times the ratio."""

@@ -17,7 +17,7 @@ class SensorScale(SensorEffect):
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Scale [1]."""
-        return (EffectParameter("scale", "1", 0.05, 20.0, (1.1,), 0.2),)
+        return (EffectParameter("scale", "1", 0.05, 20.0, (1.1,), 0.2, none=1.0),)
 
     def measure(
         self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray

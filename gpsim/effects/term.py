@@ -16,10 +16,11 @@ from gpsim.errors import UsageError
 
 @dataclass(frozen=True)
 class Gate:
-    """Where and since when an effect acts: intervals of channels (state or action), and a moment [s] of the clock."""
+    """Where and when an effect acts: intervals of channels (state or action), moments [s] of the recording's clock."""
 
     region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     since: float | None = None
+    until: float | None = None
 
     def __bool__(self) -> bool:
         return bool(self.region) or self.since is not None
@@ -32,7 +33,11 @@ class Gate:
             width = state.shape[1]
             values = state[:, column] if column < width else action[:, column - width]
             mask &= (values >= low) & (values <= high)
-        return mask if self.since is None else mask & (t >= self.since)
+        if self.since is not None:
+            mask &= t >= self.since
+        if self.until is not None:
+            mask &= t < self.until
+        return mask
 
 
 @dataclass(frozen=True)
