@@ -44,7 +44,7 @@ class Hypothesis:
         terms, at = [], 0
         for term, group in zip(self.terms, self.declared, strict=True):
             values = {p.name: float(theta[at + i]) for i, p in enumerate(group)}
-            terms.append(replace(term, values=values))
+            terms.append(replace(term, values={**term.values, **values}))
             at += len(group)
         return replace(self, terms=tuple(terms))
 
@@ -59,6 +59,10 @@ class Hypothesis:
             self, terms=tuple(self.terms[i] for i in keep), declared=tuple(self.declared[i] for i in keep)
         )
 
+    def frozen(self) -> Hypothesis:
+        """The same terms with nothing left to fit."""
+        return replace(self, declared=tuple(() for _ in self.terms))
+
     def chain(self, simulator: Simulator, parameters: Mapping[str, float], dt: float) -> Chain:
         """What simulates it."""
         return Chain(simulator, parameters, self.terms, self.scheme, dt)
@@ -67,8 +71,9 @@ class Hypothesis:
         """Thetas (C, P) -> one mapping a term of (C * repeat,) arrays: every copy's values for all its windows."""
         columns = np.repeat(thetas, repeat, axis=0)
         out, at = [], 0
-        for group in self.declared:
-            out.append({p.name: columns[:, at + i] for i, p in enumerate(group)})
+        for term, group in zip(self.terms, self.declared, strict=True):
+            held = {name: np.full(len(columns), value) for name, value in term.values.items()}
+            out.append(held | {p.name: columns[:, at + i] for i, p in enumerate(group)})
             at += len(group)
         return out
 

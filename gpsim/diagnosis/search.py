@@ -7,7 +7,7 @@ are fitted; the best of them are tried with a gate. At the end terms that no lon
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from gpsim.diagnosis.evidence import gain, scores, whiteness
 from gpsim.diagnosis.gates import gated, region_channels
@@ -42,31 +42,31 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     ]
     euler_wins = nulls[0].objective > nulls[1].objective + 5.0
     scheme: Scheme = base if euler_wins else "fine"
-    other: Scheme = "fine" if euler_wins else base
     null = nulls[0] if scheme == "fine" else nulls[1]
     second = nulls[1] if scheme == "fine" else nulls[0]
-    fits = [null]
-    beam = [null]
-    total = sum(FITTED) + (DEPTH - 1) * (BEAM - 1) * FITTED[1]
+    fits = [null, second]
+    beam = [null, second]
+    total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
     done = 0
     for depth in range(DEPTH):
         children: list[Fit] = []
         for parent in beam:
             plain = _grown(problem, parent, offers, FITTED[depth])
             children += plain
-            if depth < 2:
-                children += _with_gates(problem, parent, plain, offers)
             done += FITTED[depth]
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {_named(best)}")
-        if depth == 0:
-            children += _other_scheme(problem, children, second, other)
-            fits.append(second)
-        children = _distinct(problem, children)
+        children = _distinct(children)
         fits += children
-        beam = _next_beam(problem, children, beam, fits)
-        if not beam or (depth > 0 and not any(f in children for f in beam)):
+        if depth < 2 and _structured(problem, fits):
+            gates = [
+                _with_gates(problem, parent, _offspring(parent, children), offers) for parent in beam[:1]
+            ]
+            fits += [f for found in gates for f in found]
+            children += [f for found in gates for f in found]
+        if not children or not _structured(problem, fits):
             break
+        beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
     note(total, total, "")
     ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
     return Found(ranking, null, scheme)
@@ -134,16 +134,25 @@ def _patch_twice(candidate: Candidate, channel: str | None) -> bool:
     return candidate.family == "coulomb_friction" and channel == candidate.place.on
 
 
-def _other_scheme(problem: Problem, children: Sequence[Fit], null: Fit, scheme: Scheme) -> list[Fit]:
-    """The best singles again under the other way to integrate."""
-    best = sorted(children, key=lambda f: f.objective)[:4]
+def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
+    """Whether the leader leaves something to explain."""
+    return whiteness(problem, _ranked(problem, fits)[0])[0] < STRUCTURED
+
+
+def _offspring(parent: Fit, children: Sequence[Fit]) -> list[Fit]:
+    """The children with exactly the parent's terms and one more."""
+    before = parent.hypothesis.claims
+    count = len(parent.hypothesis.terms)
     return [
-        fit(problem, replace(f.hypothesis, scheme=scheme), null.starts, iterations=12, tolerance=0.5)
-        for f in best
+        c
+        for c in children
+        if c.hypothesis.scheme == parent.hypothesis.scheme
+        and before <= c.hypothesis.claims
+        and len(c.hypothesis.terms) == count + 1
     ]
 
 
-def _distinct(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+def _distinct(fits: Sequence[Fit]) -> list[Fit]:
     """One fit a set of claims and gates, the best."""
     best: dict[object, Fit] = {}
     for found in fits:
@@ -160,19 +169,6 @@ def _gated_terms(found: Fit) -> int:
 def _ranked(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     nats = scores(problem, list(fits))
     return [fits[i] for i in sorted(range(len(fits)), key=lambda i: -nats[i])]
-
-
-def _next_beam(
-    problem: Problem, children: Sequence[Fit], parents: Sequence[Fit], fits: Sequence[Fit]
-) -> list[Fit]:
-    """The best children, as long as something is left to explain; one step without pay is allowed."""
-    if not children:
-        return []
-    ranking = _ranked(problem, fits)
-    leader = ranking[0]
-    if whiteness(problem, leader)[0] > STRUCTURED:
-        return []
-    return [f for f in _ranked(problem, list(children)) if _gated_terms(f) <= 1][:BEAM]
 
 
 def _reduced(problem: Problem, best: Fit) -> list[Fit]:

@@ -21,6 +21,8 @@ from gpsim.simulators import Simulator
 
 STEP_OF_STATE, STEP_OF_PARAMETER = 1e-5, 1e-4  # finite differences, in units of the typical size
 TRIALS = (1.0,)  # shares of a Gauss-Newton step that are tried beside none of it
+PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
+PATTERN = (12.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25)  # finite-difference steps that a pattern search reaches
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,12 @@ def fit(
     value = objective(problem, residual)
     damping, per_window = 1e-3, np.full(len(starts), 1e-3)
     converged, still = False, 0
-    for _ in range(iterations):
+    for round_ in range(iterations):
+        if round_ in (1, 4) and any(p.step for p in hypothesis.parameters):
+            theta, starts, residual = _searched_pattern(
+                problem, hypothesis, theta, starts, residual, low, high
+            )
+            value, variance = objective(problem, residual), variance_of(problem, residual)
         by_state, by_theta = _jacobians(problem, hypothesis, theta, starts, residual)
         step = _steps(problem, residual, by_state, by_theta, variance, damping, per_window, theta, low, high)
         tried = _try_steps(problem, hypothesis, theta, starts, residual, variance, step, low, high)
@@ -108,8 +115,8 @@ def fit(
             theta = tried.theta if tried.theta is not None else theta
             starts, residual, value = tried.starts, tried.residual, tried.value
             variance = variance_of(problem, residual)
-        still = still + 1 if gain < tolerance else 0
-        if still >= 2 or (still >= 1 and moved):
+        still = 0 if gain >= tolerance else still + 1
+        if (moved and still >= 1) or still >= (PATIENCE if theta.size else 2):
             converged = True
             break
     by_state, by_theta = _jacobians(problem, hypothesis, theta, starts, residual)
@@ -125,6 +132,15 @@ def state_jacobian(
 ) -> FloatArray:
     """(W, L + 1, S, S): d residual / d start state."""
     return _jacobians(problem, hypothesis, hypothesis.theta, starts, residual, states_only=True)[0]
+
+
+def gradient_at(problem: Problem, fit: Fit) -> FloatArray:
+    """(P,) the log likelihood's gradient at a fit made on another grid, the noise model standing."""
+    theta = fit.hypothesis.theta
+    residual = problem.residuals(fit.hypothesis, theta[None], fit.starts[None])[0]
+    by_state, by_theta = _jacobians(problem, fit.hypothesis, theta, fit.starts, residual)
+    small = np.full(len(fit.starts), 1e-9)
+    return np.asarray(_projected(problem, residual, by_state, by_theta, fit.variance, small)[1].sum(axis=0))
 
 
 def variance_of(problem: Problem, residual: FloatArray) -> FloatArray:
@@ -184,7 +200,7 @@ def _jacobians(
         steps[i] = STEP_OF_STATE * problem.scale[i]
         copies[i, :, i] += steps[i]
     for j, parameter in enumerate(hypothesis.parameters[:size]):
-        step = STEP_OF_PARAMETER * parameter.scale
+        step = parameter.step or STEP_OF_PARAMETER * parameter.scale
         steps[dimension + j] = step if theta[j] + step <= parameter.high else -step
         thetas[dimension + j, j] += steps[dimension + j]
     moved = problem.residuals(hypothesis, thetas, copies)
@@ -298,6 +314,35 @@ def _try_steps(
             best = tried
     assert best is not None
     return best
+
+
+def _searched_pattern(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: FloatArray,
+    starts: FloatArray,
+    residual: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum."""
+    every = np.arange(len(starts))
+    for j, parameter in enumerate(hypothesis.parameters):
+        if parameter.step is None:
+            continue
+        for reach in PATTERN:
+            options = np.tile(theta, (5, 1))
+            options[1:, j] += reach * parameter.step * np.array([-1.0, -0.5, 0.5, 1.0])
+            options = np.clip(options, low, high)
+            states = np.tile(np.stack([starts, problem.windows.measured[:, 0]]), (5, 1, 1))
+            got = problem.residuals(hypothesis, np.repeat(options, 2, axis=0), states)
+            costs = _window_costs(problem, got, variance_of(problem, residual)).reshape(5, 2, -1)
+            choice = np.argmin(costs, axis=1)
+            picked = [got[2 * i + choice[i], every] for i in range(5)]
+            best = int(np.argmin([objective(problem, p) for p in picked]))
+            theta, residual = options[best], picked[best]
+            starts = states[2 * best + choice[best], every]
+    return theta, starts, residual
 
 
 def _window_costs(problem: Problem, residual: FloatArray, variance: FloatArray) -> FloatArray:

@@ -21,18 +21,14 @@ class ActuatorDeadZone(ActuatorEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Width [the action's]; from several starts, as no small width can be seen."""
         span = place.span
-        return (
-            EffectParameter(
-                "width", place.unit, 0.0, span, (0.1 * span, 0.25 * span, 0.5 * span), 0.1 * span
-            ),
-        )
+        starts = tuple(share * span for share in (0.04, 0.08, 0.13, 0.2, 0.3, 0.45))
+        return (EffectParameter("width", place.unit, 0.0, span, starts, 0.1 * span, step=0.02 * span),)
 
     def actuate(
         self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """0 inside |command| < width. The edge is a ramp of 2 % of the width, so that a fit can find it."""
-        width = np.maximum(values["width"], 1e-12)
-        return np.asarray(command * np.clip((np.abs(command) / width - 1.0) / 0.02 + 0.5, 0.0, 1.0))
+        """0 inside |command| < width."""
+        return np.where(np.abs(command) < values["width"], 0.0, command)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

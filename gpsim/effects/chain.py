@@ -73,18 +73,27 @@ class Chain:
         return out
 
     def advance(
-        self, state: FloatArray, action: FloatArray, values: Sequence[Values], step: FloatArray, t: FloatArray
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        values: Sequence[Values],
+        step: FloatArray,
+        t: FloatArray,
+        extra: FloatArray | None = None,
     ) -> FloatArray:
-        """(B, S) after a substep; `action` is what `command` returned."""
+        """(B, S) after a substep; `action` is what `command` returned, `extra` (B, R) is added to the rates."""
         parameters = self._corrected(state, action, values, t)
         if self.scheme != "fine":
             return self.simulator.integrate(
-                state, lambda s: self._rates(s, action, parameters, values, t, None), step, self.scheme
+                state,
+                lambda s: _sum(self._rates(s, action, parameters, values, t, None), extra),
+                step,
+                self.scheme,
             )
         h = step[:, None]
-        first = self._rates(state, action, parameters, values, t, (state, step))
+        first = _sum(self._rates(state, action, parameters, values, t, (state, step)), extra)
         middle = state + h / 2 * self.simulator.derivative(state, first)
-        second = self._rates(middle, action, parameters, values, t, (state, step))
+        second = _sum(self._rates(middle, action, parameters, values, t, (state, step)), extra)
         return state + h * self.simulator.derivative(middle, second)
 
     def slope(
@@ -293,6 +302,10 @@ class Chain:
             gate = self.terms[i].gate
             rates = np.where(gate.open(state, action, t, self.channels)[:, None], new, rates) if gate else new
         return rates
+
+
+def _sum(rates: FloatArray, extra: FloatArray | None) -> FloatArray:
+    return rates if extra is None else rates + extra
 
 
 def _part(memory: Memory, term: int) -> Memory:

@@ -29,7 +29,8 @@ POSE = ("x", "y", "yaw")
 class EffectParameter:
     """One parameter of an effect at a place: unit, bounds, values to start a fit from, its typical size.
 
-    none: the value at which the effect does nothing (where there is one).
+    none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
+    law jumps and only a coarse difference sees a slope.
     """
 
     name: str
@@ -39,6 +40,7 @@ class EffectParameter:
     starts: tuple[float, ...]
     scale: float
     none: float = 0.0
+    step: float | None = None
 
 
 @dataclass(frozen=True)

@@ -144,7 +144,9 @@ def actuators(system: str, column: int, action: str, top: float, dt: float = 0.0
         Truth("actuator_gain", action, {"gain": 0.8}, make(lambda u, t, h, m: 0.8 * u)),
         Truth("actuator_bias", action, {"bias": 0.1 * top}, make(lambda u, t, h, m: u + 0.1 * top)),
         Truth("actuator_dead_zone", action, {"width": 0.2 * top}, make(lambda u, t, h, m: u * (abs(u) >= 0.2 * top))),
-        Truth("actuator_saturation", action, {"limit": 0.6 * top}, make(lambda u, t, h, m: np.clip(u, -0.6 * top, 0.6 * top))),
+        Truth(
+            "actuator_saturation", action, {"limit": 0.6 * top}, make(lambda u, t, h, m: np.clip(u, -0.6 * top, 0.6 * top)),
+        ),
         Truth(
             "actuator_asymmetry", action, {"gain_positive": 0.85, "gain_negative": 1.1},
             make(lambda u, t, h, m: np.where(u > 0, 0.85, 1.1) * u),
