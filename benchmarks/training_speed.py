@@ -21,7 +21,8 @@ from gpsim.corrected import CorrectedPlant, GpCorrection
 from gpsim.envs import BatchedEnv
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.policies import PpoSettings, train_ppo
+from gpsim.learning import PpoSettings
+from gpsim.policies import train_ppo
 from gpsim.recordings import Recording
 from gpsim.residuals import build_residuals
 from gpsim.simulators import make_simulator

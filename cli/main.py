@@ -15,6 +15,9 @@ import typer
 from gpsim import __version__
 from gpsim.errors import UsageError
 
+from .export import export_app
+from .import_ import import_command
+from .run import report_command, run_app
 from .stages import add_stages
 
 app = typer.Typer(
@@ -47,18 +50,19 @@ def _root(
 
 
 add_stages(app)
+app.command("report", rich_help_panel="Stages, in order")(report_command)
+app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
+app.command("import", rich_help_panel="Recordings in and out")(import_command)
+app.add_typer(export_app, name="export", rich_help_panel="Recordings in and out")
 
 
 def main() -> None:
-    """Entry point: a UsageError is one line and exit code 2, Ctrl-C is exit code 130; neither leaves a traceback."""
+    """Entry point: a UsageError is one line and exit code 2, never a traceback."""
     try:
         app()
     except UsageError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted: finished artifacts are whole, run the same command to carry on", file=sys.stderr)
-        sys.exit(130)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

@@ -40,9 +40,13 @@ class Board:
             self._bars.start()
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._live:
             self._bars.stop()
+        if kind is not None and issubclass(kind, KeyboardInterrupt):  # Typer then ends with exit code 130
+            print(
+                "interrupted: finished artifacts are whole, run the same command to carry on", file=sys.stderr
+            )
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
         """Job `job` has done `done` of `total`."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.table import Table
 
 from .configuration import as_yaml, resolve
 from .progress import Board
@@ -37,6 +38,7 @@ def full_loop(
         typer.echo(as_yaml(config), nl=False)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
+    from gpsim.reports.tables import terminal_tables
     from gpsim.stages import full_loop as loop
     from gpsim.stages import report
     from gpsim.stages.stage import Request
@@ -54,16 +56,36 @@ def full_loop(
         chosen = tuple(request.seed + i for i in range(seeds))
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
+        tables = terminal_tables(report.gather(request, chosen))
     console.print(f"finished in {time.monotonic() - started:.0f} s", highlight=False)
-    _show(artifact)
+    show(artifact.path, tables)
 
 
-def _show(artifact: Artifact) -> None:
-    from gpsim.stages.report import tables
-
+def show(folder: Path, tables: list[Table]) -> None:
+    """Print the tables, then where the page and the summary lie."""
     console = Console()
-    for table in tables(artifact):
+    if not console.is_terminal:
+        console = Console(width=120)  # a log has no width of its own
+    for table in tables:
         console.print(table)
         console.print()
-    typer.echo(f"report: {Path(artifact.path) / 'report.html'}")
-    typer.echo(f"{Path(artifact.path) / 'summary.json'}")
+    typer.echo(f"report: {folder / 'report.html'}")
+    typer.echo(folder / "summary.json")  # the path alone on the last line, for programs
+
+
+def report_command(
+    words: Words = None, seeds: Seeds = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
+) -> None:
+    """Tables, figures and one HTML page of a finished loop."""
+    config = resolve(words or [], config_dir)
+    if show_config:
+        typer.echo(as_yaml(config), nl=False)
+        return
+    from gpsim.reports.tables import terminal_tables
+    from gpsim.stages import report
+    from gpsim.stages.stage import Request
+
+    request = Request(config, tuple(words or ()))
+    chosen = tuple(request.seed + i for i in range(seeds))
+    artifact, _ = report.stage_for(chosen).make(request)
+    show(artifact.path, terminal_tables(report.gather(request, chosen)))

@@ -21,7 +21,7 @@ Out = Annotated[
 ]
 STAGES = {
     "train-source": "Train a policy in the base simulator (variant=source|randomised|target).",
-    "collect": "Record episodes of the target.",
+    "collect": "Record episodes of the target, or import logs of it (collect.source=my.bag).",
     "build-residuals": "Subtract the simulator's prediction from the recording, rate by rate.",
     "fit-gp": "Fit one Gaussian process per rate to the residuals.",
     "train-gp-policy": "Train a policy in the corrected simulator (prediction=mean|sample).",

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,41 +14,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from gpsim.envs import BatchedEnv
+from gpsim.learning import LearningCurve, PpoSettings, Progress
 from gpsim.policy import Policy
-
-Progress = Callable[[int, int, str], None]
-"""progress(done, total, note): called now and then while something long runs."""
-
-
-@dataclass(frozen=True)
-class PpoSettings:
-    """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347) as stable-baselines3 runs it."""
-
-    total_steps: int = 300_000  # environment steps over all environments
-    n_envs: int = 10  # parallel environments
-    n_steps: int = 512  # steps an environment contributes to one update
-    batch_size: int = 128
-    n_epochs: int = 10
-    learning_rate: float = 1e-3  # falls linearly to 0 if `anneal`
-    clip_range: float = 0.2  # falls linearly to 0 if `anneal`
-    anneal: bool = True
-    gamma: float = 0.99
-    gae_lambda: float = 0.95
-    ent_coef: float = 0.0
-    hidden: Sequence[int] = (64, 64)  # tanh units, for the actor and for the critic
-    observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
-    reward_scale: float = (
-        1.0  # rewards are multiplied by it while training; a critic learns small targets faster
-    )
-
-
-@dataclass(frozen=True)
-class LearningCurve:
-    """Training returns: mean over the episodes that ended in each update. All (updates,)."""
-
-    steps: NDArray[np.int64]
-    mean_return: NDArray[np.float64]
-    episodes: NDArray[np.int64]
 
 
 def train_ppo(

@@ -35,14 +35,14 @@ class Policy:
             hidden = hidden @ self.weights[f"layer.{layer}.weight"].T + self.weights[f"layer.{layer}.bias"]
             if layer < last:
                 hidden = np.tanh(hidden)
-        return np.asarray(hidden)
+        return hidden
 
     def act(self, observations: NDArray[np.float32], rng: np.random.Generator | None = None) -> Actions:
         """(B,) actions: the most probable one, or drawn from the policy's distribution when `rng` is given."""
         logits = self.logits(observations)
         if rng is not None:  # the Gumbel-max trick draws from softmax(logits)
             logits = logits + rng.gumbel(size=logits.shape).astype(np.float32)
-        return np.argmax(logits, axis=1)
+        return np.asarray(np.argmax(logits, axis=1))
 
     def to_arrays(self) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
         """Arrays and JSON-able metadata for disk."""

@@ -41,7 +41,9 @@ def test_a_version_is_sealed_and_found_again(store):
     assert store.publish(recipe(n=2), write).path.name == "v0002"
     manifest = json.loads((made.path / MANIFEST).read_text())
     assert set(manifest["files"]) == {"a.txt", "deep/b.bin"}
-    assert {"stage", "config", "parents", "seeds", "packages", "git_commit", "files", "sha256"} <= set(manifest)
+    assert {"stage", "config", "parents", "seeds", "packages", "git_commit", "files", "sha256"} <= set(
+        manifest
+    )
     assert json.loads((made.path / TIMINGS).read_text())["note"] == "fast"
 
 
@@ -127,7 +129,9 @@ def test_a_really_full_disk_leaves_finished_artifacts_whole(tmp_path):
         "resource.setrlimit(resource.RLIMIT_FSIZE, (6000, 6000))\n"
         "store.publish(Recipe('s', {'n': 2}, {}, {}), lambda f: (f / 'a').write_bytes(bytes(9000)) and None)\n"
     )
-    ended = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
+    ended = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False
+    )
     assert "UsageError" in ended.stderr
     assert [p.name for p in (tmp_path / "cartpole" / "s").iterdir()] == ["v0001"]
     read_artifact(tmp_path / "cartpole" / "s" / "v0001")

@@ -1,8 +1,8 @@
 """The search over action sequences: certifies what can be done, and only that."""
 
 import numpy as np
-
 from gpsim.cli.configuration import resolve
+
 from gpsim.envs import Episodes
 from gpsim.evaluation.certify import BeamSearch
 from gpsim.simulators import make_simulator

@@ -1,10 +1,10 @@
 """Settings: everything resolves, and every mistake is one line with the alternatives."""
 
 import pytest
-
 from gpsim.cli.configuration import as_yaml, resolve
+
 from gpsim.errors import UsageError
-from gpsim.policies import PpoSettings
+from gpsim.learning import PpoSettings
 from gpsim.settings import build
 from gpsim.stages.building import base_plant, make_task, ppo_settings, target_plant
 
@@ -28,7 +28,13 @@ def test_the_thesis_is_the_default():
 
 
 def test_overrides_reach_the_objects():
-    words = ["task.position_limit=null", "target=sticking", "policy.gamma=0.9", "simulator.parameters.cart_mass=2", "seed=3"]
+    words = [
+        "task.position_limit=null",
+        "target=sticking",
+        "policy.gamma=0.9",
+        "simulator.parameters.cart_mass=2",
+        "seed=3",
+    ]
     config = resolve(words, None)
     assert make_task(config).position_limit is None
     assert target_plant(config).contact == "stick"

@@ -6,7 +6,8 @@ import torch
 
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.policies import PpoSettings, train_ppo
+from gpsim.learning import PpoSettings
+from gpsim.policies import train_ppo
 from gpsim.policy import Policy
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
@@ -14,7 +15,9 @@ from gpsim.tasks import Balance
 
 CARTPOLE = make_simulator("cartpole")
 PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
-SMALL = PpoSettings(total_steps=640, n_steps=32, n_envs=10, batch_size=64, n_epochs=2, observation_scale=(1, 2, 3, 4))
+SMALL = PpoSettings(
+    total_steps=640, n_steps=32, n_envs=10, batch_size=64, n_epochs=2, observation_scale=(1, 2, 3, 4)
+)
 
 
 def train(settings, seed=0):

@@ -74,7 +74,9 @@ def test_round_trip():
 def test_a_dead_channel_is_named():
     recording = record(3)
     dead = [replace(e, states=e.states * np.array([1, 1, 0, 1])) for e in recording.episodes]
-    with pytest.raises(UsageError, match=r"channel theta is constant \(0\) from episode 0, row 0 to episode 2"):
+    with pytest.raises(
+        UsageError, match=r"channel theta is constant \(0\) from episode 0, row 0 to episode 2"
+    ):
         residuals_of(replace(recording, episodes=tuple(dead)))
 
 

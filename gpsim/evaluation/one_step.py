@@ -61,3 +61,12 @@ class OneStep:
             "r2": r2(predicted, actual),
             "rmse": float(np.sqrt(np.mean((predicted - actual) ** 2))),
         }
+
+
+def outside_range(visited: FloatArray, training: FloatArray) -> float:
+    """Share of the visited inputs (N, D) with a column outside the range of the training inputs (M, D).
+
+    There a Gaussian process extrapolates, and its mean falls back to the prior's.
+    """
+    outside = (visited < training.min(axis=0)) | (visited > training.max(axis=0))
+    return float(np.mean(outside.any(axis=1)))

@@ -11,6 +11,7 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.evaluation.returns import summarise_all
 
 Json = dict[str, Any]
+AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout")
 
 
 def start_sets(returns: Mapping[str, FloatArray], certified: BoolArray) -> dict[str, BoolArray]:
@@ -38,7 +39,10 @@ def summarise_seeds(
         "seeds": [evaluation["seed"] for evaluation in evaluations],
         **{key: summarise_all(returns, starts) for key, starts in sets.items()},
         "share": {key: float(starts.mean()) for key, starts in sets.items()},
-        **{key: _mean([e[key] for e in evaluations]) for key in ("one_step", "one_step_random", "rollout")},
+        **{
+            key: _mean([e[key] for e in evaluations])
+            for key in ("outside_recording", "one_step", "one_step_random", "rollout")
+        },
     }
 
 

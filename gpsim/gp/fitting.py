@@ -21,7 +21,7 @@ _UNUSABLE = 1e25
 class FitSettings:
     """How to fit. `bounds`: box of the optimiser in standardised units.
 
-    `restarts`: starts besides the data-driven first one (one wiggly, the rest random); each start is followed
+    `restarts`: starts besides the data-driven first one (two more wiggly, the rest random); each start is followed
     for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent stops when the
     likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience` iterations, or
     at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean; exact, and
@@ -29,10 +29,10 @@ class FitSettings:
     """
 
     bounds: Bounds = field(default_factory=Bounds)
-    restarts: int = 4
-    screening_iterations: int = 10
+    restarts: int = 3
+    screening_iterations: int = 20
     max_iterations: int = 500
-    minimum_improvement: float = 1e-3
+    minimum_improvement: float = 1e-2
     patience: int = 5
     average_replicates: bool = True
 
@@ -138,7 +138,7 @@ def fit_outputs(
     )
 
 
-def first_start(data: TrainingData) -> HyperParameters:
+def first_start(data: TrainingData, lengthscale: float = 1.0, noise_std: float = 0.1) -> HyperParameters:
     """Start read off the data: slopes of the least-squares line for the linear term, the rest for the RBF.
 
     Lengthscales start at one standard deviation of each input and the noise at a tenth of the targets':
@@ -149,13 +149,8 @@ def first_start(data: TrainingData) -> HyperParameters:
     # Ridge of one row's worth: defined for N < D and for constant columns as well.
     weighted = data.inputs * data.counts[:, None]
     slopes = np.linalg.solve(weighted.T @ data.inputs + np.eye(dimension), weighted.T @ data.targets)
-    return HyperParameters(1.0, np.ones(dimension), np.maximum(np.abs(slopes), 0.05), 0.1, 0.1)
-
-
-def wiggly_start(data: TrainingData) -> HyperParameters:
-    """The first start with short lengthscales and little noise: for functions that turn often."""
-    start = first_start(data)
-    return HyperParameters(1.0, 0.4 * start.lengthscales, start.linear_stds, 0.1, 0.03)
+    lengthscales, linear_stds = np.full(dimension, lengthscale), np.maximum(np.abs(slopes), 0.05)
+    return HyperParameters(1.0, lengthscales, linear_stds, 0.1, noise_std)
 
 
 def random_start(data: TrainingData, rng: np.random.Generator) -> HyperParameters:
@@ -167,10 +162,9 @@ def random_start(data: TrainingData, rng: np.random.Generator) -> HyperParameter
 
 
 def _starts(data: TrainingData, restarts: int, rng: np.random.Generator) -> list[HyperParameters]:
-    starts = [first_start(data)]
-    if restarts > 0:
-        starts.append(wiggly_start(data))
-    return starts + [random_start(data, rng) for _ in range(restarts - 1)]
+    """The first start; then two that trust the data more and turn more often; then random ones."""
+    read_off = [first_start(data), first_start(data, 0.7, 0.03), first_start(data, 0.4, 0.03)]
+    return read_off[: 1 + restarts] + [random_start(data, rng) for _ in range(restarts - 2)]
 
 
 class _Search:

@@ -1,6 +1,6 @@
 """Fast batch prediction (GPML algorithm 2.1, lines 4 to 6) for the GPs of all rates over the same raw inputs.
 
-With features phi(x) = [z, z^2, 1], z the standardised input, everything that a prediction needs of x is a
+With features phi(x) = [u, u^2, 1], u = x - shift the centred input, everything that a prediction needs of x is a
 matrix product: the RBF's exponent against every training row, the linear covariances, the prior variance, and
 the whole linear and bias part of the mean, which collapses to one weight vector. A call is a handful of BLAS
 calls and one exp.
@@ -14,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import blas
 
 from .exact import PosteriorTerms
 from .kernels import FloatArray, HyperParameters, read_only
@@ -21,6 +22,10 @@ from .training_data import Standardisation
 
 # Elements of the (rows, training rows) matrices that one chunk may hold: 32 MB each in float64.
 CHUNK_ELEMENTS = 4_000_000
+
+# Rows from which a triangular product (half the work) beats a full one. Below, it gains nothing on one thread,
+# and BLAS would split it over several, which collapses when other processes hold the cores.
+TRIANGULAR_FROM_ROWS = 512
 
 
 class PosteriorOutput(Protocol):
@@ -68,14 +73,15 @@ class Predictor:
                 f"all GPs of a predictor take the same inputs, got numbers of inputs {sorted(dimensions)}"
             )
         self.dimension = dimensions.pop()
-        reference = self.outputs[0].standardisation
-        self._shift, self._inverse_scale = reference.input_mean, 1.0 / reference.input_scale
-        forms = [_linear_forms(output, reference) for output in self.outputs]
+        shift = self.outputs[0].standardisation.input_mean
+        self._shift = shift[:, None]
+        forms = [_linear_forms(output, shift) for output in self.outputs]
         self._exponent = np.hstack([form.exponent for form in forms])
         self._cross = np.hstack([form.cross for form in forms])
         self._line = np.column_stack([form.mean for form in forms])
         self._prior = np.column_stack([form.prior for form in forms])
         self._roots = [output.terms.root for output in self.outputs]
+        self._triangular = [_pays_as_triangular(root) for root in self._roots]
         sizes = [output.terms.weights.size for output in self.outputs]
         stops = np.cumsum(sizes)
         self._blocks = [slice(stop - size, stop) for stop, size in zip(stops.tolist(), sizes, strict=True)]
@@ -125,40 +131,49 @@ class Predictor:
         return means
 
     def _features(self, inputs: ArrayLike) -> FloatArray:
+        """Raw inputs (B, D) -> phi as (B, 2 D + 1), transposed in memory: its parts are then contiguous."""
         raw = np.asarray(inputs, dtype=np.float64)
         d = self.dimension
         if raw.ndim != 2 or raw.shape[1] != d:
             raise ValueError(f"inputs must have shape (B, {d}), got {raw.shape}")
-        features = np.empty((raw.shape[0], 2 * d + 1))
-        z = features[:, :d]
-        np.subtract(raw, self._shift, out=z)
-        np.multiply(z, self._inverse_scale, out=z)
-        np.multiply(z, z, out=features[:, d:-1])
-        features[:, -1] = 1.0
-        return features
+        features = np.empty((2 * d + 1, raw.shape[0]))
+        np.subtract(raw.T, self._shift, out=features[:d])
+        np.square(features[:d], out=features[d:-1])
+        features[-1] = 1.0
+        return features.T
 
     def _similarity(self, features: FloatArray) -> FloatArray:
         """RBF covariances with every training row of every output."""
-        similarity = features @ self._exponent
-        return np.exp(similarity, out=similarity)
+        # .dot and not @ throughout: at these sizes the dispatch of @ costs as much as the product.
+        similarity: FloatArray = features.dot(self._exponent)
+        np.exp(similarity, out=similarity)
+        return similarity
 
     def _mean_of(self, features: FloatArray, similarity: FloatArray) -> FloatArray:
-        means = features @ self._line
-        means += similarity @ self._weights
-        return np.asarray(means)
+        means: FloatArray = features.dot(self._line)
+        means += similarity.dot(self._weights)
+        return means
 
     def _mean_and_variance_of(self, features: FloatArray) -> tuple[FloatArray, FloatArray]:
         covariances = self._similarity(features)
         means = self._mean_of(features, covariances)
-        covariances += features @ self._cross
-        variances = features @ self._prior
-        for column, (block, root) in enumerate(zip(self._blocks, self._roots, strict=True)):
-            v = covariances[:, block] @ root
-            variances[:, column] -= np.einsum("bp,bp->b", v, v)
+        covariances += features.dot(self._cross)
+        variances = features.dot(self._prior)
+        for column, block in enumerate(self._blocks):
+            variances[:, column] -= self._explained(column, covariances[:, block])
         # Rounding may leave a hair below zero at the training rows.
         np.maximum(variances, 0.0, out=variances)
         variances *= self._square_scales
         return means, variances
+
+    def _explained(self, column: int, covariances: FloatArray) -> FloatArray:
+        """GPML algorithm 2.1, lines 5 and 6: |v|^2 of every row, v = L^-1 k*; (B, M) -> (B,)."""
+        root = self._roots[column]
+        if self._triangular[column] and covariances.size:
+            v = blas.dtrmm(1.0, root.T, covariances.T, lower=1)
+        else:
+            v = root.T.dot(covariances.T)
+        return np.asarray(np.einsum("pb,pb->b", v, v))
 
     def _chunks(self, rows: int) -> Iterator[slice]:
         return (slice(start, start + self._chunk) for start in range(0, rows, self._chunk))
@@ -166,7 +181,7 @@ class Predictor:
 
 @dataclass(frozen=True, eq=False)
 class _LinearForms:
-    """Coefficients of phi(x) = [z, z^2, 1] for one output: (2 D + 1, M) twice, then (2 D + 1,) twice."""
+    """Coefficients of phi(x) = [u, u^2, 1] for one output: (2 D + 1, M) twice, then (2 D + 1,) twice."""
 
     exponent: FloatArray
     cross: FloatArray
@@ -174,28 +189,32 @@ class _LinearForms:
     prior: FloatArray
 
 
-def _linear_forms(output: Output, reference: Standardisation) -> _LinearForms:
-    """All of (4.9) as linear forms of phi, where z is standardised by `reference`, not by the output.
+def _pays_as_triangular(root: FloatArray) -> bool:
+    rows, columns = root.shape
+    return rows == columns and rows >= TRIANGULAR_FROM_ROWS and not np.any(np.tril(root, -1))
 
-    The output's own standardised input is a z + b; for GPs fitted to the same rows a = 1 and b = 0.
+
+def _linear_forms(output: Output, shift: FloatArray) -> _LinearForms:
+    """All of (4.9) as linear forms of phi; the output's own standardised input is z = a u + b.
+
+    One shift serves all outputs, whatever rows each was fitted to; b is zero for those fitted to the same rows.
     """
     own, hyper, terms = output.standardisation, output.hyper_parameters, output.terms
-    a = reference.input_scale / own.input_scale
-    b = (reference.input_mean - own.input_mean) / own.input_scale
+    a, b = 1.0 / own.input_scale, (shift - own.input_mean) / own.input_scale
     lengths, slopes = hyper.lengthscales**-2, hyper.linear_stds**2
     support = terms.support.T  # (D, M)
     ones = np.ones((1, support.shape[1]))
     offset = support - b[:, None]
-    # log sigma_f^2 - sum_d (a z + b - z'_d)^2 / (2 ell_d^2), sorted by powers of z
+    # log sigma_f^2 - sum_d (a u + b - z'_d)^2 / (2 ell_d^2), sorted by powers of u
     constant = 2.0 * np.log(hyper.signal_std) - 0.5 * np.sum(offset**2 * lengths[:, None], axis=0)
     exponent = np.vstack([offset * (a * lengths)[:, None], -0.5 * (a**2 * lengths)[:, None] * ones, constant])
-    # sum_d sigma_l,d^2 (a z + b) z'_d + sigma_b^2
+    # sum_d sigma_l,d^2 (a u + b) z'_d + sigma_b^2
     along = support * slopes[:, None]
     bias = np.sum(along * b[:, None], axis=0) + hyper.bias_std**2
     cross = np.vstack([along * a[:, None], 0.0 * along, bias])
     mean = (cross @ terms.weights) * own.target_scale
     mean[-1] += own.target_mean
-    # sigma_f^2 + sigma_b^2 + sum_d sigma_l,d^2 (a z + b)^2
+    # sigma_f^2 + sigma_b^2 + sum_d sigma_l,d^2 (a u + b)^2
     at_zero = hyper.signal_std**2 + hyper.bias_std**2 + np.sum(slopes * b**2)
     prior = np.concatenate([2.0 * slopes * a * b, slopes * a**2, [at_zero]])
     return _LinearForms(exponent, cross, mean, prior)

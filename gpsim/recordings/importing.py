@@ -48,7 +48,7 @@ def import_logs(
         lags=tuple(found),
         applied=shifts,
         notes=import_notes.notes_of(mapping, recording, built),
-        warnings=import_notes.warnings_of(mapping, recording, built),
+        warnings=(*_losses(logs), *import_notes.warnings_of(mapping, recording, built)),
     )
     provenance = {
         "mapping": import_notes.mapping_metadata(mapping),
@@ -56,6 +56,11 @@ def import_logs(
         "sources": import_notes.origins(counts),
     }
     return replace(recording, provenance=provenance), report
+
+
+def _losses(logs: Sequence[NamedLog]) -> list[str]:
+    """What salvage could not read of the files themselves."""
+    return [f"{log.name}: {number} x {reason}" for log in logs for reason, number in log.log.losses.items()]
 
 
 def _command_topics(mapping: ImportMapping) -> set[str]:

@@ -12,13 +12,17 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
-from gpsim.simulators.simulator import Simulator
 
+MOST_FIELDS = 16
+_DULL = ("covariance", "stamp.", "data_offset")  # fields that nobody maps
 GAP = 5.0  # a step of this many usual steps is a gap
+System = tuple[Channels, Channels]
+"""The state and action channels of a simulator."""
 _POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
@@ -31,6 +35,12 @@ _ACKERMANN = {
     "ackermann_msgs/msg/AckermannDrive": "",
     "ackermann_msgs/msg/AckermannDriveStamped": "drive.",
 }
+_LOOSE = (
+    "std_msgs/msg/Float32",
+    "std_msgs/msg/Float64",
+    "std_msgs/msg/Float32MultiArray",
+    "sensor_msgs/msg/Joy",
+)
 _TIMES = ("t", "time", "timestamp", "Time", "time [s]")
 
 
@@ -70,21 +80,31 @@ def render_inspection(found: Inspection) -> RenderableType:
     table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
     for name in ("topic", "type"):
         table.add_column(name, overflow="fold")
-    names = ("count", "rate [Hz]", "gaps", "longest [s]", "duplicates", "backwards", "from [s]", "to [s]")
-    for name in names:
-        table.add_column(name, justify="right")
+    for name in ("count", "Hz", "gaps", "from [s]", "to [s]"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("noticed", overflow="fold")
     for topic in found.topics:
-        pace = found.paces.get(topic.name)
-        cells = ["-"] * 7
-        if pace is not None:
-            longest = f"{pace.gaps[0][1]:.3g}" if pace.gaps else "-"
-            rate = f"{pace.rate:.4g}" if pace.rate else "-"
-            counts = [str(len(pace.gaps)), longest, str(pace.duplicates), str(pace.backwards)]
-            cells = [rate, *counts, _seconds(pace.start), _seconds(pace.end)]
-        table.add_row(Text(topic.name), Text(topic.type), str(topic.count), *cells)
-    fields = [Text(f"{topic.name}: {', '.join(topic.fields[:40])}") for topic in found.topics if topic.fields]
+        cells = [Text(topic.name), Text(topic.type.split("/")[-1]), Text(str(topic.count))]
+        table.add_row(*cells, *(Text(cell) for cell in _pace_cells(found.paces.get(topic.name))))
+    fields = [Text(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
     more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
     return Group(table, *more, Text(""), Text("numeric fields"), *fields, Text(""))
+
+
+def _pace_cells(pace: Statistics | None) -> list[str]:
+    if pace is None:
+        return ["-", "-", "-", "-", ""]
+    noticed = [f"longest gap {pace.gaps[0][1]:.3g} s"] if pace.gaps else []
+    noticed += [f"{pace.duplicates} duplicates"] if pace.duplicates else []
+    noticed += [f"{pace.backwards} steps back"] if pace.backwards else []
+    rate = f"{pace.rate:.4g}" if pace.rate else "-"
+    return [rate, str(len(pace.gaps)), _seconds(pace.start), _seconds(pace.end), ", ".join(noticed)]
+
+
+def _shown(topic: Topic) -> str:
+    names = [n for n in topic.fields if not any(part in n for part in _DULL)]
+    rest = f" ... ({len(names) - MOST_FIELDS} more)" if len(names) > MOST_FIELDS else ""
+    return ", ".join(names[:MOST_FIELDS]) + rest
 
 
 def _seconds(value: float | None) -> str:
@@ -98,16 +118,20 @@ def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     if pose is not None:
         raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
     elif len(topics) == 1:
-        raw, advice = (
-            _table(topics[0]),
-            "name the channels as the system does; actions are what was commanded",
-        )
+        raw = _table(topics[0])
+        advice = "name the channels as the system does; actions are what was commanded"
     else:
         raw = {"system": "?", "rate": 50, "state": {}, "action": {}}
         advice = "no pose topic found; fill in state and action from the fields above"
     reference = paces.get(pose.name if pose else topics[0].name) if topics else None
     if pose is not None and reference is not None and reference.rate:
         raw["rate"] = min(50, max(1, round(reference.rate)))
+    if pose is not None and not raw["action"]:
+        loose = [(t.name, n) for t in topics if t.type in _LOOSE for n in t.fields if "data_offset" not in n]
+        near = [f"{name} {field}" for name, field in sorted(loose, key=lambda pair: "." in pair[1])]
+        advice += (
+            f"\n# commands could be among: {', '.join(near[:10])}" if near else "; no command topic found"
+        )
     text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
     return f"# proposed mapping: save it, {advice}\n{text}"
 
@@ -148,11 +172,14 @@ def _table(topic: Topic) -> dict[str, Any]:
     time = next((name for name in _TIMES if name in topic.fields), None)
     if time is not None:
         raw["time"] = {"field": time}
+    elif {"s", "ns"} <= set(columns):
+        raw["time"] = {"seconds": "s", "nanoseconds": "ns"}
+        columns = [name for name in columns if name not in ("s", "ns")]
     raw["state"] = {name: {"field": name, "unit": "?"} for name in columns}
     return raw | {"action": {}}
 
 
-def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simulator]]) -> dict[str, Any]:
+def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) -> dict[str, Any]:
     """The mapping of a table whose columns are called as the channels of `system`.
 
     Raises UsageError naming the columns that lack, or asking for a mapping where the log is no table.
@@ -168,9 +195,9 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simula
             f"{named.name}: no --mapping; give one, or system=NAME where the columns are the channels of "
             f"{', '.join(systems)}"
         )
-    simulator, fields = systems[system], topics[0].fields
+    (state, action), fields = systems[system], topics[0].fields
     time = next((name for name in _TIMES if name in fields), None)
-    lacking = [name for name in (*simulator.state.names, *simulator.action.names) if name not in fields]
+    lacking = [name for name in (*state.names, *action.names) if name not in fields]
     if time is None or lacking:
         what = ", ".join([*([] if time else ["t"]), *lacking])
         raise UsageError(
@@ -180,8 +207,7 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, type[Simula
     if "episode" in fields:
         raw["episodes"] = {"by": "column", "field": "episode"}
     raw["state"] = {
-        c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {})
-        for c in simulator.state
+        c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {}) for c in state
     }
-    raw["action"] = {c.name: {"field": c.name, "unit": c.unit} for c in simulator.action}
+    raw["action"] = {c.name: {"field": c.name, "unit": c.unit} for c in action}
     return raw

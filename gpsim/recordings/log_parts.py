@@ -98,6 +98,7 @@ def _unbroken(
         t, _ = stamps(one, mapping.time, choice, name, epoch)
         finite = np.flatnonzero(np.isfinite(t))
         sound = np.delete(finite, clock.jumping(t[finite], mapping.checks.jump))
+        sound = sound[_first_time(one, sound)]
         cuts = sound[clock.restarts(t[sound])].tolist()
         if not cuts:
             continue
@@ -109,6 +110,17 @@ def _unbroken(
         edges = [0, *cuts, len(t)]
         return [{topic: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]
     return [series]
+
+
+def _first_time(series: Series, rows: IntArray) -> IntArray:
+    """Which of the rows are no copy of an earlier message; a log read twice in part is no clock set back.
+
+    Rows of a table have no time of arrival to tell copies by: all count.
+    """
+    if not np.isfinite(series.receive[rows]).all():
+        return np.arange(len(rows))
+    table = np.stack([series.receive[rows], *(values[rows] for values in series.fields.values())], axis=1)
+    return np.sort(np.unique(table, axis=0, return_index=True)[1])
 
 
 def _rows(series: Series, start: int, stop: int) -> Series:

@@ -124,11 +124,13 @@ class HeldOutRule:
 class Checks:
     """What is impossible. jump [s]: a stamp this far from its neighbours; quaternion: allowed | norm - 1 |.
 
-    max_rate: by channel, the largest believable change per second in the channel's unit.
+    outlier: how many times its usual unevenness a position may leave its neighbours. max_rate: by channel, the
+    largest believable change per second in the channel's unit.
     """
 
     jump: float = 1.0
     quaternion: float = 0.01
+    outlier: float = 50.0
     max_rate: Mapping[str, float] = made_by(default_factory=dict)
 
 

@@ -172,6 +172,7 @@ def _checks(raw: object, where: str) -> Checks:
     return Checks(
         jump=_number(table.get("jump", 1.0), f"{where}.jump"),
         quaternion=_number(table.get("quaternion", 0.01), f"{where}.quaternion"),
+        outlier=_number(table.get("outlier", 50.0), f"{where}.outlier"),
         max_rate=_numbers(table.get("max_rate") or {}, f"{where}.max_rate"),
     )
 

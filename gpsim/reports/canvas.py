@@ -6,6 +6,7 @@ import base64
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 
 from gpsim.reports.palette import FAINT, GRID, INK
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
     "font.size": 10.5,
     "axes.titlesize": 11,
@@ -61,7 +62,7 @@ def panels(rows: int, columns: int, size: tuple[float, float], **kwargs: object)
     """A figure of (width, height) inches and its axes, always (rows, columns)."""
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    axes: np.ndarray = figure.subplots(rows, columns, squeeze=False, **kwargs)  # type: ignore[arg-type, call-overload]
+    axes: np.ndarray = figure.subplots(rows, columns, squeeze=False, **kwargs)  # type: ignore[call-overload]
     return figure, axes
 
 

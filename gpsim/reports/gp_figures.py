@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from gpsim.reports.canvas import legend_above, panels, style
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
 from gpsim.reports.model_sheets import DATA, coverage_levels, rates, scores
-from gpsim.reports.palette import BAND, FAINT, INK, RATES
+from gpsim.reports.palette import BAND, FAINT, GP, INK, RATES
 from gpsim.reports.sheets import significant, unit, with_unit
 
 DEVIATIONS = 2.0
@@ -35,29 +35,45 @@ def figure_residual_slices(report: LoopReport) -> Figure | None:
 def _residual(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
     _points(axis, cut, cut.point_residuals)
     half = DEVIATIONS * cut.observed_std
-    axis.fill_between(cut.grid, cut.mean - half, cut.mean + half, color=BAND, alpha=0.7, linewidth=0, label="GP, ±2 std")
-    axis.plot(cut.grid, cut.mean, color=RATES[0], linewidth=1.8, label="GP, mean", zorder=3)
+    axis.fill_between(
+        cut.grid, cut.mean - half, cut.mean + half, color=BAND, alpha=0.7, linewidth=0, label="GP, ±2 std"
+    )
+    axis.plot(cut.grid, cut.mean, color=GP, linewidth=1.8, label="GP, mean", zorder=3)
     axis.set_ylabel(f"residual of {with_unit(cut.rate, report.units)}")
-    others = (f"{name} = {significant(value, 2)} {unit(report.units.get(name, ''))}" for name, value in cut.at.items())
-    axis.set_title(cut.rate)
-    axis.annotate(
-        "slice at\n" + "\n".join(text.strip() for text in others), (0.985, 0.97), xycoords="axes fraction",
-        ha="right", va="top", fontsize=8, color=FAINT, bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    others = (
+        f"{name} = {significant(value, 2)} {unit(report.units.get(name, ''))}"
+        for name, value in cut.at.items()
+    )
+    axis.set_title(cut.rate, pad=19)
+    held = axis.annotate(
+        "slice at " + ", ".join(text.strip() for text in others), (0.0, 1.0), (0.0, 5.0), fontsize=7.8, color=FAINT,
+        xycoords="axes fraction", textcoords="offset points",
     )  # fmt: skip
+    held.set_in_layout(False)
 
 
 def _left(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
     _points(axis, cut, cut.point_errors)
     half = DEVIATIONS * cut.observed_std
     axis.fill_between(cut.grid, -half, half, color=BAND, alpha=0.7, linewidth=0)
-    axis.axhline(0.0, color=RATES[0], linewidth=1.4)
+    axis.axhline(0.0, color=GP, linewidth=1.4)
     axis.set_ylabel(f"left by the mean\n[{unit(report.units.get(cut.rate, '-'))}]")
+    axis.set_xlim(cut.grid[0], cut.grid[-1])
     axis.set_xlabel(with_unit(cut.channel, report.units))
 
 
 def _points(axis: Axes, cut: ResidualSlice, values: np.ndarray) -> None:
     far = ~cut.near
-    axis.plot(cut.point_inputs[far], values[far], "o", color=FAINT, alpha=0.25, markersize=3.5, markeredgewidth=0, label="training points")
+    axis.plot(
+        cut.point_inputs[far],
+        values[far],
+        "o",
+        color=FAINT,
+        alpha=0.25,
+        markersize=3.5,
+        markeredgewidth=0,
+        label="training points",
+    )
     axis.plot(
         cut.point_inputs[cut.near], values[cut.near], "o", color=INK, markersize=4, markeredgewidth=0, zorder=4,
         label="the quarter nearest the slice",
@@ -67,7 +83,9 @@ def _points(axis: Axes, cut: ResidualSlice, values: np.ndarray) -> None:
 def figure_calibration(report: LoopReport) -> Figure | None:
     """Nominal against covered share, a panel per driver of the target. None where nothing was scored."""
     levels = coverage_levels(report)
-    drivers = [key for key in DATA if any(scores(report, key, rate).get("coverage") for rate in rates(report))]
+    drivers = [
+        key for key in DATA if any(scores(report, key, rate).get("coverage") for rate in rates(report))
+    ]
     if not levels or not drivers:
         return None
     with style():
@@ -90,9 +108,15 @@ def _coverage(axis: Axes, report: LoopReport, key: str, levels: list[str]) -> No
         axis.bar(at, heights, 0.92 * width, color=RATES[index % len(RATES)], alpha=0.85, label=rate)
         for x, height in zip(at, heights, strict=True):
             if np.isfinite(height):
-                axis.annotate(f"{height:.0f}", (x, height), ha="center", va="bottom", fontsize=8.5, color=FAINT)
+                axis.annotate(f"{height:.0f}", (x, 3.0), ha="center", va="bottom", fontsize=9, color="white")
     for index, level in enumerate(levels):
-        axis.plot([index - 0.42, index + 0.42], [100.0 * float(level)] * 2, color=INK, linewidth=1.6, label="nominal" if index == 0 else None)
+        axis.plot(
+            [index - 0.42, index + 0.42],
+            [100.0 * float(level)] * 2,
+            color=INK,
+            linewidth=1.6,
+            label="nominal" if index == 0 else None,
+        )
     axis.set_xticks(range(len(levels)), [f"{100.0 * float(level):g} % interval" for level in levels])
     axis.set_ylim(0.0, 112.0)
     axis.set_title(DATA[key][0].upper() + DATA[key][1:])

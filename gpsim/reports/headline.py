@@ -1,4 +1,4 @@
-"""The report in one paragraph: what the first policy earns, what the corrected simulator's earns, what can be earned."""
+"""The report in a paragraph: what the first policy earns, what the corrected one does, what can be earned."""
 
 from __future__ import annotations
 
@@ -58,20 +58,24 @@ def paragraph(report: LoopReport) -> str:
     parts = []
     for card in shown:
         if card.policy == "Source":
-            parts.append(f"the policy trained in the plain simulator earns {card.value} of {best} on the target")
+            parts.append(
+                f"the policy trained in the plain simulator earns {card.value} of {best} on the target"
+            )
         elif card.policy == "Target":
             parts.append(f"the reachable optimum, trained on the target itself, earns {card.value}")
         else:
-            parts.append(f"the policy {card.words} ({card.policy}) earns {card.value}{_ratio(report, starts, card)}")
+            parts.append(
+                f"the policy {card.words} ({card.policy}) earns {card.value}{_ratio(report, starts, card)}"
+            )
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}. {_scope(report, starts)}{_one_step(report)}"
 
 
 def _ratio(report: LoopReport, starts: str, card: Card) -> str:
     target, mean = report.stats(starts, "Target").get("mean"), report.stats(starts, card.policy).get("mean")
-    if not (known(target) and known(mean) and target > 0 and mean is not None):
-        return ""
-    return f" ({whole_percent(float(mean) / float(target))} of Target)"
+    return (
+        f" ({whole_percent(mean / target)} of Target)" if known(target) and known(mean) and target > 0 else ""
+    )
 
 
 def _scope(report: LoopReport, starts: str) -> str:
@@ -87,5 +91,7 @@ def _one_step(report: LoopReport) -> str:
         errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
         finite = [error for error in errors if known(error)]
         if finite:
-            said.append(f"{percent(max(finite))} on {'the ' if key == 'one_step' else 'data from '}{words}")
-    return f" One step ahead the correction is wrong by at most {' and '.join(said)} (NRMSE)." if said else ""
+            said.append(f"{percent(max(finite))} on {'the ' if key == 'one_step' else 'data of '}{words}")
+    if not said:
+        return ""
+    return f" One step ahead the correction errs by {' and '.join(said)} (NRMSE of the worse rate)."

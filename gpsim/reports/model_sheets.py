@@ -29,7 +29,11 @@ def rates(report: LoopReport) -> list[str]:
     """The rates that one step was scored for, in order."""
     found: dict[str, None] = {}
     for key in DATA:
-        found |= {name: None for name, scores in (report.summary.get(key) or {}).items() if isinstance(scores, Mapping)}
+        found |= {
+            name: None
+            for name, scores in (report.summary.get(key) or {}).items()
+            if isinstance(scores, Mapping)
+        }
     return list(found)
 
 
@@ -54,15 +58,35 @@ def one_step_sheet(report: LoopReport) -> Sheet:
             rows.append(row(*cells))
     note = (
         "NRMSE: root mean square error over the pooled range (max - min) of the residual; ± is the standard "
-        "deviation over episodes."
+        "deviation over episodes." + _averaged(report) + _outside(report)
     )
-    return Sheet("One step: the correction's error on target transitions", tuple(columns), tuple(rows), 2, note)
+    return Sheet(
+        "One step: the correction's error on target transitions", tuple(columns), tuple(rows), 2, note
+    )
+
+
+def _outside(report: LoopReport) -> str:
+    """How much of what was visited lies where the GPs were taught nothing."""
+    shares = report.summary.get("outside_recording") or {}
+    words = {"policy": "the source policy's", "random": "random", "deployed": "the deployed GP policy's"}
+    said = [
+        f"{whole_percent(share)} of {words.get(name, name)}" for name, share in shares.items() if known(share)
+    ]
+    return f" Transitions outside the range of the GPs' training rows: {', '.join(said)}." if said else ""
+
+
+def _averaged(report: LoopReport) -> str:
+    return " Averages over the seeds' GPs." if len(report.seeds) > 1 else ""
 
 
 def calibration_sheet(report: LoopReport) -> Sheet:
     """Covered shares, likelihood and predicted spread of the GPs' one-step distributions."""
     levels = coverage_levels(report)
-    columns = ["Rate", "Data", *(f"in its {float(level):.0%} interval".replace("%", " %") for level in levels)]
+    columns = [
+        "Rate",
+        "Data",
+        *(f"in its {float(level):.0%} interval".replace("%", " %") for level in levels),
+    ]
     columns += ["Predicted std", "Error (rms)", "Negative log likelihood"]
     rows = []
     for rate in rates(report):
@@ -73,15 +97,29 @@ def calibration_sheet(report: LoopReport) -> Sheet:
             covered = found.get("coverage") or {}
             cells = [with_unit(rate, report.units), words]
             cells += [whole_percent(covered.get(level)) for level in levels]
-            cells += [significant(found.get("predicted_std")), significant((found.get("mean") or {}).get("rmse"))]
+            cells += [
+                significant(found.get("predicted_std")),
+                significant((found.get("mean") or {}).get("rmse")),
+            ]
             rows.append(row(*cells, significant(found.get("negative_log_likelihood"))))
-    note = "Below the nominal share the GP is too sure of itself, above it too cautious."
-    return Sheet("Calibration: how often the target lies in the predicted interval", tuple(columns), tuple(rows), 2, note)
+    note = "Below the nominal share the GP is too sure of itself, above it too cautious." + _averaged(report)
+    return Sheet(
+        "Calibration: how often the target lies in the predicted interval",
+        tuple(columns),
+        tuple(rows),
+        2,
+        note,
+    )
 
 
 def coverage_levels(report: LoopReport) -> list[str]:
     """The nominal levels that were scored, ascending, as they are keyed."""
-    levels = {level for key in DATA for rate in rates(report) for level in (scores(report, key, rate).get("coverage") or {})}
+    levels = {
+        level
+        for key in DATA
+        for rate in rates(report)
+        for level in (scores(report, key, rate).get("coverage") or {})
+    }
     return sorted(levels, key=float)
 
 
@@ -104,7 +142,12 @@ def rollout_sheet(report: LoopReport) -> Sheet:
     title = "Rollouts: root mean square distance to the target"
     if known(count) and known(horizon):
         title += f", {count} rollouts of {horizon:g} s under the same random actions"
-    return Sheet(title, ("Simulator", *(with_unit(name, report.units) for name in channels)), tuple(rows))
+    return Sheet(
+        title,
+        ("Simulator", *(with_unit(name, report.units) for name in channels)),
+        tuple(rows),
+        note=_averaged(report).strip(),
+    )
 
 
 def fit_sheet(report: LoopReport) -> Sheet:
@@ -167,7 +210,10 @@ def fit_warnings(report: LoopReport) -> list[str]:
             seeds.setdefault(str(text), []).append(seed)
     if len(report.fits) < 2:
         return list(seeds)
-    return [f"{text} (seeds {', '.join(map(str, found))})" if len(found) > 1 else f"{text} (seed {found[0]})" for text, found in seeds.items()]
+    return [
+        f"{text} (seeds {', '.join(map(str, found))})" if len(found) > 1 else f"{text} (seed {found[0]})"
+        for text, found in seeds.items()
+    ]
 
 
 def _thesis(rate: str, prediction: str) -> tuple[str, str]:
@@ -181,4 +227,6 @@ def _nrmse(errors: Mapping[str, Any]) -> str:
     value, spread = errors.get("nrmse"), errors.get("nrmse_std")
     if not (known(value) and known(spread)):
         return percent(value)
-    return f"{percent(value)[:-2]} ± {percent(spread, 1 if spread < value else 2)}"
+    text = percent(value).removesuffix(" %")
+    decimals = len(text.partition(".")[2])
+    return f"{text} ± {100.0 * spread:.{decimals}f} %"

@@ -42,12 +42,14 @@ class Picture:
 
 def render(report: LoopReport) -> str:
     """The page; equal reports give equal pages."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     template = environment.from_string(_resource("loop_report.html.jinja"))
     sheets = return_sheets(report)
     return template.render(
         report=report,
-        style=Markup(_resource("loop_report.css")),  # noqa: S704 - our own file, not a user's text
+        style=Markup(_resource("loop_report.css")),
         colours=colours([*report.policies, *report.rollouts]),
         paragraph=headline.paragraph(report),
         cards=headline.cards(report),
@@ -70,7 +72,10 @@ def settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, s
         if isinstance(value, Mapping):
             yield from settings(value, f"{prefix}{key}.")
         else:
-            yield f"{prefix}{key}", ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+            yield (
+                f"{prefix}{key}",
+                ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value),
+            )
 
 
 def _filled(sheet: Sheet) -> Sheet | None:
@@ -87,17 +92,21 @@ def _resource(name: str) -> str:
 
 def _pictures(report: LoopReport) -> dict[str, Picture]:
     first = f"seed {report.seeds[0]}" if report.seeds else "the first seed"
+    averaged = ", averaged over the seeds' GPs" if len(report.seeds) > 1 else ""
     made: dict[str, tuple[Figure | None, str, str]] = {
         "returns": (
             figure_returns(report),
             "Distribution of episode returns on the target, per policy and set of starts",
-            "Bars: share of episodes per bin of return. Outcomes are bimodal: an episode fails early or lasts to the end.",
+            "Bars: share of episodes per bin of return. "
+            "Outcomes are bimodal: an episode fails early or lasts to the end.",
         ),
         "slices": (
             figure_residual_slices(report),
             "Residual of each rate along its most telling input, with the Gaussian process and its training points",
-            f"Above: what the simulator gets wrong, and what the GP says of it along one input, the others held ({first}). "
-            "Below: what the GP's mean leaves, each point at its own inputs, with the band of ±2 std of an observation.",
+            f"Above: what the simulator gets wrong, and what the GP says of it along one input, "
+            f"the others held ({first}). "
+            "Below: what the GP's mean leaves, each point at its own inputs, "
+            "with the band of ±2 std of an observation.",
         ),
         "calibration": (
             figure_calibration(report),
@@ -107,12 +116,13 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "rollouts": (
             figure_rollouts(report),
             "State over time under the same start and actions in the simulators and the target",
-            f"Same start, same random actions, nothing terminates ({first}).",
+            f"As the thesis's Figure 4.2: the same start and random actions in each; nothing terminates ({first}). "
+            "Shaded: inside the task's limits.",
         ),
         "divergence": (
             figure_divergence(report),
             "Distance to the target's rollouts over time, median and 80 % band, logarithmic",
-            f"Distance to the target over time: median and the band between the 10 and 90 % quantiles ({first}).",
+            f"Distance to the target over time: median and the band between the 10 and 90 % quantiles{averaged}.",
         ),
         "learning": (
             figure_learning_curves(report),
@@ -121,5 +131,7 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         ),
     }
     return {
-        key: Picture(data_uri(figure), words, caption) for key, (figure, words, caption) in made.items() if figure is not None
+        key: Picture(data_uri(figure), words, caption)
+        for key, (figure, words, caption) in made.items()
+        if figure is not None
     }

@@ -16,8 +16,10 @@ POLICIES = {
 OTHERS = ("#009E73", "#CC79A7", "#882255", "#999933", "#44AA99", "#AA4499", "#6D4C41")
 """For names that are not in POLICIES, in order of appearance; used again from the start when there are more."""
 
-RATES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#882255")
-INK, FAINT, GRID, BAND = "#1B1F24", "#6B7280", "#E5E7EB", "#9CC9E8"
+RATES = ("#009E73", "#AA4499", "#999933", "#44AA99", "#6D4C41")
+"""Apart from the policies' colours, so that a rate is not mistaken for a policy."""
+
+INK, FAINT, GRID, BAND, GP = "#1B1F24", "#6B7280", "#E5E7EB", "#9CC9E8", "#0072B2"
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:

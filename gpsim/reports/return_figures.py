@@ -15,7 +15,7 @@ from gpsim.reports.palette import FAINT, INK, colours
 from gpsim.reports.sheets import known, whole_percent
 
 BINS = 25
-HILL = 0.78
+HILL = 0.62
 """Height of a row's highest bar, of the row."""
 SET_TITLES = {
     "returns": "Solved by a Target policy",
@@ -30,7 +30,9 @@ def figure_returns(report: LoopReport) -> Figure | None:
     Outcomes are bimodal, so that a mean alone misleads: bars are shares of episodes per bin of return. None where
     no return is known.
     """
-    sets = [key for key in report.start_sets if any(report.episodes(key, name).size for name in report.policies)]
+    sets = [
+        key for key in report.start_sets if any(report.episodes(key, name).size for name in report.policies)
+    ]
     if not sets:
         return None
     with style():
@@ -43,7 +45,7 @@ def figure_returns(report: LoopReport) -> Figure | None:
             axis.set_title(title)
         count = len(report.policies)
         axes[0, 0].set_yticks(np.arange(count)[::-1], report.policies)
-        axes[0, 0].set_ylim(-0.45, count - 0.05)
+        axes[0, 0].set_ylim(-0.4, count - 0.25)
         handles, labels = axes[0, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower left", ncols=5)
         return figure
@@ -62,12 +64,12 @@ def _distribution(axis: Axes, report: LoopReport, starts: str) -> None:
                 edgecolor="white", linewidth=0.4, zorder=2,
             )  # fmt: skip
             axis.annotate(
-                f"{whole_percent(report.full_share(starts, policy))} full", (report.best_return, row + HILL),
+                f"{whole_percent(report.full_share(starts, policy))} full", (0.94 * report.best_return, row + 0.3),
                 ha="right", va="bottom", fontsize=8.5, color=FAINT,
             )  # fmt: skip
         axis.axhline(row, color=FAINT, linewidth=0.6, zorder=1)
         _mean(axis, report, starts, policy, row - 0.14, first=row == len(report.policies) - 1)
-    axis.set_xlim(-0.02 * report.best_return, 1.02 * report.best_return)
+    axis.set_xlim(-0.02 * report.best_return, 1.04 * report.best_return)
     axis.set_xlabel("return of an episode [steps]")
     axis.grid(visible=False, axis="y")
     axis.tick_params(axis="y", length=0)
@@ -78,8 +80,10 @@ def _mean(axis: Axes, report: LoopReport, starts: str, policy: str, y: float, *,
     """Mean with its interval, the seeds' means and the thesis's mean, below a row's bars."""
     stats = report.stats(starts, policy)
     mean, interval = stats.get("mean"), stats.get("interval")
-    if known(mean) and interval and all(map(known, interval)):
-        axis.plot(interval, [y, y], color=INK, linewidth=2.4, zorder=4, label="95 % interval" if first else None)
+    if known(mean) and interval and known(interval[0]) and known(interval[1]):
+        axis.plot(
+            interval, [y, y], color=INK, linewidth=2.4, zorder=4, label="95 % interval" if first else None
+        )
         axis.plot([mean], [y], "o", color=INK, markersize=5.5, zorder=5, label="mean" if first else None)
     seeds = [value for value in stats.get("by_seed") or [] if known(value)]
     if len(seeds) > 1:

@@ -9,7 +9,7 @@ from gpsim.reports.canvas import legend_above, panels, style
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.model_sheets import rollout_simulators
 from gpsim.reports.palette import FAINT, colours
-from gpsim.reports.sheets import with_unit
+from gpsim.reports.sheets import unit, with_unit
 
 EXAMPLES = 3
 DRAWN_LAST = ("Source", "GP-Sample", "GP-Mean", "Target")
@@ -37,7 +37,9 @@ def figure_rollouts(report: LoopReport, channels: tuple[str, ...] | None = None)
                     )  # fmt: skip
                 limit = report.limits.get(channel)
                 if limit is not None:
-                    axis.axhspan(-limit, limit, color=FAINT, alpha=0.08, linewidth=0, zorder=0)
+                    bounds = axis.get_ylim()
+                    axis.axhspan(-limit, limit, color=FAINT, alpha=0.1, linewidth=0, zorder=0)
+                    axis.set_ylim(bounds)
             axes[row, 0].set_ylabel(with_unit(channel, report.units))
         for example, axis in enumerate(axes[0]):
             axis.set_title(f"Start {example + 1}")
@@ -55,7 +57,9 @@ def _ordered(names: object) -> list[str]:
 
 def figure_divergence(report: LoopReport) -> Figure | None:
     """Distance to the target over time per channel: median and the band of 80 % of the rollouts, logarithmic."""
-    simulators = {name: found["bands"] for name, found in rollout_simulators(report).items() if found.get("bands")}
+    simulators = {
+        name: found["bands"] for name, found in rollout_simulators(report).items() if found.get("bands")
+    }
     channels = list(dict.fromkeys(channel for found in simulators.values() for channel in found))
     if not channels:
         return None
@@ -72,9 +76,19 @@ def figure_divergence(report: LoopReport) -> Figure | None:
                 low, middle, high = (_positive(found[channel][key]) for key in ("q10", "median", "q90"))
                 t = step * np.arange(len(middle))
                 axis.fill_between(t, low, high, color=colour[name], alpha=0.18, linewidth=0)
-                axis.plot(t, middle, color=colour[name], label=name)
-            axis.set_yscale("log")
-            axis.set_ylabel(f"distance in {with_unit(channel, report.units)}")
+                dashed = name == "GP-Mean"  # lies on GP-Sample's where a sample scatters little
+                axis.plot(
+                    t,
+                    middle,
+                    "--" if dashed else "-",
+                    color=colour[name],
+                    label=name,
+                    zorder=3 if dashed else 2,
+                )
+            if any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
+                axis.set_yscale("log")
+            axis.set_title(channel)
+            axis.set_ylabel(f"distance [{unit(report.units.get(channel, '-'))}]")
         for axis in axes.flat[len(channels) :]:
             axis.set_visible(False)
         for axis in axes[-1]:

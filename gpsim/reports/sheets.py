@@ -5,30 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 MISSING = "–"
 
 
 @dataclass(frozen=True)
 class Cell:
-    """Text of a cell. marked: shown as falling short; name: whose colour it carries (a policy), if any."""
+    """Text of a cell. marked: shown as falling short; name: whose colour it carries (a policy), if any.
+
+    below: what belongs to the text but weighs less, as its interval; title: the long form of the text.
+    """
 
     text: str
     marked: bool = False
     name: str = ""
     title: str = ""
+    below: str = ""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table: the first `labels` columns are words, the others numbers; rows hold one cell a column."""
+    """A table: the first `labels` columns are words, the others numbers; rows hold one cell a column.
+
+    The last `tail` columns may stand in a table of their own where there is little room.
+    """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
     labels: int = 1
     note: str = ""
+    tail: int = 0
 
 
 def row(*cells: Cell | str) -> tuple[Cell, ...]:
@@ -36,7 +44,7 @@ def row(*cells: Cell | str) -> tuple[Cell, ...]:
     return tuple(cell if isinstance(cell, Cell) else Cell(cell) for cell in cells)
 
 
-def known(value: Any) -> bool:
+def known(value: Any) -> TypeGuard[float]:
     """Whether value is a finite number."""
     return isinstance(value, int | float) and math.isfinite(value)
 
@@ -82,7 +90,7 @@ def coefficient(value: Any) -> str:
 
 
 def plus_minus(value: Any, spread: Any, digits: int = 1) -> str:
-    """mean ± std."""
+    """A mean and its standard deviation."""
     if not known(value):
         return MISSING
     return f"{fixed(value, digits)} ± {fixed(spread, digits)}" if known(spread) else fixed(value, digits)

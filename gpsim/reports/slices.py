@@ -18,7 +18,10 @@ def residual_slices(
     residuals: Residuals, correction: GpCorrection, rows: IntArray, *, points: int = 401
 ) -> dict[str, ResidualSlice]:
     """One slice per rate, each along its most telling input; rows: those that the GP was conditioned on."""
-    return {name: residual_slice(residuals, correction, rows, name, points=points) for name in residuals.rate.names}
+    return {
+        name: residual_slice(residuals, correction, rows, name, points=points)
+        for name in residuals.rate.names
+    }
 
 
 def residual_slice(
@@ -74,7 +77,9 @@ def _explained(column: FloatArray, targets: FloatArray) -> float:
     """Share of the variance of targets (N,) between bins of column (N,), adjusted for their number."""
     count = len(targets)
     # A bin edge at zero: a sign change is the commonest jump there is, and a bin across it would hide it.
-    edges = np.unique([*np.quantile(column, np.linspace(0.0, 1.0, min(BINS, max(2, count // 4)) + 1)[1:-1]), 0.0])
+    edges = np.unique(
+        [*np.quantile(column, np.linspace(0.0, 1.0, min(BINS, max(2, count // 4)) + 1)[1:-1]), 0.0]
+    )
     _, group = np.unique(np.searchsorted(edges, column, side="right"), return_inverse=True)
     bins = int(group.max()) + 1
     total = float(np.sum((targets - targets.mean()) ** 2))

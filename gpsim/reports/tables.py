@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rich import box
 from rich.table import Table
 from rich.text import Text
@@ -15,14 +17,41 @@ from gpsim.reports.sheets import Cell, Sheet
 
 def terminal_tables(report: LoopReport) -> list[Table]:
     """Returns, one step, calibration and rollouts: the page's numbers; empty tables are left out."""
-    sheets = [*return_sheets(report), one_step_sheet(report), calibration_sheet(report), rollout_sheet(report)]
+    sheets = [
+        *return_sheets(report),
+        one_step_sheet(report),
+        calibration_sheet(report),
+        rollout_sheet(report),
+    ]
     colour = colours(report.policies)
-    return [_table(sheet, colour) for sheet in sheets if sheet.rows]
+    return [_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
+
+
+def _parts(sheet: Sheet) -> list[Sheet]:
+    """A terminal is narrow: a sheet's tail becomes a table of its own."""
+    if not sheet.tail:
+        return [sheet]
+    cut = len(sheet.columns) - sheet.tail
+    body = replace(
+        sheet, columns=sheet.columns[:cut], rows=tuple(cells[:cut] for cells in sheet.rows), tail=0, note=""
+    )
+    tail = Sheet(
+        f"{sheet.title}, mean by seed",
+        (*sheet.columns[: sheet.labels], *sheet.columns[cut:]),
+        tuple((*cells[: sheet.labels], *cells[cut:]) for cells in sheet.rows),
+        sheet.labels,
+        sheet.note,
+    )
+    return [body, tail]
 
 
 def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
     table = Table(
-        title=sheet.title, caption=sheet.note or None, box=box.SIMPLE_HEAD, title_justify="left", caption_justify="left"
+        title=sheet.title,
+        caption=sheet.note or None,
+        box=box.SIMPLE_HEAD,
+        title_justify="left",
+        caption_justify="left",
     )
     for index, name in enumerate(sheet.columns):
         label = index < sheet.labels
@@ -33,6 +62,8 @@ def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
 
 
 def _text(cell: Cell, colour: dict[str, str]) -> Text:
+    if cell.below:
+        return Text.assemble(cell.text, (f" ({cell.below})", "dim"))
     if cell.marked:
         return Text(f"{cell.text} !", style="bold red")
     # Target is nearly black in figures: invisible on a dark terminal.

@@ -78,6 +78,20 @@ def _summary(residuals: Residuals) -> dict[str, Any]:
     }
 
 
+def notes(artifact: Artifact) -> list[str]:
+    """How much is left, rate by rate."""
+    meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
+    rows = meta["rows"]
+    return [f"{rows['training']} training and {rows['test']} test transitions"] + [
+        f"{name}: residual {meta['residual_std'][name]:.3g} {unit}, measured {meta['measured_std'][name]:.3g} (std)"
+        for name, unit in meta["rates"].items()
+    ]
+
+
 STAGE = Stage(
-    "build-residuals", "Subtract the simulator's prediction from the recording, rate by rate.", recipe, write
+    "build-residuals",
+    "Subtract the simulator's prediction from the recording, rate by rate.",
+    recipe,
+    write,
+    notes,
 )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.policies import PpoSettings
+from gpsim.learning import PpoSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant

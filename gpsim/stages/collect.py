@@ -1,4 +1,4 @@
-"""collect: drive the target and record what happens."""
+"""collect: drive the target and record what happens, or import what was recorded of it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from gpsim.artifacts import Json, Recipe
 from gpsim.collecting import Act, collect_episodes, dithered_actor, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, write_recording
+from gpsim.recordings.import_report import ImportReport
 from gpsim.settings import choice, positive
 from gpsim.stages import train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.import_log import read_logs, read_mapping, source_digests, write_import
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
 
@@ -19,7 +21,9 @@ DRIVERS = ("source", "random", "dithered")
 
 
 def recipe(request: Request) -> Recipe:
-    """The target, the task and who drives."""
+    """The target, the task and who drives; or the logs and how they are read."""
+    if request.config["collect"]["source"] is not None:
+        return _import_recipe(request)
     driver = choice(request.config["collect"]["policy"], DRIVERS, "collect.policy")
     parents = (
         {} if driver == "random" else {"policy": train_source.STAGE.need(request.having(variant="source"))}
@@ -30,7 +34,11 @@ def recipe(request: Request) -> Recipe:
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Run the episodes and write a Recording."""
+    """Run the episodes, or read the logs, and write a Recording."""
+    if request.config["collect"]["source"] is not None:
+        recording, report, _ = _read(request)
+        write_import(recording, report, folder)
+        return {"transitions": recording.transition_count}
     section: dict[str, Any] = request.config["collect"]
     task, plant, base = make_task(request.config), target_plant(request.config), base_plant(request.config)
     episodes = collect_episodes(
@@ -56,6 +64,29 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     return {"transitions": recording.transition_count}
 
 
+def _import_recipe(request: Request) -> Recipe:
+    section = request.config["collect"]
+    config = {
+        "mapping": section["mapping"],
+        "salvage": section["salvage"],
+        "sources": source_digests(_sources(request)),
+    }
+    if section["mapping"] is not None:
+        config["mapping"] = read_mapping(str(section["mapping"]))
+    return Recipe("collect", {"import": config}, {}, {})
+
+
+def _sources(request: Request) -> list[Path]:
+    source = request.config["collect"]["source"]
+    return [Path(str(one)) for one in (source if isinstance(source, list) else [source])]
+
+
+def _read(request: Request) -> tuple[Recording, ImportReport, dict[str, Any]]:
+    section = request.config["collect"]
+    mapping = None if section["mapping"] is None else str(section["mapping"])
+    return read_logs(_sources(request), mapping, (), bool(section["salvage"]))
+
+
 def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     task, rng = make_task(request.config), generator(request.seed, "collect/driver")
     if section["policy"] == "random":
@@ -71,5 +102,8 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
 
 
 STAGE = Stage(
-    "collect", "Record episodes of the target, driven by the source policy or at random.", recipe, write
+    "collect",
+    "Record episodes of the target, or import logs of it (collect.source=my.bag collect.mapping=NAME).",
+    recipe,
+    write,
 )

@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from safetensors.numpy import save_file
 
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
 from gpsim.channels import FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
 from gpsim.corrected import GpCorrection
 from gpsim.errors import UsageError
-from gpsim.evaluation.one_step import OneStep
+from gpsim.evaluation.one_step import OneStep, outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
 from gpsim.evaluation.summary import start_sets
 from gpsim.recordings import Recording
-from gpsim.residuals import build_residuals
+from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive
 from gpsim.simulators.plant import Plant
+from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import certify, fit_gp, train_gp_policy, train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
-from gpsim.stages.policy_files import read_policy
+from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 
 TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
@@ -36,6 +36,9 @@ TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
     "Target": (train_source.STAGE, {"variant": "target"}),
 }
 """The policies of Table 4.4 and the stage that trains each."""
+DEPLOYED = "GP-Sample"
+"""The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
+MUCH_OUTSIDE = 0.1
 
 
 def policy_names(request: Request) -> tuple[str, ...]:
@@ -51,19 +54,28 @@ def policy_names(request: Request) -> tuple[str, ...]:
 
 def recipe(request: Request) -> Recipe:
     """Target, simulator and task; parents are the policies, the GPs and the certified starts."""
-    parents = {"gp": fit_gp.STAGE.need(request), "certified": certify.STAGE.need(request)}
+    parents = {
+        "residuals": build_residuals_stage.STAGE.need(request),
+        "gp": fit_gp.STAGE.need(request),
+        "certified": certify.STAGE.need(request),
+    }
     source = train_source.STAGE.need(request.having(variant="source"))
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         parents[name] = stage.need(request.having(**settings))
-    config = request.section("simulator", "target", "task", "evaluate", "sample_noise")
+    config = request.section("simulator", "target", "task", "evaluate", "sample_noise", "gp")
     return Recipe("evaluate", config, {**parents, "driver": source}, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write evaluation.json, returns.csv and rollouts.safetensors."""
     request.progress(0, 3, "one step")
-    one_step = {driver: _one_step(request, recipe, driver) for driver in ("policy", "random")}
+    drivers = {"policy": "driver", "random": None} | (
+        {"deployed": DEPLOYED} if DEPLOYED in recipe.parents else {}
+    )
+    visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
+    one_step = {name: _one_step(request, recipe, visited[name]) for name in ("policy", "random")}
+    training = _training_inputs(request, recipe)
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
@@ -81,6 +93,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for key, starts in by_set.items()
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
+        "outside_recording": {name: outside_range(data.inputs, training) for name, data in visited.items()},
         "one_step": one_step["policy"],
         "one_step_random": one_step["random"],
         "rollout": rollout,
@@ -97,27 +110,36 @@ def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]
     return {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}, certified
 
 
-def _one_step(request: Request, recipe: Recipe, driver: str) -> dict[str, Any]:
+def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
+    """Fresh target episodes driven by the policy of the parent `driver`, or at random."""
     section, base, task = request.config["evaluate"], base_plant(request.config), make_task(request.config)
     rng = generator(section["start_seed"], f"evaluate/one-step/{driver}")
     act: Act = random_actor(task, rng)
-    if driver == "policy":
-        act = policy_actor(read_policy(recipe.parents["driver"].path), rng)
+    if driver is not None:
+        act = policy_actor(read_policy(recipe.parents[driver].path), rng)
     count = positive(section["one_step_episodes"], "evaluate.one_step_episodes")
     episodes = collect_episodes(target_plant(request.config), task, act, count, rng)
     recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
-    data = build_residuals(
+    return build_residuals(
         recording, base.simulator, base.parameters, base.integrator, test_fraction=0.0, rng=rng
     )
+
+
+def _one_step(request: Request, recipe: Recipe, data: Residuals) -> dict[str, Any]:
     correction = train_gp_policy.corrected_plant(request, recipe.parents["gp"].path).correction
     assert isinstance(correction, GpCorrection)
     mean, variance = correction.predictor.mean_and_variance(correction.features(data.inputs))
     result = OneStep(data.values, mean, variance, correction.predictor.noise_variances, data.episode)
-    scores = {
+    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/one-step/sample")
+    return {
         name: result.scores(i, rng, sample_noise=correction.sample_noise)
         for i, name in enumerate(data.rate.names)
     }
-    return {"transitions": len(data.values), **scores} if driver == "random" else scores
+
+
+def _training_inputs(request: Request, recipe: Recipe) -> FloatArray:
+    residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    return residuals.inputs[residuals.training_rows(request.config["gp"]["n_train"])]
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
@@ -144,10 +166,7 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
         ),
     }
     paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
-    save_file(
-        {name: np.ascontiguousarray(path[:8]) for name, path in paths.items()},
-        folder / "rollouts.safetensors",
-    )
+    write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
     for name in ("Source", "GP-Mean", "GP-Sample"):
         distance = divergence(paths[name], paths["Target"], target.state)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
-from gpsim.artifacts import Json, Recipe, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, write_json
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
@@ -44,4 +45,15 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     return {}
 
 
-STAGE = Stage("fit-gp", "Fit one Gaussian process per rate to the residuals.", recipe, write)
+def notes(artifact: Artifact) -> list[str]:
+    """Likelihood and noise of each fit, and its warnings."""
+    report = json.loads((artifact.path / "fit.json").read_text(encoding="utf-8"))
+    lines = [
+        f"{name}: log likelihood {fit['log_marginal_likelihood']:.1f} on {fit['rows']} rows, noise "
+        f"{fit['hyper_parameters_original']['noise_std']:.3g}, {fit['outcome'].replace('_', ' ')}"
+        for name, fit in report["rates"].items()
+    ]
+    return lines + [f"warning: {text}" for text in report["warnings"]]
+
+
+STAGE = Stage("fit-gp", "Fit one Gaussian process per rate to the residuals.", recipe, write, notes)

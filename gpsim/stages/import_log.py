@@ -54,7 +54,7 @@ def import_log(
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
     recording, report, raw = read_logs(sources, mapping, words, salvage)
-    config = {"mapping": raw, "salvage": salvage, "sources": _digests(sources)}
+    config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources)}
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
@@ -73,7 +73,8 @@ def read_logs(
     changes = _changes(words)
     if mapping is None:
         first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
-        raw = _merged(bare_mapping(first, str(changes.get("system", "")), SIMULATORS), changes)
+        systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
+        raw = _merged(bare_mapping(first, str(changes.get("system", "")), systems), changes)
         where = "mapping (from the column names)"
     else:
         raw, where = _merged(read_mapping(mapping), changes), f"mapping {mapping}"
@@ -158,10 +159,12 @@ def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return {str(key): value for key, value in merged.items()}
 
 
-def _digests(sources: Sequence[Path]) -> dict[str, str]:
+def source_digests(sources: Sequence[Path]) -> dict[str, str]:
     """sha256 of every file read, by its name below the source: the same bytes give the same artifact."""
     out: dict[str, str] = {}
     for number, source in enumerate(sources):
+        if not source.exists():
+            raise UsageError(f"{source}: no such file or folder")
         below = sorted(p for p in source.rglob("*") if p.is_file()) if source.is_dir() else [source]
         for path in below:
             name = path.relative_to(source).as_posix() if source.is_dir() else path.name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -92,6 +93,9 @@ _messages: Queue[Message]
 def _start_worker(messages: Queue[Message], parent: int) -> None:
     global _messages
     _messages = messages
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # Ctrl-C reaches the whole group; the parent ends its workers
     threading.Thread(target=_die_with, args=(parent,), daemon=True).start()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from gpsim.artifacts import write_json
 from gpsim.channels import Channels
@@ -19,7 +19,7 @@ from gpsim.corrected import GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.gp import Predictor, from_arrays, to_arrays
-from gpsim.policies import LearningCurve
+from gpsim.learning import LearningCurve
 from gpsim.policy import Policy
 
 
@@ -62,10 +62,13 @@ def write_curve(folder: Path, curve: LearningCurve) -> None:
     frame.to_csv(folder / "learning_curve.csv", index=False, lineterminator="\n")
 
 
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """A safetensors file, through Python's own writer: a full disk is then an OSError like any other."""
+    path.write_bytes(save({key: np.ascontiguousarray(array) for key, array in arrays.items()}))
+
+
 def _write(folder: Path, name: str, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
-    save_file(
-        {key: np.ascontiguousarray(array) for key, array in arrays.items()}, folder / f"{name}.safetensors"
-    )
+    write_arrays(folder / f"{name}.safetensors", arrays)
     write_json(folder / f"{name}.json", metadata)
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from gpsim.artifacts import Json, Recipe
 from gpsim.envs import BatchedEnv
-from gpsim.policies import train_ppo
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages.building import base_plant, make_task, ppo_settings, randomised_plant, target_plant
@@ -37,6 +36,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 def train(request: Request, plant: Plant, purpose: str, folder: Path) -> Json:
     """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose."""
+    from gpsim.policies import train_ppo  # torch takes seconds to load, and only training needs it
+
     settings, task = ppo_settings(request.config), make_task(request.config)
     env = BatchedEnv(plant, task, settings.n_envs, derived_seed(request.seed, f"{purpose}/environment"))
     policy, curve = train_ppo(

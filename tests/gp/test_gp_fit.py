@@ -68,7 +68,7 @@ def test_the_fit_climbs_and_reports_what_it_reached() -> None:
     assert report is not None
     assert report.log_marginal_likelihood > report.initial_log_marginal_likelihood
     assert report.log_marginal_likelihood >= max(report.start_likelihoods) - 1e-9
-    assert len(report.start_likelihoods) == 5
+    assert len(report.start_likelihoods) == 4
     assert report.evaluations > report.iterations > 0
     assert report.log_marginal_likelihood == log_marginal_likelihood(process.data, process.hyper_parameters)
     # The density of the raw targets: volume shrinks by the scale, once per row.

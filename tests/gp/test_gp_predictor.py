@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 
@@ -124,6 +125,18 @@ def test_chunks_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         np.testing.assert_allclose(part, expected, rtol=1e-11)
 
 
+@pytest.mark.parametrize("triangular_from", [0, 10_000])
+def test_a_root_need_not_be_triangular(triangular_from: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The seam for inducing points: any root with the same outer product gives the same variance."""
+    monkeypatch.setattr("gpsim.gp.predictor.TRIANGULAR_FROM_ROWS", triangular_from)
+    predictor, new = make_predictor()
+    first = predictor.outputs[0]
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=first.terms.root.shape))[0]
+    turned = dataclasses.replace(first, terms=dataclasses.replace(first.terms, root=first.terms.root @ turn))
+    expected = Predictor([first]).mean_and_variance(new)[1]
+    np.testing.assert_allclose(Predictor([turned]).mean_and_variance(new)[1], expected, rtol=1e-9)
+
+
 def test_round_trip_through_bytes_keeps_every_bit() -> None:
     predictor, new = make_predictor()
     arrays, metadata = to_arrays(predictor)
@@ -172,7 +185,7 @@ def test_wrong_inputs_are_named() -> None:
     other = condition(new[:, :1], new[:, 1], HyperParameters(1.0, np.ones(1), np.ones(1), 1.0, 1.0))
     with pytest.raises(ValueError, match=r"\[1, 3\]"):
         Predictor([predictor.outputs[0], other])
-    assert predictor.mean(np.empty((0, 3))).shape == (0, 2)
+    assert [part.shape for part in predictor.mean_and_variance(np.empty((0, 3)))] == [(0, 2), (0, 2)]
 
 
 def test_fit_outputs_gives_one_column_per_target() -> None:

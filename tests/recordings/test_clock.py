@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.recordings import clock
@@ -57,6 +57,7 @@ def test_a_clock_set_back_is_a_restart_and_a_late_message_is_none():
     assert clock.restarts(late) == []
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 200))
 def test_every_row_is_kept_or_dropped_for_a_reason(seed, count):
     rng = np.random.default_rng(seed)

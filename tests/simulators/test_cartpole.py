@@ -42,9 +42,9 @@ states = st.tuples(
 @given(states, st.floats(-20, 20), st.floats(0, 1.2), st.floats(0.05, 1.0), st.floats(0.1, 3.0))
 def test_friction_agrees_with_newton(state, force, mu, half_length, pole_mass):
     p = {**P, "pole_half_length": half_length, "pole_mass": pole_mass}
-    got = cart_pole_accelerations(
-        np.array([state]), np.array([force]), np.sign(np.array([state[1]])), p, mu
-    )[0]
+    got = cart_pole_accelerations(np.array([state]), np.array([force]), np.sign(np.array([state[1]])), p, mu)[
+        0
+    ]
     np.testing.assert_allclose(got, newton(state, force, mu, p), rtol=1e-9, atol=1e-9)
 
 

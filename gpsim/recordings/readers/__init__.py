@@ -22,9 +22,8 @@ from gpsim.recordings.readers.rosbag import BagLog
 from gpsim.recordings.readers.sqlite import Sqlite
 from gpsim.recordings.readers.tables import open_csv, open_parquet
 
-__all__ = ["DEFAULT_DISTRO", "KINDS", "open_log"]
+__all__ = ["KINDS", "open_log"]
 
-DEFAULT_DISTRO = "humble"
 _STORAGE: Mapping[str, Callable[[Path], Container]] = {".db3": Sqlite, ".mcap": Mcap}
 _TABLES: Mapping[str, Callable[[Path, bool], RawLog]] = {
     ".csv": open_csv,
@@ -53,12 +52,12 @@ def open_log(path: Path, *, salvage: bool = False, distro: str | None = None) ->
     if suffix in _TABLES and not folder:
         return _TABLES[suffix](path, salvage)
     if suffix == ".bag" and not folder:
-        return BagLog(path, Bag1(path), salvage=salvage, distro=distro or DEFAULT_DISTRO)
+        return BagLog(path, Bag1(path), salvage=salvage, distro=distro)
     if folder:
         container = Folder(path, _STORAGE)
-        return BagLog(path, container, salvage=salvage, distro=distro or DEFAULT_DISTRO)
+        return BagLog(path, container, salvage=salvage, distro=distro)
     if suffix in _STORAGE:
-        return BagLog(path, _STORAGE[suffix](path), salvage=salvage, distro=distro or DEFAULT_DISTRO)
+        return BagLog(path, _STORAGE[suffix](path), salvage=salvage, distro=distro)
     raise UsageError(
         f"{path}: kind of log not known by its name; known are {', '.join(KINDS)} and ROS 2 bag folders"
     )

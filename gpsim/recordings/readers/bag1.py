@@ -38,6 +38,7 @@ class Bag1:
 
     path: Path
     where: str = "byte 0"
+    distro: str | None = None
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
@@ -77,8 +78,10 @@ class Bag1:
                 try:
                     record = read_record(source, position)
                     if record.op == CHUNK:
-                        yield self._chunk(source, record, ledger)
-                    elif record.op == CONNECTION and on_connection is not None:
+                        chunk, position = self._chunk(source, record, ledger)
+                        yield chunk
+                        continue
+                    if record.op == CONNECTION and on_connection is not None:
                         on_connection(stream_of(source, record))
                     if record.end > self.size:
                         raise DamageError(
@@ -89,8 +92,8 @@ class Bag1:
                     ledger.lost(error.reason, self.where)
                     position = next_record(source, position + 1, CHUNK)
 
-    def _chunk(self, source: Source, record: Record, ledger: Ledger) -> bytes:
-        """A chunk's records, as much of them as can be had."""
+    def _chunk(self, source: Source, record: Record, ledger: Ledger) -> tuple[bytes, int]:
+        """(a chunk's records, as much of them as can be had; where the walk goes on)."""
         size = number(record.fields, b"size")
         method = text(record.fields, b"compression")
         end = record.end
@@ -104,4 +107,4 @@ class Bag1:
         data, reason = expand(source.read(record.data, end - record.data), method, size)
         if reason is not None:
             ledger.lost(reason, self.where)
-        return data
+        return data, end

@@ -35,9 +35,17 @@ class Stream:
 
 
 class Container(Protocol):
-    """A bag file or folder. `where` names the place being read, for messages about damage."""
+    """A bag file or folder.
 
-    where: str
+    distro: the ROS 2 distribution it says it was recorded with, known once `streams` was asked for.
+    """
+
+    distro: str | None
+
+    @property
+    def where(self) -> str:
+        """The place being read."""
+        ...
 
     def streams(self, ledger: Ledger) -> Sequence[Stream]:
         """The streams, from the index where the file has a sound one, else from a walk through the file."""

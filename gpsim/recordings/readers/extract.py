@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from operator import attrgetter
 from typing import Any
 
@@ -43,7 +44,9 @@ class Columns:
     def _flush(self) -> None:
         if not self._rows:
             return
-        table = np.array(self._rows, dtype=np.float64).reshape(len(self._rows), len(self.names) + 2)
+        width = len(self.names) + 2
+        flat = np.fromiter(chain.from_iterable(self._rows), dtype=np.float64, count=len(self._rows) * width)
+        table = flat.reshape(-1, width)
         seconds, nanoseconds = table[:, -2], table[:, -1]
         known = np.isfinite(seconds)
         stamp = np.full(len(table), NO_STAMP, dtype=np.int64)

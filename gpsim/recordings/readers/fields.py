@@ -22,6 +22,7 @@ from rosbags.typesys.base import normalize_fieldname
 from gpsim.recordings.readers.damage import one_line
 from gpsim.recordings.readers.definitions import Types
 
+HEADER = "std_msgs/msg/Header"
 TIME = "builtin_interfaces/msg/Time"
 MAX_LISTED = 64
 MAX_FIELDS = 512
@@ -148,7 +149,7 @@ def _name(description: Any) -> str:
 def stamp_path(types: Types, root: str) -> tuple[str, ...] | None:
     """Attributes that lead to a message's own stamp: header.stamp, or a top-level stamp; None without one."""
     for name, description in types[root][1]:
-        if description[0] == Nodetype.NAME and description[1] == "std_msgs/msg/Header":
+        if description == (Nodetype.NAME, HEADER) and ("stamp", (Nodetype.NAME, TIME)) in types[HEADER][1]:
             return (normalize_fieldname(name), "stamp")
     for name, description in types[root][1]:
         if name == "stamp" and description == (Nodetype.NAME, TIME):

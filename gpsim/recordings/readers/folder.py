@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import weakref
 from collections import Counter
@@ -13,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from gpsim.errors import UsageError
 from gpsim.recordings.readers.container import Container, Message, Stream
 from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.decompress import expand_file, expand_message
@@ -40,9 +42,9 @@ class Folder:
 
     path: Path
     openers: Mapping[str, Opener]
-    where: str = METADATA
     distro: str | None = None
     _parts: list[Container] = field(default_factory=list)
+    _part: int = 0
     _compressed: bool = False
     _unpacked: Path | None = None
 
@@ -57,28 +59,49 @@ class Folder:
             if part is not None:
                 base = len(self._parts) << _SHIFT
                 self._parts.append(part)
-                found += [replace(s, id=base + s.id) for s in part.streams(ledger)]
-        if not self._parts:
-            raise refusal(self.path, METADATA, "no storage file of this bag can be opened")
-        self._compare(found, metadata, ledger)
-        return found
+                found += [replace(s, id=base + s.id) for s in self._streams_of(part, name, ledger)]
+        if not self._parts or (ledger.file and not found):
+            reasons = "; ".join(ledger.file)
+            raise refusal(self.path, "storage files", f"none of them can be read: {reasons}")
+        return self._compare(found, metadata, ledger)
+
+    @property
+    def where(self) -> str:
+        """The place being read in the storage file being read."""
+        return self._parts[self._part].where if self._parts else METADATA
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted streams, file by file."""
         for index, part in enumerate(self._parts):
-            base = index << _SHIFT
+            self._part, base = index, index << _SHIFT
             own = [i - base for i in wanted if base <= i < base + (1 << _SHIFT)]
             if not own:
                 continue
-            for identity, stamp, data in part.messages(own, ledger):
-                self.where = part.where
-                if self._compressed:
-                    try:
-                        data = expand_message(data, MAX_MESSAGE)
-                    except DamageError as error:
-                        ledger.lost(error.reason, part.where)
-                        continue
-                yield base + identity, stamp, data
+            found = part.messages(own, ledger)
+            if self._compressed:
+                found = self._expanded(found, ledger)
+            if base:
+                found = ((base + identity, stamp, data) for identity, stamp, data in found)
+            yield from found
+
+    def _expanded(self, messages: Iterator[Message], ledger: Ledger) -> Iterator[Message]:
+        for identity, stamp, data in messages:
+            try:
+                yield identity, stamp, expand_message(data, MAX_MESSAGE)
+            except DamageError as error:
+                ledger.lost(error.reason, self.where)
+
+    def _streams_of(self, part: Container, name: str, ledger: Ledger) -> Sequence[Stream]:
+        """A storage file's streams; one that cannot be read at all does not keep salvage from the others."""
+        try:
+            return part.streams(ledger)
+        except UsageError as error:
+            # The person knows the file by its own name, not by that of its unpacked copy.
+            reason = str(error).replace(f"{self._unpacked}{os.sep}", "") if self._unpacked else str(error)
+            if not ledger.salvage:
+                raise UsageError(reason if str(self.path) in reason else f"{self.path}: {reason}") from error
+            ledger.lost(reason, name)
+        return ()
 
     def _open(self, name: str, compressed: bool, ledger: Ledger) -> Container | None:
         path = self.path / name
@@ -104,14 +127,18 @@ class Folder:
         expand_file(path, target)
         return target
 
-    def _compare(self, found: Sequence[Stream], metadata: Metadata, ledger: Ledger) -> None:
-        there: Counter[str] = Counter()
+    def _compare(self, found: list[Stream], metadata: Metadata, ledger: Ledger) -> list[Stream]:
+        """Streams that count what metadata.yaml announces, so that reading them tells what is missing."""
+        announced = Counter(metadata.counts)
         for stream in found:
-            there[stream.topic] += stream.count or 0
-        for topic, count in metadata.counts.items():
-            if there[topic] != count:
-                reason = f"{count} messages announced on {one_line(topic, 60)}, the files hold {there[topic]}"
-                ledger.lost(reason, METADATA)
+            announced[stream.topic] -= stream.count or 0
+        for topic, missing in announced.items():
+            last = next((i for i in reversed(range(len(found))) if found[i].topic == topic), None)
+            if missing > 0 and last is not None:
+                found[last] = replace(found[last], count=(found[last].count or 0) + missing)
+            elif missing and metadata.counts:
+                ledger.lost(f"{abs(missing)} messages {'too few' if missing > 0 else 'too many'}", topic)
+        return found
 
     def _metadata(self, ledger: Ledger) -> Metadata:
         try:

@@ -18,7 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
 
-_MAX_BYTES = 1 << 30
+_MAX_BYTES = 256 << 20
 _HEADER = 128
 _COMPRESSED = 15
 _STEP = 1 << 20
@@ -27,7 +27,7 @@ _MAX_DEPTH = 8
 
 
 def open_matlab(path: Path, salvage: bool) -> TableLog:
-    """The largest table of a .mat file, named after it, others as name.length; scalars only if nothing else is there."""
+    """The largest table, named after the file, others as name.length; scalars only if there is nothing else."""
     size = regular_file(path)
     try:
         _check_size(path, size)

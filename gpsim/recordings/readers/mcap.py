@@ -61,6 +61,7 @@ class Mcap:
 
     path: Path
     where: str = "byte 0"
+    distro: str | None = None
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
@@ -99,7 +100,9 @@ class Mcap:
                     if record.op == FOOTER:
                         return
                     if record.op == CHUNK:
-                        yield from self._in_chunk(self._chunk(source, record, walk, ledger), walk, ledger)
+                        chunk, position = self._chunk(source, record, walk, ledger)
+                        yield from self._in_chunk(chunk, walk, ledger)
+                        continue
                     if record.end > self.size:
                         raise DamageError(
                             f"the file ends at byte {self.size}, inside a record of {record.size} bytes"
@@ -113,8 +116,8 @@ class Mcap:
                     ledger.lost(error.reason, self.where)
                     position = next_record(source, position + 1, walk.found.streams, chunks=True)
 
-    def _chunk(self, source: Source, record: Record, walk: _Walk, ledger: Ledger) -> bytes:
-        """A chunk's records, as much of them as can be had."""
+    def _chunk(self, source: Source, record: Record, walk: _Walk, ledger: Ledger) -> tuple[bytes, int]:
+        """(a chunk's records, as much of them as can be had; where the walk goes on)."""
         front = Content(
             source.read(record.start, min(CHUNK_HEAD.size + 64, record.size, self.size - record.start))
         )
@@ -134,7 +137,7 @@ class Mcap:
             reason = "a chunk's checksum does not match: some of its messages are wrong"
         if reason is not None:
             ledger.lost(reason, self.where)
-        return data
+        return data, end
 
     def _in_chunk(self, chunk: bytes, walk: _Walk, ledger: Ledger) -> Iterator[Message]:
         position: int | None = 0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +13,39 @@ from gpsim.errors import UsageError
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.container import Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
-from gpsim.recordings.readers.definitions import Decoder, decoder
-from gpsim.recordings.readers.extract import NO_STAMP, Columns, Rows, row_maker, seconds
+from gpsim.recordings.readers.definitions import DISTROS, Decoder, decoder
+from gpsim.recordings.readers.extract import NO_STAMP, Columns, Row, Rows, row_maker, seconds
 from gpsim.recordings.readers.fields import PathError, has_sequences, numeric_fields, stamp_path
 
+DEFAULT_DISTRO = "humble"
 _SAMPLES = 100
 _SAMPLE_MESSAGES = 5_000
 _YEAR_NS = 366 * 86_400 * 10**9
 MISSING = "announced by the index, not found"
 
 
+@dataclass(slots=True)
+class _Reading:
+    """How one stream's messages become rows, and how many came."""
+
+    stream: Stream
+    decode: Callable[[bytes, str], object]
+    rows: Rows
+    append: Callable[[int, Row], None]
+    found: int = 0
+    lost: int = 0
+
+
 class BagLog:
     """A bag. Times are seconds after `epoch_ns`, the whole second before its first message (nanoseconds survive)."""
 
-    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str) -> None:
+    def __init__(self, path: Path, container: Container, *, salvage: bool, distro: str | None) -> None:
         self.path = path
-        self.distro = distro
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
         self._streams = tuple(container.streams(self._ledger))
+        said = container.distro if container.distro in DISTROS else None
+        self.distro = distro or said or DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
         self.epoch_ns = _epoch([s.start for s in self._streams if s.start is not None])
 
@@ -48,11 +63,12 @@ class BagLog:
     def _topic(self, name: str, samples: Mapping[int, list[Any]]) -> Topic:
         streams = [s for s in self._streams if s.topic == name]
         fields: dict[str, None] = {}
-        stamped = False
+        stamped, unreadable = False, ""
         for stream in streams:
             try:
                 known = self._decoder(stream)
-            except DamageError:
+            except DamageError as error:
+                unreadable = f" (unreadable: {error.reason})"
                 continue
             fields |= dict.fromkeys(numeric_fields(known.types, known.name, samples.get(stream.id, [])))
             stamped = stamped or stamp_path(known.types, known.name) is not None
@@ -60,7 +76,7 @@ class BagLog:
         ends = [s.end for s in streams if s.end is not None]
         return Topic(
             name=name,
-            type=_types(streams),
+            type=_types(streams) + unreadable,
             count=sum(s.count or 0 for s in streams),
             fields=tuple(fields),
             start=(min(starts) - self.epoch_ns) / 1e9 if starts else None,
@@ -99,51 +115,54 @@ class BagLog:
         """The wanted fields by topic; see RawLog. Rows come in file order."""
         ledger = self._ledger.same()
         columns = {topic: Columns(tuple(dict.fromkeys(fields))) for topic, fields in wanted.items()}
-        makers: dict[int, tuple[str, Decoder, Rows, Columns]] = {}
+        readings: dict[int, _Reading] = {}
         for topic, kept in columns.items():
-            self._prepare(topic, kept, makers, ledger)
-        read = self._read(makers, ledger)
+            readings |= self._prepare(topic, kept, ledger)
+        self._read(readings, ledger)
+        read = dict.fromkeys(columns, 0)
+        for reading in readings.values():
+            read[reading.stream.topic] += reading.found - reading.lost
         return {topic: self._series(topic, kept, read[topic], ledger) for topic, kept in columns.items()}
 
-    def _prepare(
-        self, topic: str, kept: Columns, makers: dict[int, tuple[str, Decoder, Rows, Columns]], ledger: Ledger
-    ) -> None:
+    def _prepare(self, topic: str, kept: Columns, ledger: Ledger) -> dict[int, _Reading]:
         streams = [s for s in self._streams if s.topic == topic]
         if not streams:
             there = ", ".join(sorted({s.topic for s in self._streams})[:20]) or "none"
             raise UsageError(f"{self.path}: no topic '{one_line(topic)}'; there are: {there}")
         if not kept.names:
             raise UsageError(f"{self.path}: no field of {topic} is asked for; name one, as pose.position.x")
+        readings = {}
         for stream in streams:
             try:
                 known = self._decoder(stream)
-                makers[stream.id] = (topic, known, row_maker(known, kept.names, kept.absent), kept)
+                rows = row_maker(known, kept.names, kept.absent)
+                readings[stream.id] = _Reading(stream, known.decode_raw, rows, kept.append)
             except DamageError as error:
                 ledger.lost(error.reason, "definitions", topic, max(1, stream.count or 0))
             except PathError as error:
                 raise UsageError(f"{self.path}: topic {topic}: {error}") from error
+        return readings
 
-    def _read(
-        self, makers: Mapping[int, tuple[str, Decoder, Rows, Columns]], ledger: Ledger
-    ) -> dict[str, int]:
-        read = {topic: 0 for topic, *_ in makers.values()}
-        found = dict.fromkeys(makers, 0)
-        for identity, receive, data in self._container.messages(makers, ledger):
-            topic, known, rows, kept = makers[identity]
-            found[identity] += 1
+    def _read(self, readings: Mapping[int, _Reading], ledger: Ledger) -> None:
+        """Message by message into the columns; the loop that an import's time goes into."""
+        for identity, receive, data in self._container.messages(readings, ledger):
+            reading = readings[identity]
+            reading.found += 1
             try:
-                made = rows(known.decode(data))
-            except DamageError as error:
-                where = f"{self._container.where}, message {found[identity]}"
-                ledger.lost(error.reason, where, topic)
+                rows = reading.rows(reading.decode(data, reading.stream.type))
+            except (
+                Exception
+            ) as error:  # rosbags lets a dozen kinds through: SerdeError, MemoryError, TypeError ...
+                reading.lost += 1
+                where = f"{self._container.where}, message {reading.found}"
+                reason = f"not a {reading.stream.type}: {one_line(error, 120)}"
+                ledger.lost(reason, where, reading.stream.topic)
                 continue
-            read[topic] += 1
-            for row in made:
-                kept.append(receive, row)
-        for stream in self._streams:
-            if stream.id in makers and stream.count is not None and found[stream.id] != stream.count:
-                self._compare(stream, found[stream.id], ledger)
-        return read
+            for row in rows:
+                reading.append(receive, row)
+        for reading in readings.values():
+            if reading.stream.count is not None and reading.found != reading.stream.count:
+                self._compare(reading.stream, reading.found, ledger)
 
     def _compare(self, stream: Stream, found: int, ledger: Ledger) -> None:
         announced = stream.count or 0

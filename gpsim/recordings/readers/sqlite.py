@@ -8,9 +8,10 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
+from gpsim.recordings.readers.catalogue import Catalogue
 from gpsim.recordings.readers.container import DefinitionFormat, Message, Stream
 from gpsim.recordings.readers.damage import (
     MAX_MESSAGE,
@@ -26,7 +27,8 @@ _MAGIC = b"SQLite format 3\x00"
 _FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros2idl": "idl"}
 _TOPICS = ("id", "name", "type", "serialization_format")
 _MESSAGES = ("topic_id", "timestamp", "data")
-_SINGLE_STEPS = 1_000
+_SINGLE_STEPS = 50
+_SMALLEST_ROW = 8
 _LAST_ROW = 2**62
 
 
@@ -35,13 +37,19 @@ class Sqlite:
     """One .db3 file. `where` is the row being read."""
 
     path: Path
-    where: str = "table messages"
+    distro: str | None = None
+    _row: int = 0
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
 
+    @property
+    def where(self) -> str:
+        """The row being read."""
+        return f"row {self._row}"
+
     @contextmanager
-    def _open(self) -> Iterator[sqlite3.Connection]:
+    def _open(self, *, salvage: bool) -> Iterator[sqlite3.Connection]:
         with self.path.open("rb") as file:
             if file.read(len(_MAGIC)) != _MAGIC:
                 raise wrong_kind(self.path, "a sqlite3 file", "it does not begin with SQLite format 3")
@@ -52,6 +60,9 @@ class Sqlite:
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
             base.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
             base.execute("PRAGMA trusted_schema=OFF")
+            if salvage:
+                # sqlite's own recovery mode: the only way it opens a file that is shorter than its header says.
+                base.execute("PRAGMA writable_schema=ON")
             # A page tree can be bent so that one page counts a billion times: no honest file needs more steps.
             left = [100 + self.size // 20_000]
             base.set_progress_handler(lambda: _spend(left), 100_000)
@@ -66,16 +77,22 @@ class Sqlite:
                 "byte 0",
             )
         try:
-            with self._open() as base:
+            with self._open(salvage=ledger.salvage) as base:
                 self._check_tables(base)
-                known = _definitions(base)
+                known = _definitions(base, ledger)
                 rows = base.execute(f"SELECT {', '.join(_TOPICS)} FROM topics ORDER BY +id").fetchall()
-                streams = [_stream(row, known) for row in rows]
         except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
+            ledger.lost(f"sqlite3 bag cannot be read: {one_line(error)}", "table topics")
             # Salvage has nothing to offer where the schema or the topics cannot be read.
             raise refusal(
                 self.path, "table topics", f"sqlite3 bag cannot be read: {one_line(error)}"
             ) from error
+        streams: list[Stream] = []
+        for row in rows:
+            try:
+                streams.append(_stream(row, known))
+            except DamageError as error:
+                ledger.lost(error.reason, "table topics")
         return self._counted(streams, ledger)
 
     def _check_tables(self, base: sqlite3.Connection) -> None:
@@ -90,23 +107,21 @@ class Sqlite:
                 )
 
     def _counted(self, streams: list[Stream], ledger: Ledger) -> list[Stream]:
+        found = Catalogue({s.id: s for s in streams})
         try:
-            with self._open() as base:
+            with self._open(salvage=ledger.salvage) as base:
                 query = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY +topic_id"
-                rows = base.execute(query).fetchall()
-            found = {topic: (count, _integer(start), _integer(end)) for topic, count, start, end in rows}
+                for topic, count, start, end in base.execute(query).fetchall():
+                    found.tally(topic).add(count, _integer(start), _integer(end))
         except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
             ledger.lost(f"messages cannot be counted: {one_line(error)}", "table messages")
-            return [replace(s, start=first) for s in streams for first in [self._first_time(ledger)]]
-        lost = sum(found[topic][0] for topic in set(found) - {s.id for s in streams})
-        if lost:
-            ledger.lost(f"{lost} messages belong to no topic", "table messages")
-        none = (0, None, None)
-        return [replace(s, count=c, start=a, end=b) for s in streams for c, a, b in [found.get(s.id, none)]]
-
-    def _first_time(self, ledger: Ledger) -> int | None:
-        first = next(self._rows(None, ledger.silent()), None)
-        return None if first is None else first[1]
+            found.tallies.clear()
+            for topic, stamp, _ in self._rows(None, ledger.silent()):
+                found.tally(topic).add(1, stamp, stamp)
+        orphans = sum(tally.count for topic, tally in found.tallies.items() if topic not in found.streams)
+        if orphans:
+            ledger.lost(f"{orphans} messages belong to no topic", "table messages")
+        return found.result()
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted topics in file order."""
@@ -118,23 +133,27 @@ class Sqlite:
         query = (
             f"SELECT rowid, topic_id, timestamp, data FROM messages WHERE rowid > ? {chosen} ORDER BY rowid"
         )
-        last, failures = -1, 0
-        while last < _LAST_ROW:
-            try:
-                with self._open() as base:
+        last, failures, left = -1, 0, 100 + self.size // _SMALLEST_ROW
+        with self._open(salvage=ledger.salvage) as base:
+            while last < _LAST_ROW:
+                try:
                     for row, topic, stamp, data in base.execute(query, (last,)):
-                        last, failures = row, 0
-                        self.where = f"row {row}"
+                        left -= 1
+                        if row <= last or left < 0:
+                            raise sqlite3.DatabaseError(f"row {row} comes behind row {last}")
+                        self._row = last = row
+                        failures = 0
                         if isinstance(data, bytes) and isinstance(stamp, int):
                             yield topic, stamp, data
                         else:
                             ledger.lost("a message's time or data are of the wrong kind", self.where)
-                return
-            except (sqlite3.Error, OverflowError, MemoryError) as error:
-                if failures == 0:
-                    ledger.lost(f"rows cannot be read: {one_line(error)}", f"behind row {last}")
-                failures += 1
-                last += 1 if failures < _SINGLE_STEPS else 2 ** min(failures - _SINGLE_STEPS, 62)
+                    return
+                except (sqlite3.Error, OverflowError, MemoryError) as error:
+                    if failures == 0:
+                        ledger.lost(f"rows cannot be read: {one_line(error)}", f"behind row {last}")
+                    failures += 1
+                    # Rows of a damaged page are few and close together; a damaged branch of the tree is wide.
+                    last += 1 if failures < _SINGLE_STEPS else 2 ** (failures - _SINGLE_STEPS)
 
 
 def _spend(left: list[int]) -> int:
@@ -144,8 +163,8 @@ def _spend(left: list[int]) -> int:
 
 def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionFormat]]) -> Stream:
     identity, name, kind, encoding = row
-    if not isinstance(identity, int):
-        raise DamageError("a topic has no number")
+    if not isinstance(identity, int) or not 0 <= identity < 2**31:
+        raise DamageError(f"a topic's number is {one_line(identity, 40)!r}")
     topic, spelled = _text(name), _text(kind)
     if not topic or not topic.isprintable():
         raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
@@ -153,18 +172,22 @@ def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionForma
     return Stream(identity, topic, spelled, definition, form, _text(encoding))
 
 
-def _definitions(base: sqlite3.Connection) -> dict[str, tuple[str, DefinitionFormat]]:
+def _definitions(base: sqlite3.Connection, ledger: Ledger) -> dict[str, tuple[str, DefinitionFormat]]:
     """Definitions by type, which bags hold since ROS 2 Iron; empty in older ones."""
     there = {_text(row[1]) for row in base.execute("PRAGMA table_xinfo(message_definitions)") if row[6] == 0}
     if not {"topic_type", "encoding", "encoded_message_definition"} <= there:
         return {}
-    rows = base.execute("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")
-    found = [(_text(kind), _text(form), _text(definition)) for kind, form, definition in rows]
-    return {
-        kind: (definition, _FORMATS[form])
-        for kind, form, definition in found
-        if form in _FORMATS and definition
-    }
+    known: dict[str, tuple[str, DefinitionFormat]] = {}
+    try:
+        for row in base.execute(
+            "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+        ):
+            kind, form, definition = (_text(value) for value in row)
+            if form in _FORMATS and definition:
+                known[kind] = (definition, _FORMATS[form])
+    except (sqlite3.Error, DamageError) as error:
+        ledger.lost(f"definitions cannot be read: {one_line(error)}", "table message_definitions")
+    return known
 
 
 def _text(value: object) -> str:

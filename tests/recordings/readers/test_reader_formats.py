@@ -37,11 +37,11 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
         ".bag" if request.param.startswith("ros1") else ".mcap" if request.param.startswith("mcap") else ""
     )
     suffix = "" if "folder" in request.param else suffix
-    return write_bag(tmp_path_factory.mktemp("bags") / f"drive{suffix}", request.param, drive(2.0))
+    return write_bag(tmp_path_factory.mktemp("bags") / f"drive{suffix}", request.param, drive(1.0))
 
 
 def test_every_message_comes_back(bag: Path) -> None:
-    log, given = open_log(bag), drive(2.0)
+    log, given = open_log(bag), drive(1.0)
     series = log.series(WANTED)
     assert log.epoch_ns == EPOCH
     for topic, messages in given.items():
@@ -65,14 +65,14 @@ def test_header_stamps_keep_their_nanoseconds(bag: Path) -> None:
     series = open_log(bag).series({"/pose": ["pose.position.x"], "/throttle": ["data"]})
     header = series["/pose"].header
     assert header is not None
-    given = [receive - 7_000_001 for receive, _ in drive(2.0)["/pose"].rows]
+    given = [receive - 7_000_001 for receive, _ in drive(1.0)["/pose"].rows]
     np.testing.assert_array_equal(np.round(header * 1e9).astype(np.int64) + EPOCH, given)
     assert series["/throttle"].header is None
 
 
 def test_transforms_are_selected_by_their_child_frame(bag: Path) -> None:
     paths = [f"transforms[child_frame_id={name}].transform.translation.x" for name in ("base_link", "wheel")]
-    log, given = open_log(bag), drive(2.0)["/tf"].rows
+    log, given = open_log(bag), drive(1.0)["/tf"].rows
     alone = log.series({"/tf": paths[:1]})["/tf"]
     rows = [(r, t) for r, values in given for t in values["transforms"] if t["child_frame_id"] == "base_link"]
     np.testing.assert_array_equal(
@@ -99,7 +99,7 @@ def test_elements_that_a_message_does_not_have_are_absent(bag: Path) -> None:
 
 def test_topics_say_what_is_inside(bag: Path) -> None:
     topics = {topic.name: topic for topic in open_log(bag).topics()}
-    given = drive(2.0)
+    given = drive(1.0)
     assert list(topics) == sorted(given)
     for name, messages in given.items():
         stamps = seconds([receive for receive, _ in messages.rows])

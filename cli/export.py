@@ -1,0 +1,35 @@
+"""gpsim export: what gpsim made, in the formats of other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+export_app = typer.Typer(
+    help="Write a recording or a policy in the formats of other programs.", no_args_is_help=True
+)
+
+Recorded = Annotated[
+    Path, typer.Argument(metavar="PATH", help="A recording folder, as `gpsim import` makes.")
+]
+Format = Annotated[str, typer.Option("--format", help="mcap | csv | parquet")]
+Out = Annotated[Path, typer.Option("--out", help="The file to make; it must not exist.")]
+
+
+@export_app.callback()
+def _export() -> None:
+    pass
+
+
+@export_app.command("recording")
+def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
+    """Measured channels beside the base simulator's prediction, for Foxglove, PlotJuggler or a spreadsheet."""
+    # Imported here: rosbags and pandas take a second to load, and `--help` should not wait for it.
+    from gpsim.stages.export_recording import export_recording
+
+    notes = export_recording(path, form, out)
+    typer.echo(f"export: {out}")
+    for line in notes:
+        typer.echo(f"  {line}")

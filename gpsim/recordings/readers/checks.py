@@ -1,0 +1,150 @@
+"""Damage that nothing complains about: flipped bytes that still decode. Looked for by what cannot be true.
+
+The limits are wide, so that sound recordings have no findings; small flips in a mantissa stay unseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.recordings.raw import Series
+
+Kind = Literal[
+    "not finite", "no rotation", "absurd magnitude", "jump", "stamp leaps", "stamp far from arrival"
+]
+_POSE = ("position", "orientation", "translation", "rotation")
+_STAMP_PARTS = ("sec", "nanosec", "seq")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """quaternion: believable | norm - 1 |. largest, smallest: believable nonzero magnitudes in any SI unit.
+
+    jump: how many times the 95th percentile of a field's usual unevenness a single sample may leave its
+    neighbours; leap [s]: how far one stamp may lie from both neighbours; delay [s]: how far a message's delay may
+    lie from the topic's median delay.
+    """
+
+    quaternion: float = 0.01
+    largest: float = 1e12
+    smallest: float = 1e-100
+    jump: float = 50.0
+    leap: float = 10.0
+    delay: float = 60.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Rows of a topic that cannot be true. row: the first of them; message: one line for the person."""
+
+    kind: Kind
+    topic: str
+    field: str | None
+    rows: IntArray
+    message: str
+
+    @property
+    def row(self) -> int:
+        """The first row."""
+        return int(self.rows[0])
+
+    @property
+    def count(self) -> int:
+        """How many rows."""
+        return len(self.rows)
+
+
+def find_silent_damage(series: Series, limits: Limits | None = None) -> tuple[Finding, ...]:
+    """Everything in a topic that cannot be true; rows count from 0 in file order."""
+    chosen = limits or Limits()
+    found = [*_values(series, chosen), *_quaternions(series, chosen), *_stamps(series, chosen)]
+    return tuple(finding for finding in found if finding.count)
+
+
+def _finding(series: Series, kind: Kind, field: str | None, bad: BoolArray, what: str) -> Finding:
+    rows = np.flatnonzero(bad)
+    first = int(rows[0]) if len(rows) else -1
+    place = f"{series.topic}, row {first}" if field is None else f"{series.topic}, row {first}, field {field}"
+    return Finding(kind, series.topic, field, rows, f"{place}: {what} ({len(rows)} of {len(bad)} rows)")
+
+
+def _values(series: Series, limits: Limits) -> Iterator[Finding]:
+    for field, values in series.fields.items():
+        missing = np.isnan(values) & (series.absent.get(field, 0) > 0)
+        yield _finding(
+            series, "not finite", field, ~np.isfinite(values) & ~missing, "the value is no finite number"
+        )
+        size = np.abs(np.where(np.isfinite(values), values, 0.0))
+        strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
+        yield _finding(series, "absurd magnitude", field, strange, "no sensor or command has this magnitude")
+        if any(part in _POSE for part in field.split(".")) and field.split(".")[-1] not in _STAMP_PARTS:
+            yield _finding(
+                series, "jump", field, jumps(values, limits.jump), "leaves its neighbours and comes back"
+            )
+
+
+def jumps(values: FloatArray, factor: float) -> BoolArray:
+    """Samples that stand alone: (N,) bool. Uneven is what a sample differs from the mean of its two neighbours."""
+    alone = np.zeros(len(values), dtype=np.bool_)
+    with np.errstate(over="ignore", invalid="ignore"):
+        uneven = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+        apart = np.abs(values[2:] - values[:-2])
+    known = np.isfinite(uneven)
+    if known.sum() < 20:
+        return alone
+    usual = float(np.quantile(uneven[known], 0.95))
+    if usual > 0.0:
+        # A sample beside the lone one is uneven too; the lone one is where the neighbours agree with each other.
+        alone[1:-1] = known & (uneven > factor * usual) & (apart < 0.2 * uneven)
+    return alone
+
+
+def _quaternions(series: Series, limits: Limits) -> Iterator[Finding]:
+    for field in series.fields:
+        parts = [f"{field[:-1]}{axis}" for axis in "xyzw"]
+        if not field.endswith(".w") or not all(part in series.fields for part in parts):
+            continue
+        values = np.stack([series.fields[part] for part in parts])
+        known = np.isfinite(values).all(axis=0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            norm = np.sqrt(np.sum(values**2, axis=0))
+        off = known & ~(np.abs(norm - 1.0) <= limits.quaternion)
+        yield _finding(series, "no rotation", field[:-2], off, "the quaternion's norm is not 1")
+
+
+def _stamps(series: Series, limits: Limits) -> Iterator[Finding]:
+    leaps = _leaps(series.receive, limits.leap)
+    yield _finding(series, "stamp leaps", None, leaps, "the receive time leaves its neighbours")
+    if series.header is None:
+        return
+    yield _finding(
+        series,
+        "stamp leaps",
+        None,
+        _leaps(series.header, limits.leap),
+        "the header stamp leaves its neighbours",
+    )
+    delay = series.receive - series.header
+    known = np.isfinite(delay)
+    if known.any():
+        far = known & (np.abs(delay - np.median(delay[known])) > limits.delay)
+        yield _finding(
+            series, "stamp far from arrival", None, far, "the header stamp is far from its arrival"
+        )
+
+
+def _leaps(stamps: FloatArray, limit: float) -> BoolArray:
+    """Stamps further than `limit` from the median of themselves and the two on either side."""
+    count = len(stamps)
+    if count < 5 or not np.isfinite(stamps).all():
+        return np.zeros(count, dtype=np.bool_)
+    around = np.clip(np.arange(count)[:, None] + np.arange(-2, 3), 0, count - 1)
+    middle = np.median(stamps[around], axis=1)
+    steps = np.diff(stamps)
+    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    return np.asarray(np.abs(stamps - middle) > max(limit, 20.0 * usual), dtype=np.bool_)

@@ -1,0 +1,154 @@
+"""report: tables, figures and one HTML page of a finished loop, over one seed or several."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from safetensors.numpy import load_file
+
+from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.channels import FloatArray
+from gpsim.corrected import GpCorrection
+from gpsim.evaluation.summary import start_sets, summarise_seeds
+from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice
+from gpsim.reports.page import render
+from gpsim.reports.slices import residual_slices
+from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
+from gpsim.stages.building import base_plant, make_task
+from gpsim.stages.stage import Request, Stage
+
+SETTINGS = (
+    "simulator",
+    "target",
+    "task",
+    "policy",
+    "collect",
+    "residuals",
+    "gp",
+    "sample_noise",
+    "randomise",
+    "evaluate",
+)
+
+
+def stage_for(seeds: tuple[int, ...]) -> Stage:
+    """The report over these seeds, as a stage."""
+    return Stage(
+        "report",
+        "Tables, figures and one HTML page of a finished loop.",
+        lambda request: _recipe(request, seeds),
+        lambda request, recipe, folder: _write(request, seeds, folder),
+    )
+
+
+def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
+    parents = {
+        f"{role}/{seed}" if seed is not None else role: artifact
+        for role, seed, artifact in _artifacts(request, seeds)
+    }
+    return Recipe("report", request.section(*SETTINGS), parents, {"seeds": list(seeds)})
+
+
+def _write(request: Request, seeds: tuple[int, ...], folder: Path) -> Json:
+    report = gather(request, seeds)
+    write_json(folder / "summary.json", _finite(report.summary))
+    (folder / "report.html").write_text(render(report), encoding="utf-8")
+    return {}
+
+
+def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
+    """Read everything the report shows from the loop's artifacts."""
+    requests = {seed: request.having(seed=seed) for seed in seeds}
+    evaluated = {seed: evaluate.STAGE.need(r) for seed, r in requests.items()}
+    evaluations = [_json(artifact, "evaluation.json") for artifact in evaluated.values()]
+    tables = [evaluate.read_returns(artifact) for artifact in evaluated.values()]
+    certified = tables[0][1]
+    returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
+    first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
+    return LoopReport(
+        experiment=str(request.config["experiment"]),
+        seeds=seeds,
+        summary=summarise_seeds(evaluations, returns, certified, str(request.config["experiment"])),
+        returns=returns,
+        starts=start_sets(returns, certified),
+        best_return=float(task.max_steps),
+        curves={
+            name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
+        },
+        slices=_slices(first),
+        fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
+        states=base.state.names,
+        rollouts=_rollouts(evaluated[seeds[0]]),
+        dt=base.dt,
+        units=base.state.units | base.simulator.rate.units,
+        limits=_limits(request.config["task"]),
+        settings=request.section(*SETTINGS),
+        artifacts=[_made_by(role, seed, artifact) for role, seed, artifact in _artifacts(request, seeds)],
+        command=_command(request, seeds),
+    )
+
+
+def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
+    found: list[tuple[str, int | None, Artifact]] = []
+    for seed in seeds:
+        own = request.having(seed=seed)
+        for stage in (collect.STAGE, build_residuals.STAGE, fit_gp.STAGE):
+            found.append((stage.name, seed, stage.need(own)))
+        for name in evaluate.policy_names(request):
+            stage, settings = evaluate.TRAINED_BY[name]
+            found.append((name, seed, stage.need(own.having(**settings))))
+        found.append(("evaluate", seed, evaluate.STAGE.need(own)))
+    found.append(("certify", None, certify.STAGE.need(request)))
+    return found
+
+
+def _made_by(role: str, seed: int | None, artifact: Artifact) -> MadeBy:
+    return MadeBy(artifact.stage, role, artifact.path.name, artifact.digest, seed, artifact.manifest)
+
+
+def _curve(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
+    stage, settings = evaluate.TRAINED_BY[policy]
+    table = pd.read_csv(stage.need(request.having(**settings)).path / "learning_curve.csv")
+    return table["steps"].to_numpy(dtype=np.float64), table["mean_return"].to_numpy(dtype=np.float64)
+
+
+def _slices(request: Request) -> Mapping[str, ResidualSlice]:
+    residuals = build_residuals.read_residuals(build_residuals.STAGE.need(request))
+    correction = train_gp_policy.corrected_plant(request, fit_gp.STAGE.need(request).path).correction
+    assert isinstance(correction, GpCorrection)
+    return residual_slices(residuals, correction, residuals.training_rows(request.config["gp"]["n_train"]))
+
+
+def _rollouts(artifact: Artifact) -> Mapping[str, FloatArray]:
+    return dict(load_file(artifact.path / "rollouts.safetensors"))
+
+
+def _limits(task: Mapping[str, Any]) -> dict[str, float]:
+    limits = {"theta": task.get("angle_limit"), "x": task.get("position_limit")}
+    return {channel: float(value) for channel, value in limits.items() if value is not None}
+
+
+def _command(request: Request, seeds: tuple[int, ...]) -> str:
+    words = [word for word in request.words if not word.startswith("seed=")]
+    start = [f"seed={seeds[0]}"] if seeds[0] else []
+    several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
+    return " ".join(["gpsim run full-loop", *words, *start, *several])
+
+
+def _json(artifact: Artifact, name: str) -> Json:
+    content: Json = json.loads((artifact.path / name).read_text(encoding="utf-8"))
+    return content
+
+
+def _finite(value: Any) -> Any:
+    """NaN and infinity as null: JSON has neither."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,114 @@
+"""Statistics against closed forms and scipy."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from gpsim.evaluation.one_step import OneStep, outside_range
+from gpsim.evaluation.returns import summarise
+from gpsim.evaluation.rollout import bands, divergence, roll_out
+from gpsim.evaluation.statistics import bootstrap_interval, interquartile_mean, nrmse, r2
+from gpsim.evaluation.summary import start_sets, summarise_seeds
+from gpsim.simulators import make_simulator
+from gpsim.simulators.plant import SimulatorPlant
+
+CARTPOLE = make_simulator("cartpole")
+PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
+
+
+def test_interquartile_mean_is_the_mean_of_the_middle_half():
+    assert interquartile_mean(np.array([0.0, 1, 2, 3, 4, 5, 6, 1000])) == pytest.approx(3.5)
+
+
+def test_bootstrap_covers_the_mean_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    covered = 0
+    for _ in range(200):
+        low, high = bootstrap_interval(rng.normal(3.0, 1.0, 40), lambda v: float(v.mean()), draws=400)
+        covered += low <= 3.0 <= high
+    assert stats.binomtest(covered, 200, 0.94).pvalue > 1e-3
+
+
+def test_seeds_are_drawn_whole():
+    """Two seeds of 0 and 500: the interval must be as wide as two seeds leave it, however many episodes they have."""
+    returns = np.repeat([[0.0], [500.0]], 1000, axis=1)
+    assert bootstrap_interval(returns, lambda v: float(v.mean())) == (0.0, 500.0)
+
+
+def test_errors_of_known_size():
+    actual = np.array([0.0, 1.0, 2.0, 4.0])
+    assert nrmse(actual + 0.4, actual) == pytest.approx(0.1)
+    assert np.isnan(nrmse(actual, np.ones(4)))
+    assert r2(actual, actual) == 1.0
+    assert r2(np.full(4, actual.mean()), actual) == pytest.approx(0.0)
+
+
+def test_one_step_scores_of_a_calibrated_model():
+    rng, n = np.random.default_rng(0), 20_000
+    mean = rng.normal(size=(n, 1)) * 5
+    latent, noise = np.full((n, 1), 0.03), np.array([0.01])
+    actual = mean + rng.normal(size=(n, 1)) * 0.2
+    result = OneStep(actual, mean, latent, noise, np.repeat(np.arange(20), n // 20))
+    scores = result.scores(0, rng, sample_noise=True)
+    for level, share in scores["coverage"].items():
+        assert share == pytest.approx(float(level), abs=0.012)
+    assert scores["negative_log_likelihood"] == pytest.approx(0.5 * np.log(2 * np.pi * np.e * 0.04), abs=0.02)
+    assert scores["mean"]["rmse"] == pytest.approx(0.2, rel=0.02)
+    assert scores["sample"]["rmse"] == pytest.approx(0.2 * np.sqrt(2), rel=0.02)
+    function_only = result.scores(0, rng, sample_noise=False)
+    assert function_only["sample"]["rmse"] == pytest.approx(np.sqrt(0.04 + 0.03), rel=0.02)
+
+
+def test_rollouts_of_the_same_plant_do_not_diverge_and_others_do():
+    rng = np.random.default_rng(0)
+    start, actions = rng.uniform(-0.05, 0.05, (5, 4)), rng.choice([-10.0, 10.0], (5, 30, 1))
+    paths = roll_out(PLANT, start, actions, rng)
+    assert paths.shape == (5, 31, 4)
+    assert np.all(divergence(paths, roll_out(PLANT, start, actions, rng), PLANT.state) == 0.0)
+    other = SimulatorPlant(CARTPOLE, {**PLANT.parameters, "cart_mass": 2.0}, "euler", 0.02)
+    distance = divergence(roll_out(other, start, actions, rng), paths, PLANT.state)
+    assert distance[:, 0].max() == 0.0
+    assert distance[:, -1, 0].min() > 0.0
+    band = bands(distance, PLANT.state)["x"]
+    assert np.all(np.array(band["q10"]) <= np.array(band["median"]))
+    assert len(band["q90"]) == 31
+
+
+def evaluation(seed, nrmse_value):
+    return {
+        "seed": seed,
+        "outside_recording": {"policy": 0.0},
+        "one_step": {"x_acc": {"mean": {"nrmse": nrmse_value}}},
+        "one_step_random": {"transitions": 10},
+        "rollout": {"horizon_s": 2.0, "Source": {"bands": {"x": {"median": [0.0, float(seed)]}}}},
+    }
+
+
+def test_the_three_sets_of_starts_and_the_average_over_seeds():
+    returns = {
+        "Source": np.array([[100.0, 50, 20, 10], [100, 50, 20, 10]]),
+        "Target": np.array([[500.0, 30, 30, 30], [500, 500, 30, 30]]),
+    }
+    certified = np.array([True, True, True, False])
+    sets = start_sets(returns, certified)
+    assert sets["returns"].tolist() == [True, True, False, False]
+    assert sets["returns_all"].all()
+    summary = summarise_seeds([evaluation(0, 0.1), evaluation(1, 0.3)], returns, certified, "cartpole")
+    assert summary["share"] == {"returns": 0.5, "returns_all": 1.0, "returns_certified": 0.75}
+    assert summary["returns"]["Target"]["mean"] == pytest.approx(np.mean([500, 30, 500, 500]))
+    assert summary["returns"]["Target"]["by_seed"] == [265.0, 500.0]
+    assert summary["returns"]["Source"]["episodes"] == 4
+    assert summary["one_step"]["x_acc"]["mean"]["nrmse"] == pytest.approx(0.2)
+    assert summary["rollout"]["Source"]["bands"]["x"]["median"] == [0.0, 0.5]
+    without = start_sets({"Source": returns["Source"]}, certified)
+    assert without["returns"].tolist() == certified.tolist()
+
+
+def test_no_start_left_is_not_an_error():
+    assert summarise(np.ones((1, 3)), np.zeros(3, dtype=bool)) == {"episodes": 0}
+
+
+def test_what_lies_outside_the_recording_is_counted():
+    training = np.array([[0.0, 0.0], [1.0, 2.0]])
+    visited = np.array([[0.5, 1.0], [1.5, 1.0], [0.5, -0.1], [1.0, 2.0]])
+    assert outside_range(visited, training) == 0.5

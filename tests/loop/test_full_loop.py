@@ -1,0 +1,169 @@
+"""The whole loop on a tiny budget: complete, repeatable to the byte, and safe to kill."""
+
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gpsim.artifacts import MANIFEST, TIMINGS, folder_digests, read_artifact
+
+TINY = (
+    "budget=smoke",
+    "policy.total_steps=640",
+    "policy.n_steps=32",
+    "evaluate.episodes=12",
+    "evaluate.rollouts=6",
+    "certify.width=4",
+)
+LOOP = [sys.executable, "-m", "gpsim.cli.main", "run", "full-loop", *TINY]
+
+
+def run_loop(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*LOOP, *more], cwd=folder, capture_output=True, text=True, check=False)
+
+
+def versions(folder: Path) -> list[Path]:
+    return sorted(path.parent for path in folder.glob(f"runs/*/*/v*/{MANIFEST}"))
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """Every artifact's files by path, without the wall-clock facts."""
+    found = folder_digests(folder / "runs")
+    manifests = {
+        p.relative_to(folder).as_posix(): p.read_text() for p in folder.glob(f"runs/*/*/v*/{MANIFEST}")
+    }
+    return {k: v for k, v in found.items() if not k.endswith(TIMINGS)} | manifests
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("loop")
+    ended = run_loop(folder, "--seeds", "2")
+    assert ended.returncode == 0, ended.stderr
+    return folder, ended
+
+
+def test_the_loop_leaves_every_artifact_and_a_report(finished):
+    folder, ended = finished
+    count = {
+        name: len(list(folder.glob(f"runs/cartpole/{name}/v*")))
+        for name in ("train-source", "train-gp-policy")
+    }
+    assert count == {"train-source": 6, "train-gp-policy": 4}
+    for path in versions(folder):
+        read_artifact(path)
+    summary = json.loads((folder / ended.stdout.splitlines()[-1]).read_text())
+    assert summary["experiment"] == "cartpole"
+    assert summary["seeds"] == [0, 1]
+    for key in ("returns", "returns_all", "returns_certified"):
+        assert set(summary[key]) == {"Source", "Domain randomisation", "GP-Mean", "GP-Sample", "Target"}
+    assert summary["returns_all"]["Target"]["episodes"] == 24
+    assert {"mean", "std", "episodes", "interval"} <= set(summary["returns_all"]["Source"])
+    assert set(summary["share"]) == {"returns", "returns_all", "returns_certified"}
+    assert {"nrmse", "r2"} <= set(summary["one_step"]["x_acc"]["mean"])
+    page = (folder / "runs/cartpole/report/v0001/report.html").read_text()
+    assert "GP-Sample" in page
+    assert "Traceback" not in ended.stderr
+
+
+def test_a_second_run_makes_nothing_anew(finished):
+    folder, _ = finished
+    before = tree(folder)
+    again = run_loop(folder, "--seeds", "2")
+    assert again.returncode == 0
+    assert "made" not in again.stderr
+    assert tree(folder) == before
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_bytes(finished, tmp_path):
+    folder, _ = finished
+    assert run_loop(tmp_path, "--seeds", "2").returncode == 0
+    assert tree(tmp_path) == tree(folder)
+
+
+def kill_at_random_moments(folder: Path, kills: int, longest: float, seed: int) -> None:
+    """Start the loop and kill it, again and again: SIGKILL to all of it or to its parent alone, or Ctrl-C."""
+    rng = random.Random(seed)
+    for _ in range(kills):
+        process = subprocess.Popen(
+            LOOP, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        time.sleep(rng.uniform(0.2, longest))
+        how = rng.choice(["group", "parent", "interrupt"])
+        if how == "group":
+            os.killpg(process.pid, signal.SIGKILL)
+        elif how == "parent":
+            process.kill()
+        else:
+            os.killpg(process.pid, signal.SIGINT)
+        process.wait(timeout=60)
+        for path in versions(folder):
+            read_artifact(path)
+
+
+def test_killed_and_carried_on(finished, tmp_path):
+    kill_at_random_moments(tmp_path, kills=2, longest=14.0, seed=1)
+    ended = run_loop(tmp_path)
+    assert ended.returncode == 0, ended.stderr
+    assert "Traceback" not in ended.stderr
+    summary = json.loads((tmp_path / ended.stdout.splitlines()[-1]).read_text())
+    assert summary["seeds"] == [0]
+    # What survived the kills is what an undisturbed run makes, to the byte.
+    folder, _ = finished
+    undisturbed, mine = (
+        {digest for name, digest in folder_digests(place / "runs").items() if name.endswith(".safetensors")}
+        for place in (folder, tmp_path)
+    )
+    assert mine <= undisturbed
+    assert not list(tmp_path.glob("runs/*/*/.tmp-*"))
+
+
+@pytest.mark.slow
+def test_killed_many_times(tmp_path):
+    kill_at_random_moments(tmp_path, kills=12, longest=20.0, seed=2)
+    assert run_loop(tmp_path).returncode == 0
+    for path in versions(tmp_path):
+        read_artifact(path)
+
+
+def test_ctrl_c_says_how_to_carry_on(tmp_path):
+    process = subprocess.Popen(
+        LOOP, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    deadline = time.monotonic() + 120
+    while not versions(tmp_path) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    _, shown = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert shown.splitlines()[-1].startswith("interrupted: finished artifacts are whole")
+    assert "Traceback" not in shown
+    for path in versions(tmp_path):
+        read_artifact(path)
+
+
+def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
+    """A limit on the size of files stands for the disk: the policy's file no longer fits."""
+    command = [sys.executable, "-m", "gpsim.cli.main", "train-source", *TINY]
+    full = subprocess.run(
+        command,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
+    )
+    assert full.returncode == 2
+    assert full.stderr.startswith("error: ")
+    assert "no space left" in full.stderr
+    assert full.stderr.count("\n") == 1
+    assert not list(tmp_path.glob("runs/*/*/*"))
+    assert subprocess.run(command, cwd=tmp_path, capture_output=True, check=False).returncode == 0

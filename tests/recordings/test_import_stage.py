@@ -1,0 +1,230 @@
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+from typer.testing import CliRunner
+
+from gpsim.artifacts import read_artifact
+from gpsim.errors import UsageError
+from gpsim.recordings import read_recording
+from gpsim.stages.import_log import import_log, inspect_source, read_logs
+
+
+def cartpole_table(path, count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    t = np.arange(count) * 0.02
+    table = {
+        "t": t,
+        "x": np.sin(t),
+        "x_dot": np.cos(t),
+        "theta": 0.1 * np.sin(3 * t),
+        "theta_dot": 0.3 * np.cos(3 * t),
+    }
+    pd.DataFrame({**table, "force": rng.normal(size=count)}).to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture
+def table(tmp_path):
+    return cartpole_table(tmp_path / "log.csv")
+
+
+def test_a_bare_csv_needs_only_the_system(table, tmp_path):
+    made = import_log([table], tmp_path / "out", words=["system=cartpole"])
+    recording = read_recording(tmp_path / "out")
+    assert recording.system == "cartpole"
+    assert recording.transition_count == 199
+    assert recording.velocities == "measured"
+    assert np.array_equal(recording.episodes[0].states[:, 0], pd.read_csv(table)["x"])
+    assert np.array_equal(recording.episodes[0].actions[:, 0], pd.read_csv(table)["force"][:-1])
+    assert read_artifact(tmp_path / "out").stage == "import"
+    names = {p.relative_to(tmp_path / "out").as_posix() for p in made.artifact.path.rglob("*") if p.is_file()}
+    assert {
+        "recording.parquet",
+        "recording.yaml",
+        "import_report.txt",
+        "figures/channels.png",
+        "manifest.json",
+    } <= names
+    assert "read = kept + dropped" in (tmp_path / "out" / "import_report.txt").read_text()
+
+
+def test_the_same_log_gives_the_same_bytes(table, tmp_path):
+    for name in ("a", "b"):
+        import_log([table], tmp_path / name, words=["system=cartpole"])
+    for file in (
+        "recording.parquet",
+        "recording.yaml",
+        "import_report.txt",
+        "figures/channels.png",
+        "manifest.json",
+    ):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_nothing_is_overwritten_and_nothing_half_written(table, tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(UsageError, match="exists already"):
+        import_log([table], tmp_path / "out", words=["system=cartpole"])
+
+    def fail(*_):
+        raise RuntimeError("the disk is gone")
+
+    monkeypatch.setattr("gpsim.stages.import_log.draw_channels", fail)
+    with pytest.raises(RuntimeError):
+        import_log([table], tmp_path / "half", words=["system=cartpole"])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "out"]
+
+
+def test_an_episode_column_and_several_files_make_episodes(tmp_path):
+    first = pd.read_csv(cartpole_table(tmp_path / "a.csv", seed=1))
+    both = pd.concat([first.assign(episode=0), first.assign(episode=1, t=first["t"] + 10)])
+    both.to_csv(tmp_path / "both.csv", index=False)
+    recording, report, _ = read_logs([tmp_path / "both.csv"], None, ["system=cartpole"])
+    assert [len(e) for e in recording.episodes] == [199, 199]
+    cartpole_table(tmp_path / "c.csv", seed=2)
+    recording, report, _ = read_logs([tmp_path / "a.csv", tmp_path / "c.csv"], None, ["system=cartpole"])
+    assert [e.source for e in report.episodes] == ["a.csv", "c.csv"]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ([], "no --mapping; give one, or system=NAME"),
+        (["system=cartpol"], "no --mapping"),
+        (["system=cartpole", "rat=3"], "unknown key 'rat'; did you mean rate"),
+        (["system=cartpole", "velocities.methd=savgol"], "unknown key 'methd'; did you mean method"),
+        (["system=cartpole", "clock.stamps=sent"], "not one of auto, header, receive"),
+        (["system=cartpole", "state.x.field=lost"], "lost"),
+        (["system=cartpole", "a.b.=3"], "."),
+        (["system=cartpole", "rate=[1"], "."),
+    ],
+)
+def test_wrong_settings_end_in_one_line(table, tmp_path, words, text):
+    with pytest.raises(UsageError, match=text) as caught:
+        import_log([table], tmp_path / "out", words=words)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("[1, 2]", "expected keys"),
+        ("a: b: c", "not readable"),
+        ("", "expected keys"),
+        ("x: 1", "unknown key"),
+    ],
+)
+def test_wrong_mapping_files_end_in_one_line(table, tmp_path, content, text):
+    (tmp_path / "mine.yaml").write_text(content)
+    with pytest.raises(UsageError, match=text) as caught:
+        import_log([table], tmp_path / "out", str(tmp_path / "mine.yaml"))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(UsageError, match="neither a file nor one of: cascaded_tanks, dart_csv"):
+        import_log([table], tmp_path / "out", "nothing")
+
+
+def limo_bag(folder, count=300):
+    """A Limo on a circle: vrpn poses at 100 Hz, received 4 ms late; cmd_vel at 10 Hz without stamps."""
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    t = types.types
+    point, quaternion, pose = (t[f"geometry_msgs/msg/{n}"] for n in ("Point", "Quaternion", "Pose"))
+    vector, twist, stamped = (t[f"geometry_msgs/msg/{n}"] for n in ("Vector3", "Twist", "PoseStamped"))
+    header, stamp = t["std_msgs/msg/Header"], t["builtin_interfaces/msg/Time"]
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        poses = writer.add_connection(
+            "/vrpn_client_node/limo/pose", "geometry_msgs/msg/PoseStamped", typestore=types
+        )
+        commands = writer.add_connection("/cmd_vel", "geometry_msgs/msg/Twist", typestore=types)
+        for k in range(count):
+            now, time = 0.01 * k, 1_700_000_000_000_000_000 + 10_000_000 * k
+            if k % 10 == 0:
+                message = twist(vector(0.5, 0.0, 0.0), vector(0.0, 0.0, 1.0))
+                writer.write(commands, time, types.serialize_cdr(message, "geometry_msgs/msg/Twist"))
+            turn = quaternion(0.0, 0.0, float(np.sin(now / 2)), float(np.cos(now / 2)))
+            place = pose(point(0.5 * float(np.sin(now)), 0.5 * (1 - float(np.cos(now))), 0.0), turn)
+            message = stamped(header(stamp(time // 10**9, time % 10**9), "world"), place)
+            writer.write(
+                poses, time + 4_000_000, types.serialize_cdr(message, "geometry_msgs/msg/PoseStamped")
+            )
+    return folder
+
+
+def test_a_limo_bag_imports_by_the_ready_mapping(tmp_path):
+    bag = limo_bag(tmp_path / "bag")
+    made = import_log([bag], tmp_path / "out", "limo_optitrack")
+    (episode,) = made.recording.episodes
+    assert made.recording.dt == pytest.approx(0.1)
+    assert episode.states[:, 0] == pytest.approx(0.5 * np.sin(episode.t), abs=1e-5)
+    assert episode.states[:, 2] == pytest.approx(episode.t, abs=1e-5)
+    assert (episode.actions == [0.5, 1.0]).all()
+    clocks = {count.topic: count.clock for count in made.report.topics}
+    assert clocks == {"/vrpn_client_node/limo/pose": "header", "/cmd_vel": "receive"}
+
+
+def test_a_truncated_bag_is_refused_and_what_is_readable_is_salvaged_and_counted(tmp_path):
+    bag = limo_bag(tmp_path / "bag")
+    file = next(bag.glob("*.mcap"))
+    whole, _, _ = read_logs([file], "limo_optitrack")
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(file.read_bytes()[: int(0.6 * file.stat().st_size)])
+    with pytest.raises(UsageError, match=r"broken\.mcap.*--salvage") as caught:
+        import_log([broken], tmp_path / "out", "limo_optitrack")
+    assert "\n" not in str(caught.value)
+    made = import_log([broken], tmp_path / "out", "limo_optitrack", salvage=True)
+    assert 0 < made.recording.transition_count < whole.transition_count
+    for count in made.report.topics:
+        assert count.read == count.kept + sum(count.dropped.values())
+    assert any("broken.mcap" in line for line in made.report.warnings)
+
+
+def test_a_pose_that_leaps_is_refused_or_salvaged(tmp_path):
+    table = pd.read_csv(cartpole_table(tmp_path / "a.csv"))
+    table.loc[50, "x"] = np.inf
+    table.to_csv(tmp_path / "b.csv", index=False)
+    with pytest.raises(UsageError, match=r"b\.csv: .*row 50, field x.*--salvage"):
+        read_logs([tmp_path / "b.csv"], None, ["system=cartpole"])
+    _, report, _ = read_logs([tmp_path / "b.csv"], None, ["system=cartpole"], salvage=True)
+    assert dict(report.topics[0].dropped) == {"not finite": 1}
+
+
+def test_what_inspect_proposes_can_be_saved_and_used(tmp_path):
+    bag = limo_bag(tmp_path / "bag")
+    found = inspect_source(bag)
+    assert {topic.name for topic in found.topics} == {"/cmd_vel", "/vrpn_client_node/limo/pose"}
+    (tmp_path / "mine.yaml").write_text(found.proposal)
+    assert yaml.safe_load(found.proposal)["action"]["w_cmd"] == {
+        "topic": "/cmd_vel",
+        "field": "angular.z",
+        "unit": "rad/s",
+    }
+    recording, _, _ = read_logs([bag], str(tmp_path / "mine.yaml"))
+    assert recording.system == "unicycle"
+    assert recording.state.names == ("x", "y", "yaw")
+
+
+def test_the_command_line_prints_the_report_and_one_line_errors(table, tmp_path):
+    import typer
+    from gpsim.cli.export import export_app
+    from gpsim.cli.import_ import import_command
+
+    app = typer.Typer()
+    app.command("import")(import_command)
+    app.add_typer(export_app, name="export")
+    run = CliRunner()
+    out = tmp_path / "out"
+    result = run.invoke(app, ["import", str(table), "system=cartpole", "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "read = kept + dropped" in result.output
+    assert isinstance(run.invoke(app, ["import", str(table), "--out", str(out)]).exception, UsageError)
+    assert isinstance(run.invoke(app, ["import", str(table)]).exception, UsageError)
+    assert "proposed mapping" in run.invoke(app, ["import", "--inspect", str(table)]).output
+    file = tmp_path / "log.mcap"
+    result = run.invoke(app, ["export", "recording", str(out), "--format", "mcap", "--out", str(file)])
+    assert result.exit_code == 0, result.output
+    assert file.is_file()

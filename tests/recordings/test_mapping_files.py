@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import copy
+
+import pytest
+from by_hand import UNICYCLE
+
+from gpsim.errors import UsageError
+from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.stages.import_log import mapping_names, read_mapping
+
+
+@pytest.mark.parametrize("name", mapping_names())
+def test_every_mapping_that_comes_with_gpsim_is_sound(name):
+    plan = parse_mapping(read_mapping(name), name)
+    assert plan.description
+    assert len(plan.action) >= 1
+
+
+def test_the_shipped_mappings_cover_the_public_sets():
+    assert set(mapping_names()) >= {
+        "limo_optitrack",
+        "emps",
+        "physical_cartpole",
+        "dart_jetracer",
+        "dart_csv",
+        "f1tenth_track",
+        "simple_pendulum",
+        "cascaded_tanks",
+    }
+
+
+def changed(path, value):
+    raw = copy.deepcopy(UNICYCLE)
+    node = raw
+    for key in path[:-1]:
+        node = node.setdefault(key, {})
+    if value is None:
+        del node[path[-1]]
+    else:
+        node[path[-1]] = value
+    return raw
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "text"),
+    [
+        (["rat"], 20, "unknown key 'rat'; did you mean rate"),
+        (["rate"], None, "rate missing"),
+        (["rate"], "fast", "expected a finite number"),
+        (["rate"], -1, "rate must be positive"),
+        (["dt"], 0.1, "not both"),
+        (["state"], None, "state missing"),
+        (["state", "x", "unit"], None, "state.x: unit missing"),
+        (["state", "x", "quaternion"], "q", "exactly one of"),
+        (["state", "x", "sign"], 2, "must be 1 or -1"),
+        (["state", "x", "wraps"], "yes", "true or false"),
+        (["state", "yaw", "angle"], "heading", "not one of roll, pitch, yaw"),
+        (["state", "v"], {"derivative_of": "z", "unit": "m/s"}, "no channel 'z'; there are: x, y, yaw"),
+        (["clock"], {"stamps": "sent"}, "not one of auto, header, receive"),
+        (["clock"], {"offset": 1}, "did you mean offsets"),
+        (["velocities"], {"method": "savgol", "window": 8}, "odd window"),
+        (["velocities"], {"sigma": 0}, "sigma must be positive"),
+        (["episodes"], {"by": "flag"}, "needs episodes.field"),
+        (["time"], {"field": "t", "step": 1}, "give one of"),
+        (["held_out"], {"share": 1.5}, r"must lie in \[0, 1\)"),
+        (["noise"], {"z": 1.0}, "no channel 'z'"),
+        (["gap_limit"], 0, "gap_limit must be positive"),
+        (["parameters"], {"wheelbase": float("nan")}, "finite number"),
+        (["state"], ["x"], "expected channel names"),
+    ],
+)
+def test_wrong_mappings_end_in_one_line_with_the_alternatives(path, value, text):
+    with pytest.raises(UsageError, match=text) as caught:
+        parse_mapping(changed(path, value))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_mapping_that_is_no_mapping_is_refused():
+    with pytest.raises(UsageError, match="expected keys and values"):
+        parse_mapping([1, 2])

@@ -1,0 +1,77 @@
+"""Figures: what they draw is what the data say, and they leave nothing behind in matplotlib."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from gpsim.reports.canvas import png, svg
+from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
+from gpsim.reports.palette import OTHERS, POLICIES, colours
+from gpsim.reports.return_figures import figure_learning_curves, figure_returns
+from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
+
+FIGURES = [
+    figure_returns,
+    figure_learning_curves,
+    figure_residual_slices,
+    figure_calibration,
+    figure_rollouts,
+    figure_divergence,
+]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("make", FIGURES)
+def test_no_traces_and_no_dates(make: Any, make_report: Any) -> None:
+    before = dict(matplotlib.rcParams)
+    drawn = svg(make(make_report(2)))
+    assert drawn.startswith(b"<?xml")
+    assert b"<dc:date>" not in drawn
+    assert plt.get_fignums() == []
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_png_has_the_same_bytes_and_no_program_name(make_report: Any) -> None:
+    first, second = (png(figure_calibration(make_report())) for _ in range(2))
+    assert first == second
+    assert b"Software" not in first
+
+
+@pytest.mark.parametrize("make", FIGURES)
+def test_every_axis_is_labelled(make: Any, make_report: Any) -> None:
+    figure = make(make_report())
+    lowest = [axis for axis in figure.axes if axis.get_subplotspec().is_last_row()]
+    assert lowest
+    assert all(axis.get_xlabel() or "interval" in axis.get_xticklabels()[0].get_text() for axis in lowest)
+    assert any("[" in text for axis in figure.axes for text in (axis.get_xlabel(), axis.get_ylabel()))
+
+
+def test_bars_are_shares_of_episodes(make_report: Any) -> None:
+    report = make_report(1, ("Source", "Target"))
+    figure = figure_returns(report)
+    axis = figure.axes[0]
+    heights = np.array([patch.get_height() for patch in axis.patches]).reshape(2, -1)
+    totals = heights.sum(axis=1)
+    assert totals == pytest.approx([totals[0]] * 2)
+    target = heights[0] / totals[0]  # Target is the lowest row and never fails here
+    assert target[-1] == pytest.approx(1.0)
+
+
+def test_learning_curve_is_the_mean_over_seeds(make_report: Any) -> None:
+    report = make_report(3, ("Target",))
+    axis = figure_learning_curves(report).axes[0]
+    bold = next(line for line in axis.lines if line.get_label() == "Target")
+    expected = np.mean([values for _, values in report.curves["Target"]], axis=0)
+    np.testing.assert_allclose(bold.get_ydata(), expected)
+
+
+def test_unknown_policies_take_the_rest_of_the_palette() -> None:
+    found = colours(["Source", "Effects", "Source", "New"])
+    assert found == {"Source": POLICIES["Source"], "Effects": OTHERS[0], "New": OTHERS[1]}
+    assert len(set(colours([f"p{i}" for i in range(20)]).values())) == len(OTHERS)
+    assert not set(OTHERS) & set(POLICIES.values())
