@@ -107,7 +107,9 @@ def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatAr
     """(W, L + 1, S) what the sensors would say, from the measured start."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = _starts(problem, windows, hypothesis)[None]
-    return simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+    return np.asarray(
+        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+    )
 
 
 def _residual_rates(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:

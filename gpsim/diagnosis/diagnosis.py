@@ -21,6 +21,7 @@ from gpsim.diagnosis.preparing import Question, prepare
 from gpsim.diagnosis.search import STRUCTURED, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
+from gpsim.effects.chain import Scheme
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
@@ -49,9 +50,8 @@ def diagnose(
     note(0, 100, "cutting windows")
     question = prepare(recording, simulator, parameters)
     offers = candidates(recording, simulator, parameters)
-    found = search(
-        question.searched, offers, recording.integrator, lambda d, t, text: note(5 + 60 * d // t, 100, text)
-    )  # type: ignore[arg-type]
+    base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
+    found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
     judgement = judge(question, found)
     note(80, 100, "comparing on held-out data")
@@ -62,7 +62,7 @@ def diagnose(
         simulator,
         dict(parameters),
         leader.terms,
-        leader.scheme if leader.terms else recording.integrator,  # type: ignore[arg-type]
+        leader.scheme if leader.terms else base,
         question.everything.substeps,
         recording.dt,
     )

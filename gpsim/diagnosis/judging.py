@@ -169,7 +169,10 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
         second = f.residuals[:, 2:] - 2 * f.residuals[:, 1:-1] + f.residuals[:, :-2]
         return np.asarray((second**2 * valid).sum(axis=(0, 1)) / max(float(valid.sum()), 1.0) / 6.0)
 
-    noise = np.maximum(problem.floor**2, np.where(known_noise(problem), problem.floor**2, jumps(leader)))
+    floor = problem.floor**2
+    if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
+        floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
+    noise = np.maximum(floor, np.where(known_noise(problem), floor, jumps(leader)))
     excess = np.maximum(null.variance - noise, 0.0)
     left = np.maximum(leader.variance - 1.1 * noise, 0.0)
     worth = problem.observed & (null.variance > 1.2 * noise)

@@ -89,7 +89,9 @@ def _windows(problem: Problem, actions: FloatArray) -> Windows:
 def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = windows.measured[None, :, 0]
-    return simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+    return np.asarray(
+        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+    )
 
 
 def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: FloatArray) -> FloatArray:
