@@ -65,6 +65,7 @@ SIDEWAYS = {
     ("collecting", "policy"),
     ("corrected_effects", "corrected"),  # both kinds of correction meet there
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
+    ("reports", "diagnosis"),  # shows what a diagnosis found
     ("targets", "simulators"),  # a target is a plant
 }
 
