@@ -15,6 +15,7 @@ import typer
 from gpsim import __version__
 from gpsim.errors import UsageError
 
+from .diagnose import diagnose_command
 from .export import export_app
 from .import_ import import_command
 from .run import report_command, run_app
@@ -52,6 +53,7 @@ def _root(
 add_stages(app)
 app.command("report", rich_help_panel="Stages, in order")(report_command)
 app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
+app.command("diagnose", rich_help_panel="Everything at once")(diagnose_command)
 app.command("import", rich_help_panel="Recordings in and out")(import_command)
 app.add_typer(export_app, name="export", rich_help_panel="Recordings in and out")
 

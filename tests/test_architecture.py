@@ -13,7 +13,7 @@ LEVELS = [
     {"cli"},
     {"stages"},
     {"diagnosis", "evaluation", "policies", "trials", "reports"},
-    {"corrected", "envs", "residuals", "collecting", "policy", "learning"},
+    {"corrected", "corrected_effects", "envs", "residuals", "collecting", "policy", "learning"},
     {"gp", "effects", "tasks", "simulators", "targets", "recordings", "features", "settings"},
     {"channels", "artifacts", "provenance"},
     {"errors"},
@@ -63,6 +63,9 @@ SIDEWAYS = {
     ("artifacts", "provenance"),
     ("collecting", "envs"),  # drives episodes
     ("collecting", "policy"),
+    ("corrected_effects", "corrected"),  # both kinds of correction meet there
+    ("effects", "simulators"),  # an effect asks a simulator for its coordinates
+    ("reports", "diagnosis"),  # shows what a diagnosis found
     ("targets", "simulators"),  # a target is a plant
 }
 

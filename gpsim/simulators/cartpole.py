@@ -54,3 +54,12 @@ class CartPole(MechanicalSimulator):
         x_acc = (m22 * push - m12 * turn) / determinant
         theta_acc = (m11 * turn - m12 * push) / determinant
         return np.stack([x_acc, theta_acc], axis=1)
+
+    def normal_force(
+        self, state: FloatArray, rates: FloatArray, parameters: Parameters
+    ) -> dict[str, FloatArray]:
+        """The track's force on the cart: both weights less what the pole's motion carries (Florian 2007, (18))."""
+        g, m = parameters["gravity"], parameters["pole_mass"]
+        lever = m * parameters["pole_half_length"]
+        lift = rates[:, 1] * np.sin(state[:, 2]) + state[:, 3] ** 2 * np.cos(state[:, 2])
+        return {"x": np.asarray((parameters["cart_mass"] + m) * g - lever * lift)}

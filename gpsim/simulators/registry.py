@@ -5,16 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gpsim.errors import UsageError
+from gpsim.simulators.ackermann import Ackermann
 from gpsim.simulators.cartpole import CartPole
+from gpsim.simulators.pendulum import Pendulum
 from gpsim.simulators.simulator import Simulator
+from gpsim.simulators.slider import Slider
+from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators.user import load_user_simulator
 
 SIMULATORS: Mapping[str, type[Simulator]] = {
     CartPole.name: CartPole,
+    Unicycle.name: Unicycle,
+    Ackermann.name: Ackermann,
+    Slider.name: Slider,
+    Pendulum.name: Pendulum,
 }
 
 
 def make_simulator(name: str) -> Simulator:
-    """The simulator registered under `name`; raises UsageError with the alternatives."""
+    """The simulator registered under `name`, or a user's own as FILE.py:ClassName; raises UsageError."""
+    if ":" in name:
+        return load_user_simulator(name)
     if name not in SIMULATORS:
-        raise UsageError(f"unknown simulator '{name}'; registered are: {', '.join(SIMULATORS)}")
+        raise UsageError(
+            f"unknown simulator '{name}'; registered are: {', '.join(SIMULATORS)}; your own: FILE.py:ClassName"
+        )
     return SIMULATORS[name]()

@@ -68,6 +68,15 @@ class Simulator(ABC):
     def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
         """(B, R): the mean rates over a step of dt (B,) s that the two states show."""
 
+    def normal_force(
+        self,
+        state: FloatArray,
+        rates: FloatArray,
+        parameters: Parameters,
+    ) -> dict[str, FloatArray]:
+        """Coordinate -> (B,) N: what presses it on its guide, where the simulator knows; affine in the rates."""
+        return {}
+
     def defaults(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
         """All parameter values, `given` ones checked against the declaration."""
         given = dict(given or {})

@@ -1,0 +1,89 @@
+"""The catalogue applied to a simulator and a recording: every effect that makes sense, everywhere it makes sense."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gpsim.diagnosis.hypothesis import Candidate
+from gpsim.effects import FAMILIES, Effect, Place
+from gpsim.recordings import Recording
+from gpsim.simulators import Simulator
+
+TINY = 1e-9
+
+
+def candidates(
+    recording: Recording, simulator: Simulator, parameters: Mapping[str, float]
+) -> list[Candidate]:
+    """All terms that may be missing, in the catalogue's order."""
+    sizes = _Sizes(recording, simulator, parameters)
+    out = []
+    for effect in FAMILIES.values():
+        for on in effect.places(simulator):
+            place = sizes.place(effect, on)
+            out += [
+                Candidate(effect.family, place, variant, effect.parameters(place, variant))
+                for variant in effect.variants
+                if effect.offers(place, variant)
+            ]
+    return out
+
+
+class _Sizes:
+    """How large things typically are in a recording."""
+
+    def __init__(self, recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> None:
+        rows = recording.transitions()
+        if len(rows) > 4000:
+            rows = rows.take(np.linspace(0, len(rows) - 1, 4000).astype(np.int64))
+        self._simulator, self._dt = simulator, recording.dt
+        self._spans = {
+            name: max(float(np.quantile(np.abs(values), 0.95)), TINY)
+            for name, values in zip(
+                (*simulator.state.names, *simulator.action.names),
+                np.hstack([rows.states, rows.actions]).T,
+                strict=True,
+            )
+        }
+        self._deviations = {
+            n: max(float(v), TINY)
+            for n, v in zip(simulator.state.names, rows.states.std(axis=0), strict=True)
+        }
+        clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
+        self._duration = max(clock) - min(0.0, min(clock))
+        rates = simulator.rates(rows.states, rows.actions, parameters)
+        self._forces: dict[str, float] = {}
+        for i, coordinate in enumerate(simulator.coordinates):
+            unit = np.zeros((len(rows), len(simulator.coordinates)))
+            unit[:, i] = 1.0
+            column = simulator.rate.index(coordinate.rate)
+            mobility = (
+                simulator.rates(rows.states, rows.actions, parameters, unit)[:, column] - rates[:, column]
+            )
+            force = float(
+                np.sqrt(np.mean(rates[:, column] ** 2)) / max(float(np.median(np.abs(mobility))), TINY)
+            )
+            self._forces[coordinate.name] = max(force, TINY)
+        self._loaded = set(simulator.normal_force(rows.states, rates, parameters))
+
+    def place(self, effect: Effect, on: str) -> Place:
+        """The place `on` of an effect's site."""
+        if effect.site == "force":
+            coordinate = next(c for c in self._simulator.coordinates if c.name == on)
+            return Place(
+                on,
+                coordinate.force_unit,
+                span=self._forces[on],
+                reach=2 * self._deviations[on],
+                speed=self._spans[coordinate.velocity],
+                dt=self._dt,
+                loaded=on in self._loaded,
+            )
+        if effect.site == "actuator":
+            unit = self._simulator.action.units[on]
+            return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
+        if effect.site == "sensor" and on in self._deviations:
+            return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
+        return Place(on, "1", dt=self._dt)

@@ -1,0 +1,186 @@
+"""Recording x simulator -> Diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.corrected_effects import EffectsPlant
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.comparing import Comparison, compare
+from gpsim.diagnosis.evidence import gain
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.intervals import intervals
+from gpsim.diagnosis.judging import Judgement, judge
+from gpsim.diagnosis.locating import depends_on, locate
+from gpsim.diagnosis.preparing import Question, prepare
+from gpsim.diagnosis.search import STRUCTURED, Note, search
+from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.telling_apart import tell_apart
+from gpsim.effects.chain import Scheme
+from gpsim.recordings import Recording
+from gpsim.simulators import Simulator
+
+SCHEMA = "gpsim.diagnosis/1"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was found. report: the contract's diagnosis.json; plant: the corrected simulator, without its GP."""
+
+    report: dict[str, Any]
+    plant: EffectsPlant
+    judgement: Judgement
+    comparison: Comparison
+    question: Question
+
+
+def diagnose(
+    recording: Recording,
+    simulator: Simulator,
+    parameters: Mapping[str, float],
+    rng: np.random.Generator,
+    note: Note = lambda done, total, text: None,
+) -> Diagnosis:
+    """Locate, name, model and judge; raises UsageError where nothing can be said."""
+    note(0, 100, "cutting windows")
+    question = prepare(recording, simulator, parameters)
+    offers = candidates(recording, simulator, parameters)
+    base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
+    found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
+    note(65, 100, "fitting the best on all windows")
+    judgement = judge(question, found)
+    note(80, 100, "comparing on held-out data")
+    comparison = compare(question, judgement, offers, rng)
+    report = _report(question, judgement, comparison)
+    leader = judgement.leader.hypothesis
+    plant = EffectsPlant(
+        simulator,
+        dict(parameters),
+        leader.terms,
+        leader.scheme if leader.terms else base,
+        question.everything.substeps,
+        recording.dt,
+    )
+    note(100, 100, "done")
+    return Diagnosis(report, plant, judgement, comparison, question)
+
+
+def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
+    problem = question.everything
+    leader, structured = judgement.leader, judgement.p_value < STRUCTURED
+    held = sorted(
+        {question.recording.episodes[i].name for i in question.held_out.windows.episode}, key=_natural
+    )
+    return {
+        "schema": SCHEMA,
+        "verdict": judgement.verdict,
+        "location": locate(problem, judgement, comparison),
+        "effects": _effects(question, judgement, leader, judgement.probabilities[0]),
+        "alternatives": [
+            {"effects": _effects(question, judgement, rival, p), "probability": p}
+            for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
+        ],
+        "tell_apart": tell_apart(problem, judgement),
+        "fit": {"held_out": held, "one_step": comparison.one_step, "rollout": comparison.rollout},
+        "remainder": {
+            "structured": structured,
+            "depends_on": depends_on(problem, leader) if structured else [],
+            "p_value": judgement.p_value,
+        },
+        "integration": leader.hypothesis.scheme,
+        "tuned": comparison.tuned,
+        "ranking": [
+            {
+                "nats_behind": round(-nats, 2),
+                "effects": [[t.family, t.on] for t in h.terms],
+                "scheme": h.scheme,
+            }
+            for nats, h in judgement.ranking[:40]
+        ],
+    }
+
+
+def _effects(
+    question: Question, judgement: Judgement, found: Fit, probability: float
+) -> list[dict[str, Any]]:
+    problem = question.everything
+    if not found.hypothesis.terms:
+        return []
+    bounds = intervals(problem, found)
+    out, at = [], 0
+    for index, (term, declared) in enumerate(
+        zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
+    ):
+        parameters: dict[str, dict[str, Any]] = {}
+        for i, p in enumerate(declared):
+            low, high = (float(v) for v in bounds[at + i])
+            parameters[p.name] = {"value": term.values[p.name], "low": low, "high": high, "unit": p.unit}
+        at += len(declared)
+        parameters |= _in_other_words(question, found, term.on, parameters)
+        without = _without(question, judgement, found, index)
+        spoken = {name: f"{v['value']:.4g} {v['unit']}".removesuffix(" 1") for name, v in parameters.items()}
+        out.append(
+            {
+                "family": term.family,
+                "on": term.on,
+                "site": term.effect.site,
+                "parameters": parameters,
+                "region": {k: list(v) for k, v in term.gate.region.items()},
+                "since": term.gate.since,
+                "probability": probability,
+                "evidence_gain": gain(problem, found, without),
+                "explains": _share(judgement.noise, found, without, problem.observed),
+                "sentence": term.effect.sentence(term.on, spoken),
+            }
+        )
+    return out
+
+
+def _without(question: Question, judgement: Judgement, found: Fit, index: int) -> Fit:
+    if len(found.hypothesis.terms) == 1 and found.hypothesis.scheme == judgement.null.hypothesis.scheme:
+        return judgement.null
+    return fit(question.everything, found.hypothesis.without(index), found.starts, iterations=12)
+
+
+def _share(
+    noise: FloatArray, found: Fit, without: Fit, observed: np.ndarray[Any, np.dtype[np.bool_]]
+) -> float:
+    """The largest share of a channel's excess over noise that the term takes away."""
+    excess = np.maximum(without.variance - noise**2, 1e-300)
+    share = (without.variance - np.maximum(found.variance, noise**2)) / excess
+    return float(np.clip(share[observed & (without.variance > 1.05 * noise**2)], 0.0, 1.0).max(initial=0.0))
+
+
+def _in_other_words(
+    question: Question, found: Fit, on: str, parameters: Mapping[str, dict[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """Coefficient for force and force for coefficient, where the simulator knows the normal force."""
+    problem: Any = question.everything
+    mean = _mean_load(problem, found.hypothesis, on)
+    if mean is None or len(parameters) != 1:
+        return {}
+    unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == on), "N")
+    ((name, given),) = parameters.items()
+    other = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}.get(name)
+    if other is None:
+        return {}
+    return {other[0]: {key: given[key] * other[1] for key in ("value", "low", "high")} | {"unit": other[2]}}
+
+
+def _mean_load(problem: Any, hypothesis: Hypothesis, on: str) -> float | None:
+    if not any(t.family == "coulomb_friction" and t.on == on for t in hypothesis.terms):
+        return None
+    windows = problem.windows
+    state, action = windows.measured[:, 0], windows.actions[:, 0]
+    rates = problem.simulator.rates(state, action, problem.parameters)
+    load = problem.simulator.normal_force(state, rates, problem.parameters).get(on)
+    return None if load is None else float(np.mean(load))
+
+
+def _natural(name: str) -> tuple[int, str]:
+    return (int(name), "") if name.isdigit() else (10**9, name)

@@ -1,0 +1,108 @@
+"""A hypothesis: the terms that are said to be missing, and how the truth is integrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects import EffectParameter, Place, Term, effect_of
+from gpsim.effects.chain import Chain, Scheme
+from gpsim.simulators import Simulator
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Terms with their parameter declarations (flattened, they are theta), and the integration scheme."""
+
+    terms: tuple[Term, ...] = ()
+    declared: tuple[tuple[EffectParameter, ...], ...] = ()
+    scheme: Scheme = "fine"
+
+    @property
+    def parameters(self) -> tuple[EffectParameter, ...]:
+        """All parameters in the order of theta (P,)."""
+        return tuple(p for group in self.declared for p in group)
+
+    @property
+    def theta(self) -> FloatArray:
+        """(P,) the terms' values."""
+        return np.array(
+            [t.values[p.name] for t, group in zip(self.terms, self.declared, strict=True) for p in group],
+            dtype=float,
+        )
+
+    @property
+    def claims(self) -> frozenset[tuple[str, str]]:
+        """Family and place of every term."""
+        return frozenset(term.identity for term in self.terms)
+
+    def having(self, theta: FloatArray) -> Hypothesis:
+        """The same terms with the values theta (P,)."""
+        terms, at = [], 0
+        for term, group in zip(self.terms, self.declared, strict=True):
+            values = {p.name: float(theta[at + i]) for i, p in enumerate(group)}
+            terms.append(replace(term, values={**term.values, **values}))
+            at += len(group)
+        return replace(self, terms=tuple(terms))
+
+    def plus(self, term: Term, declared: tuple[EffectParameter, ...]) -> Hypothesis:
+        """One term more."""
+        return replace(self, terms=(*self.terms, term), declared=(*self.declared, declared))
+
+    def without(self, index: int) -> Hypothesis:
+        """One term less."""
+        keep = [i for i in range(len(self.terms)) if i != index]
+        return replace(
+            self, terms=tuple(self.terms[i] for i in keep), declared=tuple(self.declared[i] for i in keep)
+        )
+
+    def frozen(self) -> Hypothesis:
+        """The same terms with nothing left to fit."""
+        return replace(self, declared=tuple(() for _ in self.terms))
+
+    def chain(self, simulator: Simulator, parameters: Mapping[str, float], dt: float) -> Chain:
+        """What simulates it."""
+        return Chain(simulator, parameters, self.terms, self.scheme, dt)
+
+    def spread(self, thetas: FloatArray, repeat: int) -> list[dict[str, FloatArray]]:
+        """Thetas (C, P) -> one mapping a term of (C * repeat,) arrays: every copy's values for all its windows."""
+        columns = np.repeat(thetas, repeat, axis=0)
+        out, at = [], 0
+        for term, group in zip(self.terms, self.declared, strict=True):
+            held = {name: np.full(len(columns), value) for name, value in term.values.items()}
+            out.append(held | {p.name: columns[:, at + i] for i, p in enumerate(group)})
+            at += len(group)
+        return out
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A term that may be added, not yet fitted: where, with which law, and what its parameters are."""
+
+    family: str
+    place: Place
+    variant: str
+    declared: tuple[EffectParameter, ...]
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        """Family and place."""
+        return self.family, self.place.on
+
+    @property
+    def gateable(self) -> bool:
+        """Whether a region or an onset may limit it; effects with one parameter only."""
+        return effect_of(self.family).gated and len(self.declared) == 1 and self.variant == ""
+
+    @property
+    def only_gated(self) -> bool:
+        """Whether it makes sense in a region only."""
+        return effect_of(self.family).needs_region
+
+    def term(self, values: Sequence[float]) -> Term:
+        """The term with parameter values in declared order."""
+        named = {p.name: float(v) for p, v in zip(self.declared, values, strict=True)}
+        return Term(self.family, self.place.on, named, variant=self.variant)

@@ -1,0 +1,84 @@
+"""Intervals: how well the data know each parameter.
+
+Windows are the blocks: the covariance is the larger of the Gauss-Newton one and the sandwich of the windows' gradients
+(White 1982), so that correlated or heavy-tailed residuals widen it; what halving the substep moves is added; and where
+the likelihood is flat around the estimate (a dead zone between two command levels) a profile walks to its edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.evidence import correlation_time
+from gpsim.diagnosis.shooting import Fit, Problem, gradient_at, objective
+
+LEVEL = 0.90
+LIKELIHOOD_DROP = 1.353  # half the 90 % quantile of chi squared with one degree of freedom
+WALK = 14
+
+
+def intervals(problem: Problem, fit: Fit) -> FloatArray:
+    """(P, 2): the 90 % interval of each parameter."""
+    theta = fit.hypothesis.theta
+    if not theta.size:
+        return np.empty((0, 2))
+    covariance = covariance_of(problem, fit)
+    shift = _numerical_shift(problem, fit)
+    freedom = max(len(problem.windows) - len(theta), 2)
+    half = student.ppf(0.5 + LEVEL / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
+    low, high = theta - half, theta + half
+    for j, parameter in enumerate(fit.hypothesis.parameters):
+        if parameter.step is not None:
+            low[j], high[j] = (
+                _profile(problem, fit, j, -parameter.step),
+                _profile(problem, fit, j, parameter.step),
+            )
+    bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])
+    return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
+
+
+def covariance_of(problem: Problem, fit: Fit) -> FloatArray:
+    """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
+    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)
+    count, size = fit.gradients.shape
+    centred = fit.gradients - fit.gradients.mean(axis=0)
+    scatter = centred.T @ centred * count / max(count - size, 1)
+    sandwich = inverse @ scatter @ inverse
+    tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))
+    model = inverse * max(tau if tau > 1.5 else 1.0, 1.0)
+    ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(model), 1e-300), 1.0))
+    return np.asarray(model * np.outer(ratio, ratio))
+
+
+def _numerical_shift(problem: Problem, fit: Fit) -> FloatArray:
+    """(P,) how far one Gauss-Newton step moves on a grid twice as fine."""
+    if fit.hypothesis.scheme != "fine":
+        return np.zeros(len(fit.hypothesis.theta))
+    finer = replace(problem, substeps=2 * problem.substeps)
+    before, after = gradient_at(problem, fit), gradient_at(finer, fit)
+    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
+    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)
+    return np.asarray(inverse @ (after - before))
+
+
+def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:
+    """Walk from the estimate until the likelihood, start states standing, has dropped by the interval's share."""
+    theta = fit.hypothesis.theta
+    parameter = fit.hypothesis.parameters[index]
+    inside, pace = 0.0, step / 16
+    best = fit.objective
+    for _ in range(WALK):
+        at = theta.copy()
+        at[index] = np.clip(theta[index] + inside + pace, parameter.low, parameter.high)
+        value = objective(problem, problem.residuals(fit.hypothesis, at[None], fit.starts[None])[0])
+        if value - best < LIKELIHOOD_DROP:
+            inside += pace
+            pace *= 1.5
+        else:
+            pace /= 4
+    return float(np.clip(theta[index] + inside + pace, parameter.low, parameter.high))

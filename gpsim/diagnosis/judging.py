@@ -1,0 +1,187 @@
+"""The verdict: named, ambiguous, unknown or none, and the fits it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.evidence import scores, whiteness
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.preparing import Question
+from gpsim.diagnosis.search import STRUCTURED, Found, pays
+from gpsim.diagnosis.shooting import Fit, Problem, fit
+
+Verdict = Literal["named", "unknown", "none", "ambiguous"]
+REFITTED, WITHIN = (
+    8,
+    12.0,
+)  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
+TIE = 3.0  # nats: rivals this near (odds of 20) cannot be ruled out
+UNEXPLAINED = 0.15  # share of the excess over noise that makes a partial account
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The verdict with the leading fit, its rivals, the null and tied alternatives on all training windows."""
+
+    verdict: Verdict
+    leader: Fit
+    null: Fit
+    rivals: list[Fit]
+    probabilities: list[float]  # of the leader, then of the rivals
+    ranking: list[tuple[float, Hypothesis]]  # nats behind the best, on the search's windows
+    p_value: float
+    unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
+    noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
+
+
+def judge(question: Question, found: Found) -> Judgement:
+    """Refit the best on all training windows and decide."""
+    problem = question.everything
+    near = _near(question.searched, found)
+    null = fit(problem, Hypothesis(scheme=found.scheme), problem.windows.measured[:, 0], iterations=12)
+    fits = [_again(problem, f.hypothesis) for f in near if f.hypothesis.terms]
+    leader = _leader(question, [null, *fits], null)
+    leader = _pruned(question, leader)
+    nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]
+    null = nulls[-1] if nulls else null
+    rivals = _rivals(problem, leader, fits)
+    odds = scores(problem, [leader, *rivals])
+    weights = np.exp(odds - odds.max())
+    noise, unexplained = _unexplained(problem, leader, null)
+    p_value, _ = whiteness(problem, leader)
+    structured = p_value < STRUCTURED
+    ranking_nats = scores(question.searched, found.fits)
+    return Judgement(
+        _verdict(leader, rivals, structured, unexplained),
+        leader,
+        null,
+        rivals,
+        [float(w) for w in weights / weights.sum()],
+        [
+            (float(n - ranking_nats.max()), f.hypothesis)
+            for n, f in zip(ranking_nats, found.fits, strict=True)
+        ],
+        p_value,
+        unexplained,
+        noise,
+    )
+
+
+def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
+    """Negative log likelihood of windows whose start states alone are fitted."""
+    if not len(problem.windows):
+        return 0.0
+    found = fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
+    return found.objective
+
+
+def _verdict(leader: Fit, rivals: Sequence[Fit], structured: bool, unexplained: FloatArray) -> Verdict:
+    partial = structured and float(np.max(unexplained)) > UNEXPLAINED
+    if partial:
+        return "unknown"
+    if not leader.hypothesis.terms:
+        return "none"
+    return "ambiguous" if rivals else "named"
+
+
+def _near(problem: Problem, found: Found) -> list[Fit]:
+    nats = scores(problem, found.fits)
+    order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < WITHIN]
+    return [found.fits[i] for i in order[:REFITTED]]
+
+
+def _again(problem: Problem, hypothesis: Hypothesis) -> Fit:
+    return fit(problem, hypothesis, problem.windows.measured[:, 0], iterations=25)
+
+
+def _null_of(problem: Problem, leader: Fit) -> Fit:
+    scheme = leader.hypothesis.scheme
+    return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=12)
+
+
+def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
+    """The best by evidence that also does better than nothing on held-out windows."""
+    problem = question.everything
+    nats = scores(problem, list(fits))
+    for i in np.argsort(-nats):
+        chosen = fits[int(i)]
+        if chosen is null or not chosen.hypothesis.terms:
+            return null
+        if not pays(problem, chosen, null):
+            continue
+        before = held_out_objective(question.held_out, Hypothesis(scheme=null.hypothesis.scheme))
+        if (
+            len(question.held_out.windows)
+            and held_out_objective(question.held_out, chosen.hypothesis) >= before
+        ):
+            continue
+        return chosen
+    return null
+
+
+def _pruned(question: Question, leader: Fit) -> Fit:
+    """Terms that do not pay, or do not help on held-out windows, are taken out."""
+    problem = question.everything
+    while len(leader.hypothesis.terms) > 1:
+        reduced = [_again(problem, leader.hypothesis.without(i)) for i in range(len(leader.hypothesis.terms))]
+        weakest = min(reduced, key=lambda f: f.objective)
+        keeps = pays(problem, leader, weakest)
+        if keeps and len(question.held_out.windows):
+            with_it = held_out_objective(question.held_out, leader.hypothesis)
+            keeps = with_it < held_out_objective(question.held_out, weakest.hypothesis)
+        if keeps:
+            break
+        leader = weakest
+    return leader
+
+
+def _rivals(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Other explanations that these data cannot rule out: as good, and not the leading one with something added."""
+    claims = leader.hypothesis.claims
+    if not claims:
+        return []
+    others = [f for f in fits if not claims <= f.hypothesis.claims and f.hypothesis.terms]
+    if not others:
+        return []
+    nats = scores(problem, [leader, *others])
+    out: list[Fit] = []
+    for i in np.argsort(-nats[1:]):
+        near = nats[0] - nats[1 + int(i)] < TIE
+        fresh = all(o.hypothesis.claims != others[int(i)].hypothesis.claims for o in out)
+        if near and fresh:
+            out.append(others[int(i)])
+    return out
+
+
+def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, FloatArray]:
+    """(noise standard deviation (S,), share of the excess over it that is left (S,)).
+
+    Noise is the known one, or what differences of neighbouring residuals show where that is more.
+    """
+
+    def jumps(f: Fit) -> FloatArray:
+        valid = problem.windows.valid[:, 2:, None]
+        second = f.residuals[:, 2:] - 2 * f.residuals[:, 1:-1] + f.residuals[:, :-2]
+        return np.asarray((second**2 * valid).sum(axis=(0, 1)) / max(float(valid.sum()), 1.0) / 6.0)
+
+    floor = problem.floor**2
+    if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
+        floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
+    noise = np.maximum(floor, np.where(known_noise(problem), floor, jumps(leader)))
+    excess = np.maximum(null.variance - noise, 0.0)
+    left = np.maximum(leader.variance - 1.1 * noise, 0.0)
+    worth = problem.observed & (null.variance > 1.2 * noise)
+    share = np.divide(left, np.maximum(excess, 1e-300), out=np.zeros_like(left), where=worth)
+    if not leader.hypothesis.terms:
+        share = np.where(worth, 1.0, 0.0)
+    return np.sqrt(noise), np.asarray(share)
+
+
+def known_noise(problem: Problem) -> FloatArray:
+    """(S,) whether the recording says how noisy a channel is (its floor is then more than rounding)."""
+    return np.asarray(problem.floor > 1e-5 * problem.scale)

@@ -1,0 +1,63 @@
+"""Where simulator and recording differ: which rates, on what it depends, in which region, since when."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.comparing import Comparison
+from gpsim.diagnosis.judging import Judgement
+from gpsim.diagnosis.shooting import Fit, Problem
+
+BINS, DEPENDS = 8, 0.05
+
+
+def locate(problem: Problem, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
+    """The contract's `location`."""
+    channels = {}
+    for name, errors in comparison.one_step.items():
+        before, floor = errors["before"] ** 2, errors["noise_floor"] ** 2
+        differs = bool(judgement.leader.hypothesis.terms) or judgement.verdict == "unknown"
+        channels[name] = round(max(0.0, 1.0 - floor / before), 4) if before > 0 and differs else 0.0
+    gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
+    region = {k: list(v) for gate in gates for k, v in gate.region.items()}
+    since = next((gate.since for gate in gates if gate.since is not None), None)
+    differs = judgement.verdict != "none"
+    return {
+        "channels": channels,
+        "region": region,
+        "since": since,
+        "depends_on": depends_on(problem, judgement.null) if differs else [],
+    }
+
+
+def depends_on(problem: Problem, fit: Fit) -> list[str]:
+    """Inputs that explain more than a twentieth of the residual's steps when it is averaged in bins of them."""
+    windows = problem.windows
+    steps = np.diff(fit.residuals, axis=1)[..., problem.observed]
+    valid = windows.valid[:, 1:]
+    sd = np.maximum(steps[valid].std(axis=0), 1e-300)
+    targets = (steps[valid] / sd).reshape(int(valid.sum()), -1)
+    columns = {
+        **{n: windows.measured[:, :-1, i][valid] for i, n in enumerate(problem.simulator.state.names)},
+        **{n: windows.actions[..., i][valid] for i, n in enumerate(problem.simulator.action.names)},
+    }
+    shares = {name: _explained(values, targets) for name, values in columns.items()}
+    found = [name for name, share in shares.items() if share > DEPENDS]
+    return sorted(found, key=lambda name: -shares[name])
+
+
+def _explained(values: FloatArray, targets: FloatArray) -> float:
+    """The largest share of a target's variance between quantile bins of `values`, chance level taken off."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1]))
+    which = np.searchsorted(edges, values)
+    count = np.bincount(which, minlength=len(edges) + 1)
+    shares = []
+    for target in targets.T:
+        means = np.bincount(which, weights=target, minlength=len(edges) + 1) / np.maximum(count, 1)
+        total = max(float(((target - target.mean()) ** 2).sum()), 1e-300)
+        between = float((count * (means - target.mean()) ** 2).sum()) / total
+        shares.append(between - BINS / len(target))
+    return max(shares)

@@ -1,0 +1,186 @@
+"""The search: singles first, then pairs and triples as long as the data pay for them.
+
+A beam of the best hypotheses grows by one term at a time. Every term of the catalogue is screened, the most promising
+are fitted; the best of them are tried with a gate. At the end terms that no longer pay are taken out again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from gpsim.diagnosis.evidence import gain, scores, whiteness
+from gpsim.diagnosis.gates import gated, region_channels
+from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.screening import child_of, screened
+from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.effects.chain import Scheme
+
+Note = Callable[[int, int, str], None]
+BEAM, DEPTH = 3, 3
+FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
+GATED = 4
+PAYS = 4.0  # nats that a further term must gain after paying for its parameters
+LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
+STRUCTURED = 1e-3  # p-value below which a residual is not white
+
+
+@dataclass(frozen=True)
+class Found:
+    """All fitted hypotheses (of the search's windows), the best first, and the null among them."""
+
+    fits: list[Fit]
+    null: Fit
+    scheme: Scheme
+
+
+def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: Note) -> Found:
+    """Fit hypotheses by growing depth."""
+    nulls = [
+        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=8)
+        for s in ("fine", base)
+    ]
+    euler_wins = nulls[0].objective > nulls[1].objective + 5.0
+    scheme: Scheme = base if euler_wins else "fine"
+    null = nulls[0] if scheme == "fine" else nulls[1]
+    second = nulls[1] if scheme == "fine" else nulls[0]
+    fits = [null, second]
+    beam = [null, second]
+    total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
+    done = 0
+    for depth in range(DEPTH):
+        children: list[Fit] = []
+        for parent in beam:
+            plain = _grown(problem, parent, offers, FITTED[depth])
+            children += plain
+            done += FITTED[depth]
+            best = min((*children, *fits), key=lambda f: f.objective)
+            note(min(done, total), total, f"best so far: {_named(best)}")
+        children = _distinct(children)
+        fits += children
+        if depth < 2 and _structured(problem, fits):
+            gates = [
+                _with_gates(problem, parent, _offspring(parent, children), offers) for parent in beam[:1]
+            ]
+            fits += [f for found in gates for f in found]
+            children += [f for found in gates for f in found]
+        if not children or not _structured(problem, fits):
+            break
+        beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
+    note(total, total, "")
+    ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
+    return Found(ranking, null, scheme)
+
+
+def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether the additional terms earn their parameters and remove a share worth speaking of."""
+    if gain(problem, richer, poorer) < PAYS:
+        return False
+    share = 1.0 - richer.variance / poorer.variance
+    return bool((share[problem.observed] > LEAST_SHARE).any())
+
+
+def _grown(problem: Problem, parent: Fit, offers: Sequence[Candidate], count: int) -> list[Fit]:
+    taken = parent.hypothesis.claims
+    open_offers = [c for c in offers if c.identity not in taken and not c.only_gated]
+    chosen = screened(problem, parent, open_offers)[:count]
+    return [
+        fit(
+            problem,
+            child_of(parent.hypothesis, candidate, start),
+            parent.starts,
+            iterations=12,
+            tolerance=0.5,
+        )
+        for worth, candidate, start in chosen
+        if worth > 1.0
+    ]
+
+
+def _with_gates(
+    problem: Problem, parent: Fit, plain: Sequence[Fit], offers: Sequence[Candidate]
+) -> list[Fit]:
+    """The most promising terms once more, each in the best region or since the best moment."""
+    best = sorted(plain, key=lambda f: f.objective)
+    if not best or whiteness(problem, best[0])[0] > STRUCTURED:
+        return []
+    of = {f.hypothesis.terms[-1].identity: f for f in reversed(best)}
+    dry = {c.place.on: ("coulomb_friction", c.place.on) for c in offers if c.only_gated}
+    out: list[Fit] = []
+    for candidate in sorted((c for c in offers if c.gateable), key=lambda c: _rank(c, best)):
+        key = dry[candidate.place.on] if candidate.only_gated else candidate.identity
+        if key not in of or len(out) >= GATED:
+            continue
+        start = tuple(of[key].hypothesis.theta[-1:])
+        for channel in region_channels(problem):
+            if (candidate.only_gated and channel != candidate.place.on) or _patch_twice(candidate, channel):
+                continue
+            found = gated(problem, parent, of[key], candidate, start, channel)
+            if found is not None:
+                out.append(found)
+    return out
+
+
+def _rank(candidate: Candidate, best: Sequence[Fit]) -> int:
+    """How well the candidate did everywhere; a patch counts as the Coulomb friction that it is."""
+    family = "coulomb_friction" if candidate.only_gated else candidate.family
+    names = [f.hypothesis.terms[-1].identity for f in best]
+    key = (family, candidate.place.on)
+    return names.index(key) if key in names else len(names)
+
+
+def _patch_twice(candidate: Candidate, channel: str | None) -> bool:
+    """Coulomb friction in a region of its own coordinate is a patch, which has its own family."""
+    return candidate.family == "coulomb_friction" and channel == candidate.place.on
+
+
+def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
+    """Whether the leader leaves something to explain."""
+    return whiteness(problem, _ranked(problem, fits)[0])[0] < STRUCTURED
+
+
+def _offspring(parent: Fit, children: Sequence[Fit]) -> list[Fit]:
+    """The children with exactly the parent's terms and one more."""
+    before = parent.hypothesis.claims
+    count = len(parent.hypothesis.terms)
+    return [
+        c
+        for c in children
+        if c.hypothesis.scheme == parent.hypothesis.scheme
+        and before <= c.hypothesis.claims
+        and len(c.hypothesis.terms) == count + 1
+    ]
+
+
+def _distinct(fits: Sequence[Fit]) -> list[Fit]:
+    """One fit a set of claims and gates, the best."""
+    best: dict[object, Fit] = {}
+    for found in fits:
+        key = (found.hypothesis.claims, found.hypothesis.scheme, bool(_gated_terms(found)))
+        if key not in best or found.objective < best[key].objective:
+            best[key] = found
+    return list(best.values())
+
+
+def _gated_terms(found: Fit) -> int:
+    return sum(bool(term.gate) for term in found.hypothesis.terms)
+
+
+def _ranked(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+    nats = scores(problem, list(fits))
+    return [fits[i] for i in sorted(range(len(fits)), key=lambda i: -nats[i])]
+
+
+def _reduced(problem: Problem, best: Fit) -> list[Fit]:
+    """Backward elimination: the best hypothesis with each of its terms left out."""
+    if len(best.hypothesis.terms) < 2:
+        return []
+    return [
+        fit(problem, best.hypothesis.without(i), best.starts, iterations=12, tolerance=0.5)
+        for i in range(len(best.hypothesis.terms))
+    ]
+
+
+def _named(found: Fit) -> str:
+    terms = [f"{t.family} on {t.on}" for t in found.hypothesis.terms]
+    return " + ".join(terms) or "nothing missing"

@@ -1,0 +1,104 @@
+"""What to record next: the excitation under which the rivals' predictions differ most, in units of the noise."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.judging import Judgement
+from gpsim.diagnosis.shooting import Problem
+from gpsim.diagnosis.simulate import simulate
+from gpsim.diagnosis.windows import PRE_ROLL, Windows
+
+SECONDS, FEWEST, MOST = 3.0, 20, 150
+LEVELS = (0.25, 1.0, 1.5)
+VISIBLE = 1.0  # standard deviations below which nobody could see a difference
+
+
+def tell_apart(problem: Problem, judgement: Judgement) -> str | None:
+    """One sentence, or None when nothing has to be told apart."""
+    if judgement.verdict != "ambiguous":
+        return None
+    hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals[:3])]
+    names, actions = _excitations(problem)
+    windows = _windows(problem, actions)
+    said = [_said(problem, windows, h) for h in hypotheses]
+    noise = np.maximum(judgement.noise, 1e-300)
+    worst = np.min([_apart(problem, a, b, noise) for a, b in pairwise(said)], axis=0)  # (E, S)
+    best, channel = np.unravel_index(int(np.argmax(worst)), worst.shape)
+    size = float(worst[best, channel])
+    rivals = " and ".join(_spoken(h) for h in hypotheses)
+    if size < VISIBLE:
+        return (
+            f"{rivals} predict the same for every excitation that was tried: no recording of these channels separates "
+            "them; measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
+        )
+    name = problem.simulator.state.names[int(channel)]
+    told = f"{rivals} then differ by up to {size:.1f} standard deviations of the noise in {name}"
+    return f"record {names[int(best)]}: {told}"
+
+
+def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
+    """Names, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
+    steps = int(np.clip(SECONDS / problem.dt, FEWEST, MOST))
+    t = problem.dt * np.arange(steps)
+    span = np.quantile(np.abs(problem.windows.actions), 0.95, axis=(0, 1))
+    offset = np.median(problem.windows.actions, axis=(0, 1))
+    rng = np.random.default_rng(0)
+    shapes = {
+        "a constant {a} of {v:.3g}": np.ones(steps),
+        "a constant {a} of -{v:.3g}": -np.ones(steps),
+        "a slow wave of {a} with amplitude {v:.3g}": np.sin(2 * np.pi * t / t[-1]),
+        "a fast wave of {a} with amplitude {v:.3g}": np.sin(2 * np.pi * t / (10 * problem.dt)),
+        "random levels of {a} up to {v:.3g}": np.repeat(rng.uniform(-1, 1, steps // 5 + 1), 5)[:steps],
+    }
+    names, out = [], []
+    for i, action in enumerate(problem.simulator.action.names):
+        for level in LEVELS:
+            for text, shape in shapes.items():
+                names.append(text.format(a=action, v=level * span[i]))
+                actions = np.tile(offset, (steps, 1))
+                actions[:, i] = level * span[i] * shape
+                out.append(actions)
+    return names, np.stack(out)
+
+
+def _windows(problem: Problem, actions: FloatArray) -> Windows:
+    """Windows that start at the recording's first state, at rest."""
+    count, steps = actions.shape[:2]
+    start = np.median(problem.windows.measured[:, 0], axis=0)
+    for coordinate in problem.simulator.coordinates:
+        start[problem.simulator.state.index(coordinate.velocity)] = 0.0
+    t = problem.dt * np.arange(-PRE_ROLL, steps + 1)
+    return Windows(
+        np.tile(start, (count, steps + 1, 1)),
+        actions,
+        np.tile(t[PRE_ROLL:], (count, 1)),
+        np.ones((count, steps + 1), dtype=np.bool_),
+        np.tile(start, (count, PRE_ROLL, 1)),
+        np.zeros((count, PRE_ROLL, actions.shape[2])),
+        np.tile(t[: PRE_ROLL + 1], (count, 1)),
+        np.zeros(count, dtype=np.int64),
+        np.ones(count, dtype=np.bool_),
+    )
+
+
+def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    starts = windows.measured[None, :, 0]
+    return np.asarray(
+        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+    )
+
+
+def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: FloatArray) -> FloatArray:
+    """(E, S) largest difference within the run, less its start (a start state can hide that), in noise units."""
+    gap = np.abs((first - first[:, :1]) - (second - second[:, :1])) / noise
+    return np.asarray(np.where(problem.observed, gap.max(axis=1), 0.0))
+
+
+def _spoken(hypothesis: Hypothesis) -> str:
+    return " with ".join(f"{t.family} on {t.on}" for t in hypothesis.terms)

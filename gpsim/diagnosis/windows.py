@@ -1,0 +1,127 @@
+"""Windows: a recording cut into short pieces that are simulated side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.recordings import Episode, Recording
+
+LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
+LONGEST_GAP = 1.8  # in steps: a longer one may hide commands, no window crosses it
+PRE_ROLL = 40  # transitions before a window that an actuator may remember
+
+
+@dataclass(frozen=True)
+class Windows:
+    """W windows of L transitions; shorter ones are padded and masked.
+
+    measured: (W, L + 1, S); actions: (W, L, A); t: (W, L + 1) s; valid: (W, L + 1); episode: (W,) index.
+    The last M transitions before each window: before_states (W, M, S), before_actions (W, M, A), before_t (W, M + 1);
+    where the episode has none, nothing is commanded. fresh: (W,) the window begins its episode.
+    """
+
+    measured: FloatArray
+    actions: FloatArray
+    t: FloatArray
+    valid: BoolArray
+    before_states: FloatArray
+    before_actions: FloatArray
+    before_t: FloatArray
+    episode: IntArray
+    fresh: BoolArray
+
+    def __len__(self) -> int:
+        return len(self.episode)
+
+    @property
+    def length(self) -> int:
+        """Transitions a window."""
+        return int(self.actions.shape[1])
+
+    def take(self, rows: IntArray | BoolArray) -> Windows:
+        """The windows at `rows`."""
+        return Windows(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def cut(recording: Recording, length: int = LENGTH) -> Windows:
+    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out."""
+    parts = [
+        _window(recording, index, episode, low, high, length)
+        for index, episode in enumerate(recording.episodes)
+        for first, last in _pieces(episode, recording.dt)
+        for low, high in _slices(first, last, length)
+    ]
+    return (
+        Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))
+        if parts
+        else _none(recording, length)
+    )
+
+
+def _pieces(episode: Episode, dt: float) -> list[tuple[int, int]]:
+    """First and last sample of every stretch without a gap."""
+    breaks = np.flatnonzero(np.diff(episode.t) > LONGEST_GAP * dt)
+    starts, ends = [0, *(breaks + 1)], [*breaks, len(episode.t) - 1]
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+
+
+def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:
+    out, low = [], first
+    while last - low >= max(3, length // 3):
+        high = min(low + length, last)
+        out.append((low, high))
+        low = high + 1
+    return out
+
+
+def _window(
+    recording: Recording, index: int, episode: Episode, low: int, high: int, length: int
+) -> tuple[Any, ...]:
+    count, dt = high - low, recording.dt
+    pad = length - count
+    measured = np.concatenate(
+        [episode.states[low : high + 1], np.repeat(episode.states[high : high + 1], pad, axis=0)]
+    )
+    actions = np.concatenate(
+        [episode.actions[low:high], np.repeat(episode.actions[high - 1 : high], pad, axis=0)]
+    )
+    t = np.concatenate([episode.t[low : high + 1], episode.t[high] + dt * np.arange(1, pad + 1)])
+    valid = np.arange(length + 1) <= count
+    back = max(0, low - PRE_ROLL)
+    missing = PRE_ROLL - (low - back)
+    before_states = np.concatenate([np.repeat(episode.states[:1], missing, axis=0), episode.states[back:low]])
+    before_actions = np.concatenate(
+        [np.zeros((missing, episode.actions.shape[1])), episode.actions[back:low]]
+    )
+    early = episode.t[back] - dt * np.arange(missing, 0, -1)
+    before_t = np.concatenate([early, episode.t[back : low + 1]])
+    return (
+        measured,
+        actions,
+        t,
+        valid,
+        before_states,
+        before_actions,
+        before_t,
+        np.int64(index),
+        np.bool_(low == 0),
+    )
+
+
+def _none(recording: Recording, length: int) -> Windows:
+    s, a = len(recording.state), len(recording.action)
+    return Windows(
+        np.empty((0, length + 1, s)),
+        np.empty((0, length, a)),
+        np.empty((0, length + 1)),
+        np.empty((0, length + 1), dtype=np.bool_),
+        np.empty((0, PRE_ROLL, s)),
+        np.empty((0, PRE_ROLL, a)),
+        np.empty((0, PRE_ROLL + 1)),
+        np.empty(0, dtype=np.int64),
+        np.empty(0, dtype=np.bool_),
+    )

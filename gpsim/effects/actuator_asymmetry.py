@@ -1,0 +1,36 @@
+"""Asymmetry: g+ u for u > 0, g- u for u < 0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorAsymmetry(ActuatorEffect):
+    """Asymmetry: g+ u for u > 0, g- u for u < 0."""
+
+    family: ClassVar[str] = "actuator_asymmetry"
+    order: ClassVar[int] = 50
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """gain_positive and gain_negative [1]."""
+        return (
+            EffectParameter("gain_positive", "1", -5.0, 5.0, (0.9,), 0.2),
+            EffectParameter("gain_negative", "1", -5.0, 5.0, (1.1,), 0.2),
+        )
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """Each direction with its own gain."""
+        return np.where(command > 0, values["gain_positive"], values["gain_negative"]) * command
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} acts with {values['gain_positive']} times its command forward, {values['gain_negative']} backward"

@@ -1,0 +1,47 @@
+"""Backlash: the play operator; the output moves only when the input pushes against an end of the gap.
+
+Krasnoselskii and Pokrovskii (1989), Systems with Hysteresis, section 2.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorBacklash(ActuatorEffect):
+    """Backlash: the play operator; the output moves only when the input pushes against an end of the gap."""
+
+    family: ClassVar[str] = "actuator_backlash"
+    order: ClassVar[int] = 80
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """half_width [the action's]; from several starts."""
+        span = place.span
+        return (
+            EffectParameter(
+                "half_width", place.unit, 0.0, span, (0.05 * span, 0.2 * span, 0.5 * span), 0.1 * span
+            ),
+        )
+
+    def begin(self, count: int, longest: float, step: float) -> Memory:
+        """The output in the middle of the gap."""
+        return {"level": np.zeros(count)}
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """The output, dragged along by the ends of the gap."""
+        half = values["half_width"]
+        memory["level"][:] = np.clip(memory["level"], command - half, command + half)
+        return np.array(memory["level"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} has a backlash of half width {values['half_width']}"

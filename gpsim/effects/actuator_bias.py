@@ -1,0 +1,34 @@
+"""A bias of the actuator: the simulator gets u + b."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorBias(ActuatorEffect):
+    """A bias of the actuator: the simulator gets u + b."""
+
+    family: ClassVar[str] = "actuator_bias"
+    order: ClassVar[int] = 70
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Bias [the action's]."""
+        span = place.span
+        return (EffectParameter("bias", place.unit, -5 * span, 5 * span, (0.1 * span,), 0.1 * span),)
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """Command + bias."""
+        return np.asarray(command + values["bias"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} acts with an offset of {values['bias']}"

@@ -1,0 +1,35 @@
+"""A dead zone: commands smaller than the width do nothing, larger ones act in full."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorDeadZone(ActuatorEffect):
+    """A dead zone: commands smaller than the width do nothing, larger ones act in full."""
+
+    family: ClassVar[str] = "actuator_dead_zone"
+    order: ClassVar[int] = 20
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Width [the action's]; from several starts, as no small width can be seen."""
+        span = place.span
+        starts = tuple(share * span for share in (0.04, 0.08, 0.13, 0.2, 0.3, 0.45))
+        return (EffectParameter("width", place.unit, 0.0, span, starts, 0.1 * span, step=0.02 * span),)
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """0 inside |command| < width."""
+        return np.where(np.abs(command) < values["width"], 0.0, command)
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} does nothing below {values['width']}"

@@ -1,0 +1,33 @@
+"""A gain of the actuator: the simulator gets g u."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorGain(ActuatorEffect):
+    """A gain of the actuator: the simulator gets g u."""
+
+    family: ClassVar[str] = "actuator_gain"
+    order: ClassVar[int] = 40
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Gain [1]."""
+        return (EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0),)
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """Gain * command."""
+        return np.asarray(values["gain"] * command)
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} acts with {values['gain']} times its commanded size"

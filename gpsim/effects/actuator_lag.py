@@ -1,0 +1,41 @@
+"""A first-order lag: T u_a' = u - u_a, exact for a command held over the substep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorLag(ActuatorEffect):
+    """A first-order lag: T u_a' = u - u_a, exact for a command held over the substep."""
+
+    family: ClassVar[str] = "actuator_lag"
+    order: ClassVar[int] = 95
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """time_constant [s]."""
+        dt = place.dt
+        return (EffectParameter("time_constant", "s", 0.02 * dt, 50 * dt, (0.7 * dt, 3 * dt, 10 * dt), dt),)
+
+    def begin(self, count: int, longest: float, step: float) -> Memory:
+        """The actuator at rest."""
+        return {"level": np.zeros(count)}
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """The mean over the substep of the exponential approach to the command."""
+        ratio = step / np.maximum(values["time_constant"], 1e-9)
+        gap = memory["level"] - command
+        memory["level"][:] = command + gap * np.exp(-ratio)
+        return np.asarray(command - gap * np.expm1(-ratio) / ratio)
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} follows its command with a lag of {values['time_constant']}"

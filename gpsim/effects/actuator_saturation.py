@@ -1,0 +1,38 @@
+"""Saturation: the simulator gets u clipped to [-limit, limit]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class ActuatorSaturation(ActuatorEffect):
+    """Saturation: the simulator gets u clipped to [-limit, limit]."""
+
+    family: ClassVar[str] = "actuator_saturation"
+    order: ClassVar[int] = 30
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Limit [the action's]; from several starts, as a limit out of reach has no gradient."""
+        span = place.span
+        return (
+            EffectParameter(
+                "limit", place.unit, 0.0, 3 * span, (0.8 * span, 0.5 * span, 0.25 * span), 0.1 * span
+            ),
+        )
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """The command, no larger than the limit."""
+        return np.clip(command, -values["limit"], values["limit"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} saturates at {values['limit']}"

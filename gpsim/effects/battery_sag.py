@@ -1,0 +1,34 @@
+"""Battery sag: the gain falls with time, g = 1 - loss t."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.simulators.plant import Memory
+
+
+class BatterySag(ActuatorEffect):
+    """Battery sag: the gain falls with time, g = 1 - loss t."""
+
+    family: ClassVar[str] = "battery_sag"
+    order: ClassVar[int] = 60
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """loss_per_second [1/s]."""
+        typical = 1.0 / max(place.reach, 1e-9)
+        return (EffectParameter("loss_per_second", "1/s", 0.0, 2 * typical, (0.2 * typical,), 0.2 * typical),)
+
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """The command times what is left at time t."""
+        return np.asarray(command * np.maximum(1.0 - values["loss_per_second"] * t, 0.0))
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} loses {values['loss_per_second']} of its strength (battery sag)"

@@ -1,0 +1,28 @@
+"""A constant force: F0, as a tilted track or a steady wind makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class ConstantForce(ForceEffect):
+    """A constant force: F0, as a tilted track or a steady wind makes it."""
+
+    family: ClassVar[str] = "constant_force"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Force [the coordinate's]."""
+        span = place.span
+        return (EffectParameter("force", place.unit, -20 * span, 20 * span, (0.1 * span,), 0.1 * span),)
+
+    def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
+        """The same everywhere."""
+        return values["force"] + 0.0 * speed
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"a constant force of {values['force']} on {on} was left out"

@@ -1,0 +1,45 @@
+"""Coulomb friction: -Fc sgn(q'), holding a body at rest up to Fc; Fc = mu N where the normal force N is known.
+
+Coulomb (1785); Armstrong-Helouvry, Dupont and Canudas de Wit (1994), Automatica 30(7), section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class CoulombFriction(ForceEffect):
+    """Coulomb friction: -Fc sgn(q'), holding a body at rest up to Fc; Fc = mu N where the normal force N is known."""
+
+    family: ClassVar[str] = "coulomb_friction"
+    variants: ClassVar[tuple[str, ...]] = ("", "coefficient")
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Force [the coordinate's], or the dimensionless coefficient of the normal force."""
+        if variant == "coefficient":
+            return (EffectParameter("coefficient", "1", 0.0, 5.0, (0.1, 0.5), 0.1),)
+        return (
+            EffectParameter("force", place.unit, 0.0, 20 * place.span, (0.2 * place.span,), 0.2 * place.span),
+        )
+
+    def offers(self, place: Place, variant: str) -> bool:
+        """The coefficient where the simulator knows the normal force."""
+        return variant == "" or place.loaded
+
+    def grip(
+        self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
+    ) -> FloatArray | None:
+        """The sliding force, which is also the most it can hold."""
+        if "coefficient" in values:
+            return None if load is None else values["coefficient"] * np.maximum(load, 0.0)
+        return values["force"] + 0.0 * speed
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"Coulomb friction on {on} ({', '.join(f'{k} {v}' for k, v in values.items())}) was left out"

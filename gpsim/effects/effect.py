@@ -1,0 +1,206 @@
+"""What an effect is: one named physical term, where it acts, and the parameters it needs.
+
+An effect knows its law and nothing of how it is searched for. Laws are batched: values of parameters, positions,
+commands and measurements are (B,) arrays, one entry a row of the batch. Memory is a dictionary of arrays whose first
+axis is the batch; a law changes it in place.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.simulators import Simulator
+from gpsim.simulators.plant import Memory
+
+Site = Literal["actuator", "force", "parameter", "vehicle", "sensor"]
+Values = Mapping[str, FloatArray]
+"""Parameter values by name, (B,) each."""
+VEHICLE = ("v", "v_lateral", "w")
+POSE = ("x", "y", "yaw")
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One parameter of an effect at a place: unit, bounds, values to start a fit from, its typical size.
+
+    none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
+    law jumps and only a coarse difference sees a slope.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    starts: tuple[float, ...]
+    scale: float
+    none: float = 0.0
+    step: float | None = None
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an effect may act: the name it acts on, and how large things typically are there.
+
+    unit: of a force on the coordinate, of the action, channel or parameter. span: the typical size of that quantity
+    in the recording (for a coordinate: of the force). reach: the range of a coordinate's position or of time [s] (for
+    actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal force is known.
+    """
+
+    on: str
+    unit: str
+    span: float = 1.0
+    reach: float = 1.0
+    speed: float = 1.0
+    dt: float = 0.02
+    loaded: bool = False
+
+
+class Effect(ABC):
+    """One family. Subclasses choose a site's base class and write the law."""
+
+    family: ClassVar[str]
+    site: ClassVar[Site]
+    variants: ClassVar[tuple[str, ...]] = ("",)
+    gated: ClassVar[bool] = True  # may a region or an onset limit it?
+    needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
+
+    @abstractmethod
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """The names it can act on."""
+
+    @abstractmethod
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """What has to be known about it at a place."""
+
+    @abstractmethod
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """What a person would say of it; `values` are formatted numbers with units."""
+
+    def offers(self, place: Place, variant: str) -> bool:
+        """Whether a variant of the law makes sense there."""
+        return variant == ""
+
+
+class ForceEffect(Effect):
+    """A generalised force on a coordinate."""
+
+    site: ClassVar[Site] = "force"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every coordinate."""
+        return tuple(coordinate.name for coordinate in simulator.coordinates)
+
+    def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
+        """(B,) the smooth force on the coordinate; None when there is none."""
+        return None
+
+    def grip(
+        self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
+    ) -> FloatArray | None:
+        """(B,) the largest dry friction force, which opposes motion and holds a body at rest; None when there is none.
+
+        load: (B,) the normal force where the simulator knows it; grip may be proportional to it.
+        """
+        return None
+
+
+class ActuatorEffect(Effect):
+    """What happens to a command on its way to the simulator."""
+
+    site: ClassVar[Site] = "actuator"
+    order: ClassVar[int] = 50  # several effects on one action act in ascending order
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every action."""
+        return simulator.action.names
+
+    def begin(self, count: int, longest: float, step: float) -> Memory:
+        """Memory of a batch at rest; `longest` [s] is the longest delay it must bridge, `step` [s] the grid."""
+        return {}
+
+    @abstractmethod
+    def actuate(
+        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+    ) -> FloatArray:
+        """(B,) what the simulator gets during the next `step` (B,) s; t (B,) s is the recording's clock."""
+
+
+class ParameterEffect(Effect):
+    """A parameter of the simulator that is not what was believed."""
+
+    site: ClassVar[Site] = "parameter"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every parameter."""
+        return tuple(simulator.parameters)
+
+    @abstractmethod
+    def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
+        """(B,) the parameter's value."""
+
+
+class VehicleEffect(Effect):
+    """What becomes of a vehicle's twist (v, v_lateral, w)."""
+
+    site: ClassVar[Site] = "vehicle"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Simulators whose rates are a twist."""
+        return ("vehicle",) if set(VEHICLE) <= set(simulator.rate.names) else ()
+
+    @abstractmethod
+    def twist(
+        self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The twist that the vehicle makes of it."""
+
+
+class SensorEffect(Effect):
+    """What a sensor makes of the true state."""
+
+    site: ClassVar[Site] = "sensor"
+    gated: ClassVar[bool] = False
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every measured channel."""
+        return simulator.state.names
+
+    def begin(self, state: FloatArray, slope: FloatArray, longest: float, step: FloatArray) -> Memory:
+        """Memory of a batch whose states (B, S) change by slope (B, S) per second."""
+        return {}
+
+    def watch(self, state: FloatArray, column: int, memory: Memory) -> None:
+        """Called once a substep with the true state (B, S)."""
+        return
+
+    @abstractmethod
+    def measure(
+        self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray
+    ) -> FloatArray:
+        """(B, S): what is read when `measured` (B, S) is what the sensors before this one say."""
+
+
+class PoseEffect(SensorEffect):
+    """A sensor effect on the whole pose (x, y, yaw)."""
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Simulators whose state holds a pose."""
+        return ("pose",) if set(POSE) <= set(simulator.state.names) else ()
+
+
+def columns_of(on: str, simulator: Simulator) -> tuple[int, ...]:
+    """The state columns that a sensor effect's place names."""
+    return tuple(simulator.state.index(n) for n in POSE) if on == "pose" else (simulator.state.index(on),)
+
+
+def changed(measured: FloatArray, column: int, values: FloatArray) -> FloatArray:
+    """A copy with one column replaced."""
+    out = np.array(measured)
+    out[:, column] = values
+    return out

@@ -1,0 +1,31 @@
+"""A frame turned against the vehicle's: yaw + psi."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, Place, PoseEffect, Values, changed
+from gpsim.simulators.plant import Memory
+
+
+class FrameRotation(PoseEffect):
+    """A frame turned against the vehicle's: yaw + psi."""
+
+    family: ClassVar[str] = "frame_rotation"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Angle [rad]."""
+        return (EffectParameter("angle", "rad", -3.2, 3.2, (0.05,), 0.05),)
+
+    def measure(
+        self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray
+    ) -> FloatArray:
+        """The yaw that is read."""
+        yaw = columns[2]
+        return changed(measured, yaw, measured[:, yaw] + values["angle"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"the measured yaw is turned by {values['angle']}"

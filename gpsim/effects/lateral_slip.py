@@ -1,0 +1,29 @@
+"""Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+
+
+class LateralSlip(VehicleEffect):
+    """Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration."""
+
+    family: ClassVar[str] = "lateral_slip"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Slip [s]."""
+        return (EffectParameter("slip", "s", -2.0, 5.0, (0.05,), 0.05),)
+
+    def twist(
+        self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """A sideways speed proportional to v w."""
+        return v, lateral - values["slip"] * v * w, w
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"the vehicle slips sideways by {values['slip']} times its lateral acceleration"

@@ -1,0 +1,35 @@
+"""A friction patch: Coulomb friction on an interval of q only (a dirty or bent piece of the track).
+
+Coulomb (1785); the interval is the effect's region.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class LocalFrictionPatch(ForceEffect):
+    """A friction patch: Coulomb friction on an interval of q only (a dirty or bent piece of the track)."""
+
+    family: ClassVar[str] = "local_friction_patch"
+    needs_region: ClassVar[bool] = True
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Force [the coordinate's] inside the region."""
+        return (
+            EffectParameter("force", place.unit, 0.0, 20 * place.span, (0.3 * place.span,), 0.2 * place.span),
+        )
+
+    def grip(
+        self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
+    ) -> FloatArray | None:
+        """The sliding force, which is also the most it can hold."""
+        return values["force"] + 0.0 * speed
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"a patch of {on} brakes with a friction of {values['force']}"

@@ -1,0 +1,39 @@
+"""A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, Place, PoseEffect, Values, changed
+from gpsim.simulators.plant import Memory
+
+
+class MarkerOffset(PoseEffect):
+    """A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
+
+    family: ClassVar[str] = "marker_offset"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Forward and left [m]."""
+        return (
+            EffectParameter("forward", "m", -5.0, 5.0, (0.05,), 0.05),
+            EffectParameter("left", "m", -5.0, 5.0, (0.02,), 0.05),
+        )
+
+    def measure(
+        self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray
+    ) -> FloatArray:
+        """The position of the marker."""
+        x, y, yaw = columns
+        sin, cos = np.sin(measured[:, yaw]), np.cos(measured[:, yaw])
+        forward, left = values["forward"], values["left"]
+        moved = changed(measured, x, measured[:, x] + cos * forward - sin * left)
+        return changed(moved, y, measured[:, y] + sin * forward + cos * left)
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"the marker sits {values['forward']} ahead and {values['left']} left of the vehicle's reference point"

@@ -1,0 +1,32 @@
+"""A minimum turning radius: |w| <= |v| / R, as a steering angle that ends makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+
+
+class MinimumTurningRadius(VehicleEffect):
+    """A minimum turning radius: |w| <= |v| / R, as a steering angle that ends makes it."""
+
+    family: ClassVar[str] = "minimum_turning_radius"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Radius [m]; from several starts."""
+        return (EffectParameter("radius", "m", 1e-3, 20.0, (0.2, 0.5, 1.2), 0.2),)
+
+    def twist(
+        self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """w, no larger than the circle of the radius allows."""
+        most = np.abs(v) / values["radius"]
+        return v, lateral, np.clip(w, -most, most)
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"the vehicle turns no tighter than a radius of {values['radius']}"

@@ -1,0 +1,29 @@
+"""A parameter of the simulator that differs from what was believed: p = ratio * p_believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ParameterEffect, Place, Values
+
+
+class ParameterOffset(ParameterEffect):
+    """p = ratio * p_believed."""
+
+    family: ClassVar[str] = "parameter_offset"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Ratio [1]."""
+        return (EffectParameter("ratio", "1", 0.05, 20.0, (1.1,), 0.2, none=1.0),)
+
+    def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
+        """The believed value times the ratio."""
+        return np.asarray(believed * values["ratio"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"{on} is {values['ratio']} times what the simulator believes"

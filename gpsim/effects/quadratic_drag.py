@@ -1,0 +1,31 @@
+"""Quadratic drag: -c |q'| q'. Rayleigh's drag of a blunt body in a fluid (Batchelor 1967, section 5.11)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class QuadraticDrag(ForceEffect):
+    """Quadratic drag: -c |q'| q'. Rayleigh's drag of a blunt body in a fluid (Batchelor 1967, section 5.11)."""
+
+    family: ClassVar[str] = "quadratic_drag"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Drag [force per squared speed]."""
+        typical = place.span / place.speed**2
+        unit = f"{place.unit} s^2/{'m^2' if place.unit == 'N' else 'rad^2'}"
+        return (EffectParameter("drag", unit, 0.0, 100 * typical, (0.2 * typical,), 0.2 * typical),)
+
+    def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
+        """-drag * |speed| * speed."""
+        return -values["drag"] * np.abs(speed) * speed
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"quadratic drag on {on} of {values['drag']} was left out"

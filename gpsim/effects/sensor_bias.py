@@ -1,0 +1,32 @@
+"""A sensor bias: y + o."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
+from gpsim.simulators.plant import Memory
+
+
+class SensorBias(SensorEffect):
+    """A sensor bias: y + o."""
+
+    family: ClassVar[str] = "sensor_bias"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Offset [the channel's]."""
+        span = place.span
+        return (EffectParameter("offset", place.unit, -5 * span, 5 * span, (0.1 * span,), 0.1 * span),)
+
+    def measure(
+        self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray
+    ) -> FloatArray:
+        """An offset on one channel."""
+        (column,) = columns
+        return changed(measured, column, measured[:, column] + values["offset"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"the sensor of {on} is off by {values['offset']}"

@@ -1,0 +1,36 @@
+"""A spring: -k (q - q0). Hooke's law (1678)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class Spring(ForceEffect):
+    """A spring: -k (q - q0). Hooke's law (1678)."""
+
+    family: ClassVar[str] = "spring"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Stiffness [force per displacement] and rest_position; fitted where it rests within reach."""
+        typical = place.span / place.reach
+        length = "m" if place.unit == "N" else "rad"
+        return (
+            EffectParameter(
+                "stiffness", f"{place.unit}/{length}", 0.0, 100 * typical, (0.3 * typical,), 0.3 * typical
+            ),
+            EffectParameter(
+                "rest_position", length, -5 * place.reach, 5 * place.reach, (0.0,), 0.3 * place.reach
+            ),
+        )
+
+    def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
+        """-stiffness * (position - rest_position)."""
+        return -values["stiffness"] * (position - values["rest_position"])
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"a spring on {on} of {values['stiffness']} resting at {values['rest_position']} was left out"

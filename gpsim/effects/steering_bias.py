@@ -1,0 +1,29 @@
+"""A steering bias: w + kappa v, as a wheel that points aside makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+
+
+class SteeringBias(VehicleEffect):
+    """A steering bias: w + kappa v, as a wheel that points aside makes it."""
+
+    family: ClassVar[str] = "steering_bias"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Curvature [1/m]."""
+        return (EffectParameter("curvature", "1/m", -20.0, 20.0, (0.1,), 0.1),)
+
+    def twist(
+        self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Going straight becomes a circle."""
+        return v, lateral, w + values["curvature"] * v
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"the steering is off by a curvature of {values['curvature']}"

@@ -1,0 +1,46 @@
+"""Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q').
+
+Stribeck (1902); Armstrong-Helouvry, Dupont and Canudas de Wit (1994), equation (6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class StribeckFriction(ForceEffect):
+    """Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q')."""
+
+    family: ClassVar[str] = "stribeck_friction"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Force (sliding), static_force [the coordinate's] and stribeck_velocity [speed]."""
+        span, speed = place.span, place.speed
+        unit = "m/s" if place.unit == "N" else "rad/s"
+        return (
+            EffectParameter("force", place.unit, 0.0, 20 * span, (0.15 * span,), 0.2 * span),
+            EffectParameter("static_force", place.unit, 0.0, 20 * span, (0.4 * span,), 0.2 * span),
+            EffectParameter(
+                "stribeck_velocity", unit, 0.01 * speed, 2 * speed, (0.1 * speed, 0.4 * speed), 0.2 * speed
+            ),
+        )
+
+    def grip(
+        self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
+    ) -> FloatArray | None:
+        """The sliding force, which grows to the static one as the speed falls."""
+        fall = np.exp(-((speed / values["stribeck_velocity"]) ** 2))
+        return values["force"] + (values["static_force"] - values["force"]) * fall
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return (
+            f"Stribeck friction on {on} ({values['static_force']} at rest, {values['force']} sliding, "
+            f"falling over {values['stribeck_velocity']}) was left out"
+        )

@@ -1,0 +1,88 @@
+"""A term: one effect at one place with its parameter values, and the gate that limits it in space or time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import BoolArray, Channels, FloatArray
+from gpsim.effects.effect import Effect
+from gpsim.effects.registry import effect_of
+from gpsim.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Where and when an effect acts: intervals of channels (state or action), moments [s] of the recording's clock."""
+
+    region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    since: float | None = None
+    until: float | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.region) or self.since is not None
+
+    def open(self, state: FloatArray, action: FloatArray, t: FloatArray, channels: Channels) -> BoolArray:
+        """(B,) where it acts; `channels` are the columns of state and action together."""
+        mask = np.ones(len(t), dtype=np.bool_)
+        for name, (low, high) in self.region.items():
+            column = channels.index(name)
+            width = state.shape[1]
+            values = state[:, column] if column < width else action[:, column - width]
+            mask &= (values >= low) & (values <= high)
+        if self.since is not None:
+            mask &= t >= self.since
+        if self.until is not None:
+            mask &= t < self.until
+        return mask
+
+
+@dataclass(frozen=True)
+class Term:
+    """One effect on `on` with parameter values; `variant` names the law where a family has several."""
+
+    family: str
+    on: str
+    values: Mapping[str, float] = field(default_factory=dict)
+    gate: Gate = field(default_factory=Gate)
+    variant: str = ""
+
+    @property
+    def effect(self) -> Effect:
+        """The family's law."""
+        return effect_of(self.family)
+
+    @property
+    def identity(self) -> tuple[str, str]:
+        """What it claims, whatever the numbers: family and place."""
+        return self.family, self.on
+
+
+def to_json(term: Term) -> dict[str, Any]:
+    """Plain data."""
+    return {
+        "family": term.family,
+        "on": term.on,
+        "variant": term.variant,
+        "values": {k: float(v) for k, v in term.values.items()},
+        "region": {k: [float(low), float(high)] for k, (low, high) in term.gate.region.items()},
+        "since": term.gate.since,
+    }
+
+
+def from_json(data: Mapping[str, Any]) -> Term:
+    """The inverse of `to_json`; raises UsageError."""
+    try:
+        region = {str(k): (float(v[0]), float(v[1])) for k, v in data["region"].items()}
+        since = None if data["since"] is None else float(data["since"])
+        values = {str(k): float(v) for k, v in data["values"].items()}
+        term = Term(str(data["family"]), str(data["on"]), values, Gate(region, since), str(data["variant"]))
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise UsageError(
+            f"an effect needs family, on, variant, values, region and since, got {data!r}"
+        ) from error
+    effect_of(term.family)
+    return term

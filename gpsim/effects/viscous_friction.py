@@ -1,0 +1,29 @@
+"""Viscous friction: -b q'. Stokes' law; Armstrong-Helouvry et al. (1994), section 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+
+
+class ViscousFriction(ForceEffect):
+    """Viscous friction: -b q'. Stokes' law; Armstrong-Helouvry et al. (1994), section 2."""
+
+    family: ClassVar[str] = "viscous_friction"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Damping [force per speed]."""
+        typical = place.span / place.speed
+        unit = f"{place.unit} s/{'m' if place.unit == 'N' else 'rad'}"
+        return (EffectParameter("damping", unit, 0.0, 100 * typical, (0.2 * typical,), 0.2 * typical),)
+
+    def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
+        """-damping * speed."""
+        return -values["damping"] * speed
+
+    def sentence(self, on: str, values: Mapping[str, str]) -> str:
+        """One sentence."""
+        return f"viscous friction on {on} with damping {values['damping']} was left out"

@@ -1,0 +1,35 @@
+"""The kinematic bicycle: a car that steers its front wheel and rolls without slip, seen from its rear axle."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.simulators.planar import PlanarVehicle
+from gpsim.simulators.simulator import Parameter, Parameters
+
+
+class Ackermann(PlanarVehicle):
+    """Actions v_cmd [m/s] and steering [rad, + left]; w = v tan(steering) / wheelbase, v_lateral = 0 at the rear axle.
+
+    Rajamani, Vehicle Dynamics and Control, 2nd ed., section 2.2 (with the reference point on the rear axle).
+    """
+
+    name: ClassVar[str] = "ackermann"
+    action: ClassVar[Channels] = Channels.of({"v_cmd": "m/s", "steering": "rad"})
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "wheelbase": Parameter("m", 0.2, 1e-3, 20.0, "distance between the axles")
+    }
+
+    def rates(
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        parameters: Parameters,
+        forces: FloatArray | None = None,
+    ) -> FloatArray:
+        """The twist (B, 3)."""
+        w = action[:, 0] * np.tan(action[:, 1]) / parameters["wheelbase"]
+        return np.stack([action[:, 0], np.zeros(len(state)), np.asarray(w)], axis=1)

@@ -1,0 +1,199 @@
+"""A user's own system: a class of a few lines in a file of theirs, checked once at the door.
+
+    class Tank:
+        state = {"level": "m"}                                   # channel: unit
+        action = {"pump": "V"}
+        parameters = {"outflow": ("m^0.5/s", 0.1, 0.0, 10.0)}    # unit, default, low, high
+
+        def rates(self, state, action, p):                       # d state / dt, one (B,) array a channel
+            return {"level": action["pump"] - p["outflow"] * np.sqrt(state["level"])}
+
+Optional: `wraps = ("yaw",)` names angles modulo 2 pi; `coordinates = {"q": "q_dot"}` says that q_dot is the velocity
+of q: then `rates(self, state, action, p, forces)` returns q_dot's rate only and gets the generalised force on q as
+forces["q"]; `force_units = {"q": "N"}`; `start = {"level": 0.2}` gives a guess for a state that nobody measured.
+A class that derives from gpsim.simulators.Simulator is taken as it is.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray, difference
+from gpsim.errors import UsageError
+from gpsim.simulators.simulator import Coordinate, Parameter, Parameters, Simulator
+
+
+def load_user_simulator(reference: str) -> Simulator:
+    """The system FILE.py:ClassName; raises UsageError for every fault of the file."""
+    file, _, name = reference.rpartition(":")
+    module = _import(Path(file), reference)
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        classes = [
+            k for k, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__
+        ]
+        raise UsageError(f"{file}: no class '{name}'; it has: {', '.join(classes) or 'none'}")
+    try:
+        instance = found()
+    except Exception as error:  # a user's code may raise anything
+        raise UsageError(
+            f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
+        ) from error
+    simulator = instance if isinstance(instance, Simulator) else UserSimulator(instance, reference)
+    _try(simulator, reference)
+    return simulator
+
+
+class UserSimulator(Simulator):
+    """The adapter from a user's plain class to a Simulator."""
+
+    def __init__(self, system: Any, reference: str) -> None:
+        state = _units(system, "state", reference)
+        pairs = dict(getattr(system, "coordinates", {}))
+        force_units = dict(getattr(system, "force_units", {}))
+        self._system, self._reference = system, reference
+        self.start: dict[str, float] = {k: float(v) for k, v in dict(getattr(system, "start", {})).items()}
+        self.name = reference  # type: ignore[misc]  # a class constant of the built-in simulators
+        self.state = Channels.of(state, wraps=tuple(getattr(system, "wraps", ())))  # type: ignore[misc]
+        self.action = Channels.of(_units(system, "action", reference))  # type: ignore[misc]
+        self.parameters = _parameters(system, reference)  # type: ignore[misc]
+        for channel in (*pairs, *pairs.values(), *self.start):
+            if channel not in state:
+                raise UsageError(
+                    f"{reference}: '{channel}' is not among its state channels: {', '.join(state)}"
+                )
+        positions = set(pairs)
+        self._rated = [name for name in state if name not in positions]
+        self.rate = Channels.of({_rate_name(n): f"{state[n]}/s" for n in self._rated})  # type: ignore[misc]
+        self.coordinates = tuple(  # type: ignore[misc]
+            Coordinate(q, v, _rate_name(v), str(force_units.get(q, f"force on {q}")))
+            for q, v in pairs.items()
+        )
+        self._pairs = [(self.state.index(q), self.state.index(v)) for q, v in pairs.items()]
+        self._rows = [self.state.index(name) for name in self._rated]
+
+    def rates(
+        self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
+    ) -> FloatArray:
+        """(B, R): what the user's `rates` returns, checked."""
+        states = {name: state[:, i] for i, name in enumerate(self.state.names)}
+        actions = {name: action[:, i] for i, name in enumerate(self.action.names)}
+        arguments: list[Any] = [states, actions, parameters]
+        if self.coordinates:
+            given = np.zeros((len(state), len(self.coordinates))) if forces is None else forces
+            arguments.append({c.name: given[:, i] for i, c in enumerate(self.coordinates)})
+        try:
+            answer = self._system.rates(*arguments)
+        except Exception as error:  # a user's code may raise anything
+            raise UsageError(f"{self._reference}: rates raised {_said(error)}") from error
+        return self._checked(answer, len(state))
+
+    def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
+        """Rates where the user gives them, the velocity where a channel is a coordinate."""
+        out = np.empty_like(state)
+        out[:, self._rows] = rates
+        for position, velocity in self._pairs:
+            out[:, position] = state[:, velocity]
+        return out
+
+    def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
+        """Differences over dt."""
+        return difference(next_state, state, self.state)[:, self._rows] / dt[:, None]
+
+    def _checked(self, answer: Any, rows: int) -> FloatArray:
+        if not isinstance(answer, Mapping) or set(answer) != set(self._rated):
+            got = ", ".join(map(str, answer)) if isinstance(answer, Mapping) else type(answer).__name__
+            raise UsageError(
+                f"{self._reference}: rates must return a dictionary with {', '.join(self._rated)}, got {got}"
+            )
+        out = np.empty((rows, len(self._rated)))
+        for i, name in enumerate(self._rated):
+            values = np.asarray(answer[name])
+            if values.shape not in ((), (rows,)) or not np.issubdtype(values.dtype, np.number):
+                raise UsageError(
+                    f"{self._reference}: rates['{name}'] must be {rows} numbers, one a row of the batch, "
+                    f"got shape {values.shape} of {values.dtype}"
+                )
+            out[:, i] = values
+        return out
+
+
+def _import(path: Path, reference: str) -> ModuleType:
+    if path.suffix != ".py" or not path.is_file():
+        raise UsageError(f"--simulator {reference}: no file {path}; give FILE.py:ClassName")
+    spec = importlib.util.spec_from_file_location(f"user_system_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # a user's code may raise anything
+        raise UsageError(f"{path}: cannot be loaded: {_said(error)}") from error
+    return module
+
+
+def _try(simulator: Simulator, reference: str) -> None:
+    """One evaluation at a plausible state: shapes and finite values, before any data are touched."""
+    state, action = np.full((3, len(simulator.state)), 0.1), np.full((3, len(simulator.action)), 0.1)
+    with np.errstate(all="ignore"):
+        rates = _call(lambda: simulator.rates(state, action, simulator.defaults()), "rates", reference)
+        expected = (3, len(simulator.rate))
+        if not isinstance(rates, np.ndarray) or rates.shape != expected:
+            raise UsageError(f"{reference}: rates must have shape {expected}, got {np.shape(rates)}")
+        if not np.isfinite(rates).all():
+            name = simulator.rate.names[int(np.argwhere(~np.isfinite(rates))[0, 1])]
+            raise UsageError(f"{reference}: {name} is not finite at state and action 0.1; check its formula")
+        slope = _call(lambda: simulator.derivative(state, rates), "derivative", reference)
+    if np.shape(slope) != state.shape:
+        raise UsageError(f"{reference}: derivative must have shape {state.shape}, got {np.shape(slope)}")
+
+
+def _call(function: Callable[[], Any], what: str, reference: str) -> Any:
+    try:
+        return function()
+    except UsageError:
+        raise
+    except Exception as error:  # a user's code may raise anything
+        raise UsageError(f"{reference}: {what} raised {_said(error)}") from error
+
+
+def _units(system: Any, attribute: str, reference: str) -> dict[str, str]:
+    units = getattr(system, attribute, None)
+    if not isinstance(units, Mapping) or not units or not all(isinstance(u, str) for u in units.values()):
+        raise UsageError(f"{reference}: '{attribute}' must be a dictionary of channel: unit, got {units!r}")
+    return {str(name): unit for name, unit in units.items()}
+
+
+def _parameters(system: Any, reference: str) -> dict[str, Parameter]:
+    declared = getattr(system, "parameters", {})
+    try:
+        out = {
+            str(name): Parameter(str(unit), float(default), float(low), float(high), str(name))
+            for name, (unit, default, low, high) in dict(declared).items()
+        }
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"{reference}: 'parameters' must be name: (unit, default, low, high)") from error
+    if not callable(getattr(system, "rates", None)):
+        raise UsageError(f"{reference}: it needs a method rates(self, state, action, p)")
+    expected = 4 if getattr(system, "coordinates", {}) else 3
+    if len(inspect.signature(system.rates).parameters) != expected:
+        names = "state, action, p, forces" if expected == 4 else "state, action, p"
+        raise UsageError(f"{reference}: rates must take ({names})")
+    return out
+
+
+def _rate_name(channel: str) -> str:
+    return f"{channel[:-4]}_acc" if channel.endswith("_dot") else f"{channel}_rate"
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:160]}"

@@ -1,0 +1,172 @@
+"""diagnose: where recording and simulator differ, which physics is missing, and a simulator corrected by it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from gpsim.artifacts import Artifact, Json, Recipe, file_digest, read_artifact, write_json
+from gpsim.corrected import GpCorrection
+from gpsim.corrected_effects import EffectsPlant, describe, plant_from
+from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.errors import UsageError
+from gpsim.features import Features
+from gpsim.recordings import Episode, Recording, read_recording
+from gpsim.reports.diagnosis_page import figures, page
+from gpsim.simulators import Simulator, make_simulator
+from gpsim.stages.policy_files import read_gp, write_gp
+from gpsim.stages.stage import Request, Stage, generator
+
+FILES = ("recording.yaml", "recording.csv", "recording.parquet")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is to be diagnosed."""
+
+    recording: Path
+    simulator: str | None
+
+
+def make(request: Request, task: Task) -> tuple[Artifact, bool]:
+    """Diagnose a recording; the artifact, and whether it existed already."""
+    return stage_for(task).make(request)
+
+
+def stage_for(task: Task) -> Stage:
+    """The stage for one recording and simulator."""
+    return Stage(
+        "diagnose",
+        "Say where recording and simulator differ, and which physics is missing.",
+        lambda request: _recipe(request, task),
+        lambda request, recipe, folder: _write(request, task, folder),
+    )
+
+
+def read_diagnosis(folder: Path) -> Json:
+    """diagnosis.json of a finished diagnosis; raises UsageError."""
+    artifact = read_artifact(folder, "diagnose")
+    content: Json = json.loads((artifact.path / "diagnosis.json").read_text(encoding="utf-8"))
+    return content
+
+
+def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
+    """The corrected simulator of a finished diagnosis, to train in; `gp` adds the Gaussian process on the remainder."""
+    artifact = read_artifact(folder, "diagnose")
+    data: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
+    simulator = make_simulator(str(data["simulator"]))
+    correction = None
+    if gp:
+        predictor, inputs = read_gp(artifact.path)
+        channels = simulator.state + simulator.action
+        correction = GpCorrection(predictor, Features.of(inputs, channels), "mean", sample_noise=False)
+    return plant_from(data, simulator, correction)
+
+
+def open_recording(task: Task) -> tuple[Recording, Simulator]:
+    """The recording and the simulator it is compared with; a bare CSV takes the simulator's channels and defaults."""
+    path = task.recording
+    if not path.exists():
+        raise UsageError(
+            f"{path}: no such recording; give a folder as `gpsim import` makes, or a CSV with --simulator"
+        )
+    folder = path if path.is_dir() else path.parent
+    if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
+        recording = read_recording(folder)
+        return recording, make_simulator(task.simulator or recording.system)
+    if path.is_dir():
+        raise UsageError(f"{path}: no recording.yaml; make a recording of raw logs with `gpsim import`")
+    if task.simulator is None:
+        raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
+    simulator = make_simulator(task.simulator)
+    return _from_table(path, simulator), simulator
+
+
+def _recipe(request: Request, task: Task) -> Recipe:
+    recording, _ = open_recording(task)
+    folder = task.recording if task.recording.is_dir() else task.recording.parent
+    names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
+    digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
+    source = task.simulator.rpartition(":")[0] if task.simulator and ":" in task.simulator else None
+    config = {
+        "recording": digests,
+        "simulator": task.simulator or recording.system,
+        "simulator_file": file_digest(Path(source)) if source else None,
+    }
+    return Recipe("diagnose", config, {}, {"seed": request.seed})
+
+
+def _write(request: Request, task: Task, folder: Path) -> Json:
+    recording, simulator = open_recording(task)
+    parameters = simulator.defaults(recording.parameters)
+    rng = generator(request.seed, "diagnose")
+    found = diagnose(recording, simulator, parameters, rng, request.progress)
+    report = _plain(found.report)
+    write_json(folder / "diagnosis.json", report)
+    write_json(folder / "corrected.json", describe(found.plant, gp=True))
+    write_gp(folder, found.comparison.gp, found.comparison.features)
+    (folder / "figures").mkdir()
+    pictures = figures(found)
+    for name, picture in pictures.items():
+        (folder / "figures" / f"{name}.png").write_bytes(picture)
+    (folder / "report.html").write_text(page(report, pictures, str(task.recording.name)), encoding="utf-8")
+    return {}
+
+
+def _from_table(path: Path, simulator: Simulator) -> Recording:
+    try:
+        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+    except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
+        raise UsageError(f"{path}: cannot be read: {' '.join(str(error).split())[:160]}") from error
+    needed = ("t", *simulator.state.names, *simulator.action.names)
+    missing = [name for name in needed if name not in table.columns]
+    if missing:
+        raise UsageError(
+            f"{path}: column(s) {', '.join(missing)} missing; {simulator.name} needs {', '.join(needed)}"
+        )
+    if "episode" not in table.columns:
+        table = table.assign(episode="0")
+    episodes = []
+    for name, rows in table.groupby("episode", sort=False):
+        try:
+            values = rows[list(needed)].to_numpy(dtype=np.float64)
+        except ValueError as error:
+            raise UsageError(f"{path}: episode {name}: a value is not a number: {error}") from error
+        bad = np.argwhere(~np.isfinite(values[:-1]))
+        if bad.size or not np.isfinite(values[-1, : 1 + len(simulator.state)]).all():
+            row, column = bad[0] if bad.size else (len(values) - 1, 1)
+            raise UsageError(
+                f"{path}: episode {name}, row {row}: {needed[column]} is not a finite number; repair it"
+            )
+        t, states = values[:, 0], values[:, 1 : 1 + len(simulator.state)]
+        if (np.diff(t) <= 0).any():
+            raise UsageError(f"{path}: episode {name}: t does not increase; sort the rows")
+        episodes.append(Episode(str(name), t, states, values[:-1, 1 + len(simulator.state) :]))
+    steps = np.concatenate([np.diff(e.t) for e in episodes])
+    if not len(steps):
+        raise UsageError(f"{path}: too short: no episode has two rows")
+    dt = float(np.median(steps))
+    return Recording(
+        simulator.name, simulator.state, simulator.action, tuple(episodes), dt, simulator.defaults()
+    )
+
+
+def _plain(content: Any) -> Any:
+    """JSON without NumPy's numbers; what is not finite is null."""
+    if isinstance(content, dict):
+        return {str(k): _plain(v) for k, v in content.items()}
+    if isinstance(content, list | tuple):
+        return [_plain(v) for v in content]
+    if isinstance(content, bool | str) or content is None:
+        return content
+    if isinstance(content, np.bool_):
+        return bool(content)
+    if isinstance(content, int | np.integer):
+        return int(content)
+    value = float(content)
+    return value if np.isfinite(value) else None

@@ -1,0 +1,189 @@
+"""Effects against closed-form solutions: memory, sticking, composition, gates, and the registry's promises."""
+
+import numpy as np
+import pytest
+
+from gpsim.effects import FAMILIES, Gate, Place, Term
+from gpsim.effects.chain import Chain
+from gpsim.effects.registry import register
+from gpsim.effects.term import from_json, to_json
+from gpsim.errors import UsageError
+from gpsim.simulators import SIMULATORS, make_simulator
+
+H = 0.005
+
+
+def actuate(family, commands, h=H, **values):
+    """What an actuator effect makes of a sequence of commands, each held for h."""
+    effect = FAMILIES[family]
+    arrays = {k: np.array([v]) for k, v in values.items()}
+    memory = effect.begin(1, 0.5, h)
+    step = np.array([h])
+    return np.array(
+        [
+            effect.actuate(np.array([u]), arrays, memory, step, np.array([i * h]))[0]
+            for i, u in enumerate(commands)
+        ]
+    )
+
+
+def slide(family, values, state, force=0.0, seconds=1.0, mass=2.0, h=H, gate=None, on="q"):
+    """A slider with one force effect, after some seconds."""
+    slider = make_simulator("slider")
+    chain = Chain(slider, {"mass": mass}, (Term(family, on, values, gate or Gate()),), "fine", 0.02)
+    arrays = [{k: np.array([v]) for k, v in values.items()}]
+    s, step = np.array([state], dtype=float), np.array([h])
+    for i in range(round(seconds / h)):
+        s = chain.advance(s, np.array([[force]]), arrays, step, np.array([i * h]))
+    return s[0]
+
+
+def test_delay_shifts_and_splits_between_substeps():
+    u = np.array([0, 1, 1, 1, 0, 0, 0, 0.0])
+    np.testing.assert_allclose(actuate("actuator_delay", u, delay=2 * H), [0, 0, 0, 1, 1, 1, 0, 0])
+    np.testing.assert_allclose(actuate("actuator_delay", u, delay=0.25 * H)[:3], [0, 0.75, 1])
+
+
+def test_lag_is_the_exact_mean_of_the_exponential():
+    tau, n = 0.03, 200
+    out = actuate("actuator_lag", np.ones(n), time_constant=tau)
+    edges = H * np.arange(n + 1)
+    integral = edges + tau * np.exp(-edges / tau)
+    np.testing.assert_allclose(out, np.diff(integral) / H, rtol=1e-10)
+
+
+def test_rate_limit_is_the_exact_mean_of_the_ramp():
+    rate, n = 30.0, 12
+    out = actuate("actuator_rate_limit", np.ones(n), rate=rate)
+    fine = np.minimum(rate * (np.arange(n * 1000) + 0.5) * H / 1000, 1.0).reshape(n, 1000).mean(axis=1)
+    np.testing.assert_allclose(out, fine, atol=1e-6)
+
+
+def test_backlash_keeps_its_output_inside_the_gap():
+    u = np.array([0, 0.5, 2.0, 1.5, 0.9, -3.0])
+    np.testing.assert_allclose(actuate("actuator_backlash", u, half_width=1.0), [0, 0, 1, 1, 1, -2])
+
+
+@pytest.mark.parametrize(
+    ("family", "values", "expected"),
+    [
+        ("actuator_gain", {"gain": 0.5}, [-1.0, -0.1, 0.1, 1.0]),
+        ("actuator_bias", {"bias": 0.3}, [-1.7, 0.1, 0.5, 2.3]),
+        ("actuator_dead_zone", {"width": 0.5}, [-2.0, 0.0, 0.0, 2.0]),
+        ("actuator_saturation", {"limit": 1.0}, [-1.0, -0.2, 0.2, 1.0]),
+        ("actuator_asymmetry", {"gain_positive": 2.0, "gain_negative": 0.5}, [-1.0, -0.1, 0.4, 4.0]),
+    ],
+)
+def test_static_actuators(family, values, expected):
+    np.testing.assert_allclose(actuate(family, [-2.0, -0.2, 0.2, 2.0], **values), expected)
+
+
+def test_coulomb_friction_stops_a_body_where_the_energy_is_spent_and_holds_it():
+    v, force, mass = 1.3, 3.0, 2.0
+    end = slide("coulomb_friction", {"force": force}, [0.0, v], seconds=3.0)
+    assert end[1] == 0.0
+    np.testing.assert_allclose(end[0], mass * v**2 / (2 * force), rtol=2e-4)
+    held = slide("coulomb_friction", {"force": force}, [0.0, 0.0], force=2.99)
+    np.testing.assert_array_equal(held, [0.0, 0.0])
+    moved = slide("coulomb_friction", {"force": force}, [0.0, 0.0], force=4.0)
+    np.testing.assert_allclose(moved, [0.25, 0.5], rtol=1e-12)
+
+
+def test_coulomb_friction_reverses_without_losing_time():
+    """Against the push a body stops at v m / (F + Fc) and then starts the other way."""
+    v, push, force, mass, total = 1.0, -6.0, 2.0, 2.0, 1.0
+    stop = v * mass / (abs(push) + force)
+    expected = -(total - stop) * (abs(push) - force) / mass
+    end = slide("coulomb_friction", {"force": force}, [0.0, v], force=push, seconds=total, h=0.013 / 1.3)
+    np.testing.assert_allclose(end[1], expected, rtol=1e-9)
+
+
+def test_viscous_and_quadratic_drag_decay_as_they_should():
+    t, mass = 1.0, 2.0
+    end = slide("viscous_friction", {"damping": 1.5}, [0.0, 2.0], seconds=t)
+    np.testing.assert_allclose(end[1], 2 * np.exp(-1.5 * t / mass), rtol=1e-5)
+    end = slide("quadratic_drag", {"drag": 1.5}, [0.0, 2.0], seconds=t)
+    np.testing.assert_allclose(end[1], 2 / (1 + 2 * 1.5 * t / mass), rtol=1e-4)
+
+
+def test_a_spring_swings_with_its_period_about_its_rest():
+    stiffness, mass = 8.0, 2.0
+    period = 2 * np.pi * np.sqrt(mass / stiffness)
+    end = slide(
+        "spring", {"stiffness": stiffness, "rest_position": 0.1}, [0.6, 0.0], seconds=period, h=period / 2000
+    )
+    np.testing.assert_allclose(end, [0.6, 0.0], atol=1e-4)
+
+
+def test_gates_limit_effects_in_space_and_time():
+    inside = Gate(region={"q": (0.0, 1.0)})
+    assert slide("constant_force", {"force": 1.0}, [-5.0, 0.0], gate=inside)[1] == 0.0
+    np.testing.assert_allclose(slide("constant_force", {"force": 1.0}, [0.2, 0.0], gate=inside)[1], 0.5)
+    np.testing.assert_allclose(
+        slide("constant_force", {"force": 1.0}, [0, 0.0], gate=Gate(since=0.6))[1], 0.2, atol=0.003
+    )
+
+
+def test_coefficient_solves_force_and_load_together():
+    """The thesis's cart-pole: friction of the normal force, which the friction itself changes (Florian 2007)."""
+    cartpole = make_simulator("cartpole")
+    p, mu = cartpole.defaults(), 0.9
+    rng = np.random.default_rng(0)
+    state, action = rng.normal(size=(30, 4)) * [1, 2, 0.5, 2], rng.normal(size=(30, 1)) * 10
+    chain = Chain(
+        cartpole,
+        p,
+        (Term("coulomb_friction", "x", {"coefficient": mu}, variant="coefficient"),),
+        "euler",
+        0.02,
+    )
+    step = np.full(30, 0.02)
+    after = chain.advance(state, action, [{"coefficient": np.full(30, mu)}], step, np.zeros(30))
+    x_acc, theta_acc = cartpole.measured_rates(state, after, step).T
+    m, l_, total = p["pole_mass"], p["pole_half_length"], p["cart_mass"] + p["pole_mass"]
+    sin, cos, spin = np.sin(state[:, 2]), np.cos(state[:, 2]), state[:, 3] ** 2
+    normal = total * p["gravity"] - m * l_ * (theta_acc * sin + spin * cos)
+    push = action[:, 0] + m * l_ * (spin * sin - theta_acc * cos) - mu * normal * np.sign(state[:, 1])
+    np.testing.assert_allclose(x_acc, push / total, atol=1e-10)
+    np.testing.assert_allclose(4 / 3 * l_ * theta_acc, p["gravity"] * sin - x_acc * cos, atol=1e-10)
+
+
+def test_vehicle_effects():
+    one = lambda v: np.array([v])  # noqa: E731
+    twist = lambda family, **values: [  # noqa: E731
+        float(x[0])
+        for x in FAMILIES[family].twist(one(2.0), one(0.0), one(3.0), {k: one(v) for k, v in values.items()})
+    ]
+    assert twist("minimum_turning_radius", radius=1.0) == [2.0, 0.0, 2.0]
+    assert twist("understeer", gradient=0.5) == [2.0, 0.0, 1.0]
+    assert twist("steering_bias", curvature=0.25) == [2.0, 0.0, 3.5]
+    assert twist("lateral_slip", slip=0.1) == pytest.approx([2.0, -0.6, 3.0])
+
+
+def test_every_family_says_what_it_needs_on_every_simulator():
+    for name in SIMULATORS:
+        simulator = make_simulator(name)
+        for effect in FAMILIES.values():
+            for on in effect.places(simulator):
+                place = Place(on, "N", loaded=True)
+                for variant in effect.variants:
+                    declared = effect.parameters(place, variant)
+                    assert declared
+                    for p in declared:
+                        assert p.low <= min(p.starts) <= max(p.starts) <= p.high, (effect.family, p)
+                    spoken = effect.sentence(on, {p.name: "1" for p in declared})
+                    assert "\n" not in spoken
+
+
+def test_the_registry_refuses_duplicates_and_names_the_alternatives():
+    with pytest.raises(ValueError, match="twice"):
+        register([FAMILIES["spring"], FAMILIES["spring"]])
+    with pytest.raises(UsageError, match="coulomb_friction"):
+        Term("no_such_effect", "q").effect  # noqa: B018
+
+
+def test_terms_survive_json():
+    term = Term("spring", "q", {"stiffness": 2.0, "rest_position": 0.1}, Gate({"q": (0.0, 1.0)}, 3.0))
+    assert from_json(to_json(term)) == term
+    with pytest.raises(UsageError, match="an effect needs"):
+        from_json({"family": "spring"})

@@ -1,0 +1,88 @@
+"""A user's own system: a few lines work, every fault is one line that names the file."""
+
+import numpy as np
+import pytest
+
+from gpsim.errors import UsageError
+from gpsim.simulators import make_simulator
+
+GOOD = """
+import numpy as np
+
+class Tank:
+    state = {"level": "m"}
+    action = {"pump": "V"}
+    parameters = {"outflow": ("m^0.5/s", 0.1, 0.0, 10.0)}
+
+    def rates(self, state, action, p):
+        return {"level": action["pump"] - p["outflow"] * np.sqrt(state["level"])}
+
+class Cart:
+    state = {"q": "m", "q_dot": "m/s"}
+    action = {"push": "N"}
+    parameters = {"mass": ("kg", 2.0, 0.1, 10.0)}
+    coordinates = {"q": "q_dot"}
+    force_units = {"q": "N"}
+
+    def rates(self, state, action, p, forces):
+        return {"q_dot": (action["push"] + forces["q"]) / p["mass"]}
+"""
+
+
+def write(tmp_path, text):
+    path = tmp_path / "mine.py"
+    path.write_text(text)
+    return path
+
+
+def test_a_first_order_system(tmp_path):
+    tank = make_simulator(f"{write(tmp_path, GOOD)}:Tank")
+    state, action = np.array([[4.0], [9.0]]), np.array([[1.0], [0.0]])
+    np.testing.assert_allclose(tank.rates(state, action, tank.defaults()), [[0.8], [-0.3]])
+    after = tank.step(state, action, tank.defaults(), np.full(2, 0.5), "euler")
+    np.testing.assert_allclose(after, [[4.4], [8.85]])
+    assert tank.rate.units == {"level_rate": "m/s"}
+
+
+def test_a_mechanical_system_takes_forces(tmp_path):
+    cart = make_simulator(f"{write(tmp_path, GOOD)}:Cart")
+    rates = cart.rates(np.zeros((1, 2)), np.ones((1, 1)), cart.defaults(), np.array([[3.0]]))
+    np.testing.assert_allclose(rates, [[2.0]])
+    np.testing.assert_allclose(cart.derivative(np.array([[0.0, 5.0]]), rates), [[5.0, 2.0]])
+    assert cart.coordinates[0].rate == "q_acc"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("class Tank", "class Other", "no class 'Tank'"),
+        ("import numpy as np", "import no_such_module", "ModuleNotFoundError"),
+        ("import numpy as np", "def (", "SyntaxError"),
+        (
+            'return {"level": action',
+            'raise RuntimeError("boom"); return {"level": action',
+            "RuntimeError: boom",
+        ),
+        ('{"level": action', '{"height": action', "must return a dictionary with level"),
+        ('np.sqrt(state["level"])', "np.ones((7, 2))", "operands could not be broadcast"),
+        ('action["pump"] - p["outflow"] * np.sqrt(state["level"])', "np.ones(7)", "must be 3 numbers"),
+        ('np.sqrt(state["level"])', "np.nan", "not finite"),
+        ('{"level": "m"}', "{}", "'state' must be a dictionary"),
+        ('("m^0.5/s", 0.1, 0.0, 10.0)', "0.1", "unit, default, low, high"),
+        ("def rates(self, state, action, p)", "def rates(self, state)", "rates must take"),
+        ("def rates(self, state, action, p)", "def rate(self, state, action, p)", "needs a method rates"),
+    ],
+)
+def test_faults_are_one_line(tmp_path, old, new, message):
+    text = GOOD.replace(old, new, 1)
+    assert text != GOOD
+    path = write(tmp_path, text)
+    with pytest.raises(UsageError, match=message) as caught:
+        make_simulator(f"{path}:Tank")
+    assert "\n" not in str(caught.value)
+    assert "mine.py" in str(caught.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(UsageError, match="no file"):
+        make_simulator(f"{tmp_path}/nothing.py:Tank")
