@@ -59,8 +59,9 @@ class LoopReport:
     summary: the content of summary.json (returns, returns_all, returns_certified, share, one_step,
     one_step_random, rollout); returns: policy to (seeds, N) episode returns on the target, NaN where unknown;
     starts: the keys of START_SETS to masks (N,); best_return: what an episode earns at most; curves: policy to
-    one (steps, mean return) per seed; slices: rate to slice, of the first seed; fits: seed to the content of
-    fit.json; rollouts: simulator to (B, T + 1, S) states in the order of `states`; units: channel or rate to unit;
+    one (steps, mean return) per seed; slices: rate to slice, of the first seed; named: seed to what its
+    diagnosis found, in sentences; fits: seed to the content of fit.json; rollouts: simulator to (B, T + 1, S) states
+    in the order of `states`; units: channel or rate to unit;
     limits: channel to the absolute value beyond which an episode ends; settings: the resolved configuration worth
     knowing; command: what makes this report again.
     """
@@ -73,6 +74,7 @@ class LoopReport:
     best_return: float = 500.0
     curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
     slices: Mapping[str, ResidualSlice] = field(default_factory=dict)
+    named: Mapping[int, Sequence[str]] = field(default_factory=dict)
     fits: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     states: tuple[str, ...] = ()
     rollouts: Mapping[str, FloatArray] = field(default_factory=dict)

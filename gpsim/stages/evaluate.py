@@ -25,17 +25,19 @@ from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import certify, fit_gp, train_gp_policy, train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 
 TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
     "Source": (train_source.STAGE, {"variant": "source"}),
     "Domain randomisation": (train_source.STAGE, {"variant": "randomised"}),
-    "GP-Mean": (train_gp_policy.STAGE, {"prediction": "mean"}),
-    "GP-Sample": (train_gp_policy.STAGE, {"prediction": "sample"}),
+    "GP-Mean": (train_gp_policy.STAGE, {"correction": "gp", "prediction": "mean"}),
+    "GP-Sample": (train_gp_policy.STAGE, {"correction": "gp", "prediction": "sample"}),
+    "Effects": (train_gp_policy.STAGE, {"correction": "effects"}),
     "Target": (train_source.STAGE, {"variant": "target"}),
 }
-"""The policies of Table 4.4 and the stage that trains each."""
+"""The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
 MUCH_OUTSIDE = 0.1
@@ -60,6 +62,8 @@ def recipe(request: Request) -> Recipe:
         "certified": certify.STAGE.need(request),
     }
     source = train_source.STAGE.need(request.having(variant="source"))
+    if "Effects" in policy_names(request):
+        parents["diagnosis"] = find_diagnosis(request)
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         parents[name] = stage.need(request.having(**settings))
@@ -165,10 +169,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
             request.having(prediction="sample"), recipe.parents["gp"].path
         ),
     }
+    if "diagnosis" in recipe.parents:
+        named = request.having(correction="effects")
+        plants["Effects"] = train_gp_policy.effects_plant(named, recipe.parents["diagnosis"])
     paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
-    for name in ("Source", "GP-Mean", "GP-Sample"):
+    for name in (name for name in plants if name != "Target"):
         distance = divergence(paths[name], paths["Target"], target.state)
         found[name] = {
             "rms": root_mean_square(distance, target.state),

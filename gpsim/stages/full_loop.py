@@ -24,10 +24,13 @@ def _plan_seed(request: Request, seed: int) -> list[Job]:
     collect = Job(f"collect · seed {seed}", "collect", request, (source.label,))
     residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, (collect.label,))
     fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
-    jobs = [source, collect, residuals, fit]
+    diagnose = Job(f"diagnose · seed {seed}", "diagnose", request, (collect.label,))
+    jobs = [source, collect, residuals, fit, *([diagnose] if "Effects" in policy_names(request) else [])]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         after = (fit.label,) if stage.name == "train-gp-policy" else ()
+        if name == "Effects":
+            after = (diagnose.label,)
         job = Job(f"{name} · seed {seed}", stage.name, request.having(**settings), after)
         if name != "Source":
             jobs.append(job)

@@ -20,6 +20,7 @@ from gpsim.reports.page import render
 from gpsim.reports.slices import residual_slices
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
 from gpsim.stages.building import base_plant, make_task
+from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage
 
 SETTINGS = (
@@ -81,6 +82,7 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
         },
         slices=_slices(first),
+        named=_named(requests) if "Effects" in evaluate.policy_names(request) else {},
         fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
         states=base.state.names,
         rollouts=_rollouts(evaluated[seeds[0]]),
@@ -99,6 +101,8 @@ def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int 
         own = request.having(seed=seed)
         for stage in (collect.STAGE, build_residuals.STAGE, fit_gp.STAGE):
             found.append((stage.name, seed, stage.need(own)))
+        if "Effects" in evaluate.policy_names(request):
+            found.append(("diagnose", seed, find_diagnosis(own)))
         for name in evaluate.policy_names(request):
             stage, settings = evaluate.TRAINED_BY[name]
             found.append((name, seed, stage.need(own.having(**settings))))
@@ -122,6 +126,10 @@ def _slices(request: Request) -> Mapping[str, ResidualSlice]:
     correction = train_gp_policy.corrected_plant(request, fit_gp.STAGE.need(request).path).correction
     assert isinstance(correction, GpCorrection)
     return residual_slices(residuals, correction, residuals.training_rows(request.config["gp"]["n_train"]))
+
+
+def _named(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
+    return {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
 
 
 def _rollouts(artifact: Artifact) -> Mapping[str, FloatArray]:

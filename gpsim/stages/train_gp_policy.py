@@ -2,56 +2,79 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from gpsim.artifacts import Json, Recipe
-from gpsim.corrected import PREDICTIONS, CorrectedPlant
+from gpsim.artifacts import Artifact, Json, Recipe
+from gpsim.corrected import PREDICTIONS, CorrectedPlant, GpCorrection
+from gpsim.corrected_effects import EffectsPlant
 from gpsim.errors import UsageError
 from gpsim.settings import choice
+from gpsim.simulators.plant import Plant
 from gpsim.stages import fit_gp
 from gpsim.stages.building import base_plant
+from gpsim.stages.diagnose import read_corrected
+from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_gp_correction
 from gpsim.stages.stage import Request, Stage
 from gpsim.stages.train_source import train
 
+CORRECTIONS = ("gp", "effects", "effects+gp")
+
 
 def recipe(request: Request) -> Recipe:
-    """The base simulator, the GPs and how they are used."""
-    prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
-    # What a sample is of does not matter to a mean: the same mean policy serves both settings.
-    keys = (
-        "simulator",
-        "task",
-        "policy",
-        "prediction",
-        *(("sample_noise",) if prediction == "sample" else ()),
+    """The base simulator, what corrects it and how."""
+    correction = choice(request.config["correction"], CORRECTIONS, "correction")
+    keys = ["simulator", "task", "policy", "correction"]
+    if correction != "effects":
+        keys.append("prediction")
+        if choice(request.config["prediction"], PREDICTIONS, "prediction") == "sample":
+            keys.append("sample_noise")  # a mean is the same whatever a sample is of
+    parents = (
+        {"gp": fit_gp.STAGE.need(request)} if correction == "gp" else {"diagnosis": find_diagnosis(request)}
     )
-    return Recipe(
-        "train-gp-policy", request.section(*keys), {"gp": fit_gp.STAGE.need(request)}, {"seed": request.seed}
-    )
+    return Recipe("train-gp-policy", request.section(*keys), parents, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
-    return train(
-        request,
-        corrected_plant(request, recipe.parents["gp"].path),
-        f"train-gp-policy/{request.config['prediction']}",
-        folder,
-    )
+    correction, prediction = request.config["correction"], request.config["prediction"]
+    if correction == "gp":
+        plant: Plant = corrected_plant(request, recipe.parents["gp"].path)
+    else:
+        plant = effects_plant(request, recipe.parents["diagnosis"])
+    purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
+    return train(request, plant, f"train-gp-policy/{purpose}", folder)
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
     """The base simulator corrected by the GPs, as the request's `prediction` and `sample_noise` say."""
     base = base_plant(request.config)
     prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
-    noise = request.config["sample_noise"]
-    if not isinstance(noise, bool):
-        raise UsageError(f"sample_noise: expected true or false, got {noise!r}")
-    correction = read_gp_correction(gp_folder, base.state + base.action, prediction, noise)  # type: ignore[arg-type]
+    correction = read_gp_correction(gp_folder, base.state + base.action, prediction, _noise(request))  # type: ignore[arg-type]
     return CorrectedPlant(base.simulator, base.parameters, base.integrator, base.dt, correction)
 
 
+def effects_plant(request: Request, diagnosis: Artifact) -> EffectsPlant:
+    """The base simulator with the effects that a diagnosis named, and with `effects+gp` a GP on the remainder."""
+    plant = read_corrected(diagnosis.path, gp=request.config["correction"] == "effects+gp")
+    if not isinstance(plant.correction, GpCorrection):
+        return plant
+    prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
+    sampled = replace(plant.correction, prediction=prediction, sample_noise=_noise(request))  # type: ignore[arg-type]
+    return replace(plant, correction=sampled)
+
+
+def _noise(request: Request) -> bool:
+    noise = request.config["sample_noise"]
+    if not isinstance(noise, bool):
+        raise UsageError(f"sample_noise: expected true or false, got {noise!r}")
+    return noise
+
+
 STAGE = Stage(
-    "train-gp-policy", "Train a policy in the corrected simulator (prediction=mean|sample).", recipe, write
+    "train-gp-policy",
+    "Train a policy in the corrected simulator (correction=gp|effects|effects+gp prediction=mean|sample).",
+    recipe,
+    write,
 )

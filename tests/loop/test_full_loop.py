@@ -56,14 +56,21 @@ def test_the_loop_leaves_every_artifact_and_a_report(finished):
         name: len(list(folder.glob(f"runs/cartpole/{name}/v*")))
         for name in ("train-source", "train-gp-policy")
     }
-    assert count == {"train-source": 6, "train-gp-policy": 4}
+    assert count == {"train-source": 6, "train-gp-policy": 6}
     for path in versions(folder):
         read_artifact(path)
     summary = json.loads((folder / ended.stdout.splitlines()[-1]).read_text())
     assert summary["experiment"] == "cartpole"
     assert summary["seeds"] == [0, 1]
     for key in ("returns", "returns_all", "returns_certified"):
-        assert set(summary[key]) == {"Source", "Domain randomisation", "GP-Mean", "GP-Sample", "Target"}
+        assert set(summary[key]) == {
+            "Source",
+            "Domain randomisation",
+            "GP-Mean",
+            "GP-Sample",
+            "Effects",
+            "Target",
+        }
     assert summary["returns_all"]["Target"]["episodes"] == 24
     assert {"mean", "std", "episodes", "interval"} <= set(summary["returns_all"]["Source"])
     assert set(summary["share"]) == {"returns", "returns_all", "returns_certified"}

@@ -1,0 +1,45 @@
+"""The diagnosis inside the loop: of the recording that `collect` made, against the base simulator."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from gpsim.artifacts import Artifact, Json, Recipe, read_artifact
+from gpsim.stages import collect, diagnose
+from gpsim.stages.stage import Request, Stage
+
+
+def _stage(request: Request) -> Stage:
+    given = request.config["recording"]
+    recording = Path(str(given)) if given is not None else collect.STAGE.need(request).path
+    return diagnose.stage_for(diagnose.Task(recording, str(request.config["simulator"]["name"])))
+
+
+def _recipe(request: Request) -> Recipe:
+    return _stage(request).recipe(request)
+
+
+def _write(request: Request, recipe: Recipe, folder: Path) -> Json | None:
+    return _stage(request).write(request, recipe, folder)
+
+
+def find_diagnosis(request: Request) -> Artifact:
+    """The diagnosis that `diagnosis=` names, or the loop's own."""
+    given = request.config["diagnosis"]
+    return read_artifact(Path(str(given)), "diagnose") if given is not None else STAGE.need(request)
+
+
+def sentences(artifact: Artifact) -> list[str]:
+    """What was found, in plain words: a sentence an effect, or the verdict alone."""
+    report = json.loads((artifact.path / "diagnosis.json").read_text(encoding="utf-8"))
+    return [str(effect["sentence"]) for effect in report["effects"]] or [f"verdict: {report['verdict']}"]
+
+
+STAGE = Stage(
+    "diagnose",
+    "Say where recording and simulator differ, and which physics is missing.",
+    _recipe,
+    _write,
+    sentences,
+)
