@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 GPSIM := $(BIN)/gpsim
 # Settings for any stage target, as: make fit-gp ARGS="gp.n_train=500 seed=3"
 ARGS ?=
-STAGES := train-source collect build-residuals fit-gp train-gp-policy certify evaluate
+STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
 .PHONY: help install run smoke report $(STAGES) test test-slow lint format types bench wheel clean

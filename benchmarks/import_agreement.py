@@ -24,8 +24,8 @@ LOG = FOLDER / "csv" / "90_model_validation_long_term_predictions"
 ECHOED = (
     "action.v_cmd.topic=/sensors_and_input_1",
     "action.v_cmd.field=data.8",
-    "action.steering_cmd.topic=/sensors_and_input_1",
-    "action.steering_cmd.field=data.9",
+    "action.steering.topic=/sensors_and_input_1",
+    "action.steering.field=data.9",
 )
 
 

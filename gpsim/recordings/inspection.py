@@ -158,7 +158,7 @@ def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
     if command is not None and command.type in _ACKERMANN:
         system, prefix = "ackermann", _ACKERMANN[command.type]
         action["v_cmd"] = {"topic": command.name, "field": f"{prefix}speed", "unit": "m/s"}
-        action["steering_cmd"] = {"topic": command.name, "field": f"{prefix}steering_angle", "unit": "rad"}
+        action["steering"] = {"topic": command.name, "field": f"{prefix}steering_angle", "unit": "rad"}
     elif command is not None:
         prefix = _TWISTS[command.type]
         action["v_cmd"] = {"topic": command.name, "field": f"{prefix}linear.x", "unit": "m/s"}
