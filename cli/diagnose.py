@@ -8,13 +8,18 @@ from typing import Annotated
 
 import typer
 
+from gpsim.errors import UsageError
+
 from .configuration import resolve
 from .progress import single_progress
 
-RecordingPath = Annotated[
-    Path, typer.Argument(metavar="RECORDING", help="A recording's folder, or a bare CSV.")
+Words = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[RECORDING] [KEY=VALUE]...",
+        help="A recording's folder or a bare CSV (the loop's own recording without one), and settings, as seed=1.",
+    ),
 ]
-Overrides = Annotated[list[str] | None, typer.Argument(metavar="[KEY=VALUE]...", help="Settings, as seed=1.")]
 SimulatorName = Annotated[
     str | None,
     typer.Option(
@@ -29,23 +34,25 @@ Explain = Annotated[bool, typer.Option("--explain", help="Print the whole rankin
 
 
 def diagnose_command(
-    recording: RecordingPath,
-    words: Overrides = None,
+    words: Words = None,
     simulator: SimulatorName = None,
     out: Out = None,
     explain: Explain = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
-    config = resolve(words or [], None)
+    recording, settings = _split(words or [])
+    config = resolve(settings, None)
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.diagnosis.telling import paragraphs, ranking
-    from gpsim.stages.diagnose import Task, make, read_diagnosis
+    from gpsim.stages import diagnose_loop
+    from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.stage import Request
 
+    if recording is None and simulator is not None:
+        raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
+    stage = diagnose_loop.STAGE if recording is None else stage_for(Task(recording, simulator))
     with single_progress("diagnose") as progress:
-        artifact, existed = make(
-            Request(config, tuple(words or ()), progress, out), Task(recording, simulator)
-        )
+        artifact, existed = stage.make(Request(config, tuple(settings), progress, out))
     report = read_diagnosis(artifact.path)
     typer.echo(f"Verdict: {report['verdict']}\n")
     for text in paragraphs(report):
@@ -55,3 +62,11 @@ def diagnose_command(
         for line in ranking(report):
             typer.echo(line)
     typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+
+
+def _split(words: list[str]) -> tuple[Path | None, list[str]]:
+    """The recording and the settings; a word with = is a setting unless something of that name exists."""
+    recordings = [word for word in words if "=" not in word or Path(word).exists()]
+    if len(recordings) > 1:
+        raise UsageError(f"diagnose: one RECORDING at a time, got {', '.join(recordings)}")
+    return Path(recordings[0]) if recordings else None, [word for word in words if word not in recordings]

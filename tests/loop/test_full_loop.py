@@ -174,3 +174,17 @@ def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     assert full.stderr.count("\n") == 1
     assert not list(tmp_path.glob("runs/*/*/*"))
     assert subprocess.run(command, cwd=tmp_path, capture_output=True, check=False).returncode == 0
+
+
+def test_the_loop_trains_with_what_its_own_diagnosis_named(finished):
+    folder, _ = finished
+    for seed in (0, 1):
+        manifest = json.loads(
+            (folder / f"runs/cartpole/train-gp-policy/v000{3 * (seed + 1)}/manifest.json").read_text()
+        )
+        assert manifest["config"]["correction"] == "effects"
+        assert manifest["seeds"] == {"seed": seed}
+        assert manifest["parents"]["diagnosis"]["stage"] == "diagnose"
+    words = ["train-gp-policy", *TINY, "correction=effects+gp", "diagnosis=runs/cartpole/diagnose/v0002"]
+    ended = subprocess.run([*LOOP[:3], *words], cwd=folder, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
