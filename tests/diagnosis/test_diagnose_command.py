@@ -77,7 +77,7 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
         state, memory = np.zeros((3, 2)), plant.begin(3, rng)
         for _ in range(10):
             state = plant.step(state, np.full((3, 1), 4.0), memory, rng)
-        np.testing.assert_allclose(state[:, 1], 0.2 * 4.0 * 0.5 / 2.0, rtol=0.05)
+        np.testing.assert_allclose(state[:, 1], 0.2 * 4.0 * 0.5 / 2.0, rtol=0.15 if gp else 0.02)
 
 
 @pytest.mark.parametrize(

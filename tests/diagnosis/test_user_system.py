@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.recordings import Episode, Recording
@@ -11,6 +12,7 @@ from gpsim.simulators import make_simulator
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 
 
+@pytest.mark.slow
 def test_a_weak_pump_of_the_cascaded_tanks_is_found():
     tanks = make_simulator(f"{EXAMPLE}:CascadedTanks")
     rng, episodes = np.random.default_rng(0), []
