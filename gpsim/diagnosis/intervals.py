@@ -14,7 +14,8 @@ from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import correlation_time
-from gpsim.diagnosis.shooting import Fit, Problem, gradient_at, objective
+from gpsim.diagnosis.shooting import Fit, Problem, gradient_at
+from gpsim.diagnosis.shooting import fit as shoot
 
 LEVEL = 0.90
 LIKELIHOOD_DROP = 1.353  # half the 90 % quantile of chi squared with one degree of freedom
@@ -67,7 +68,7 @@ def _numerical_shift(problem: Problem, fit: Fit) -> FloatArray:
 
 
 def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:
-    """Walk from the estimate until the likelihood, start states standing, has dropped by the interval's share."""
+    """Walk from the estimate until the likelihood, start states fitted anew, has dropped by the interval's share."""
     theta = fit.hypothesis.theta
     parameter = fit.hypothesis.parameters[index]
     inside, pace = 0.0, step / 16
@@ -75,7 +76,8 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:
     for _ in range(WALK):
         at = theta.copy()
         at[index] = np.clip(theta[index] + inside + pace, parameter.low, parameter.high)
-        value = objective(problem, problem.residuals(fit.hypothesis, at[None], fit.starts[None])[0])
+        frozen = fit.hypothesis.having(at).frozen()
+        value = shoot(problem, frozen, fit.starts, iterations=3).objective
         if value - best < LIKELIHOOD_DROP:
             inside += pace
             pace *= 1.5

@@ -13,7 +13,7 @@ from gpsim.diagnosis.shooting import Fit, Problem, fit
 from gpsim.diagnosis.windows import LENGTH, Windows, cut
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
-from gpsim.residuals import check_match
+from gpsim.residuals import check_match, check_varies
 from gpsim.simulators import Simulator
 from gpsim.simulators.simulator import INTEGRATORS
 
@@ -36,6 +36,7 @@ class Question:
 def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> Question:
     """Cut, split and measure; raises UsageError when recording and simulator do not match or it is too short."""
     check_match(recording, simulator)
+    check_varies(recording)
     if recording.integrator not in INTEGRATORS:
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"

@@ -22,7 +22,7 @@ FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 GATED = 4
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
-STRUCTURED = 1e-3  # p-value below which a residual is not white
+STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,18 @@ from gpsim.simulators import Simulator
 STEP_OF_STATE, STEP_OF_PARAMETER = 1e-5, 1e-4  # finite differences, in units of the typical size
 TRIALS = (1.0,)  # shares of a Gauss-Newton step that are tried beside none of it
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
-PATTERN = (12.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25)  # finite-difference steps that a pattern search reaches
+PATTERN_ROUNDS = (1, 3, 5, 8)
+PATTERN = (
+    12.0,
+    8.0,
+    4.0,
+    2.0,
+    1.0,
+    0.5,
+    0.25,
+    0.1,
+    0.04,
+)  # finite-difference steps that a pattern search reaches
 
 
 @dataclass(frozen=True)
@@ -99,7 +110,7 @@ def fit(
     damping, per_window = 1e-3, np.full(len(starts), 1e-3)
     converged, still = False, 0
     for round_ in range(iterations):
-        if round_ in (1, 4) and any(p.step for p in hypothesis.parameters):
+        if round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
             theta, starts, residual = _searched_pattern(
                 problem, hypothesis, theta, starts, residual, low, high
             )

@@ -12,7 +12,7 @@ from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST_GAP = 1.8  # in steps: a longer one may hide commands, no window crosses it
-PRE_ROLL = 40  # transitions before a window that an actuator may remember
+PRE_ROLL = 80  # transitions before a window that an actuator may remember
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def test_nothing_is_claimed_where_nothing_is_missing(system, how):
 
 
 def test_physics_outside_the_catalogue_is_unknown():
-    world = World("pendulum", forces={0: lambda q, v, t: 0.6 * np.sin(6 * q)})
+    world = World("pendulum", forces={0: lambda q, v, t: 1.2 * np.sin(6 * q)})
     report = run(record(world, seed=5, episodes=6, steps=155))
     assert report["verdict"] == "unknown"
     assert report["remainder"]["structured"]

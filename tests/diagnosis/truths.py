@@ -28,12 +28,14 @@ def channel_filter(column, function):
     return apply
 
 
-def level_filter(update):
+def level_filter(update, mean=True):
+    """The mean over a fine step of a level that moves; a level that jumps has its new value at once."""
+
     def apply(u, t, h, memory):
         level = memory.setdefault(id(update), np.zeros_like(u))
         before = level.copy()
         level[:] = update(level, u, h)
-        return (before + level) / 2
+        return (before + level) / 2 if mean else level.copy()
 
     return apply
 
@@ -135,8 +137,8 @@ def actuators(system: str, column: int, action: str, top: float, dt: float = 0.0
     def limit(level, u, h):
         return level + np.clip(u - level, -rate * h, rate * h)
 
-    def held(update):
-        apply = level_filter(update)
+    def held(update, mean=True):
+        apply = level_filter(update, mean)
         return lambda u, t, h, m: apply(u, t, h, m)
 
     delay = delayed(2.5 * dt)
@@ -154,7 +156,7 @@ def actuators(system: str, column: int, action: str, top: float, dt: float = 0.0
         Truth("actuator_delay", action, {"delay": 2.5 * dt}, make(lambda u, t, h, m: delay(u, t, h, m))),
         Truth("actuator_lag", action, {"time_constant": time_constant}, make(held(lag))),
         Truth("actuator_rate_limit", action, {"rate": rate}, make(held(limit))),
-        Truth("actuator_backlash", action, {"half_width": half}, make(held(backlash))),
+        Truth("actuator_backlash", action, {"half_width": half}, make(held(backlash, mean=False))),
         Truth("battery_sag", action, {"loss_per_second": 0.05}, make(lambda u, t, h, m: u * (1 - 0.05 * t))),
     ]  # fmt: skip
 

@@ -1,0 +1,130 @@
+"""gpsim diagnose: files of the contract, a plant that steps, and one line for every bad input."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from gpsim.cli.main import app
+from typer.testing import CliRunner
+
+from gpsim.errors import UsageError
+from gpsim.recordings.files import write_recording
+from gpsim.stages.diagnose import read_corrected
+
+from .worlds import World, record
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording")
+    world = World("slider", filters=[lambda u, t, h, m: 0.5 * u])
+    write_recording(record(world, seed=1, episodes=5, steps=105), path, "csv")
+    return path
+
+
+@pytest.fixture(scope="module")
+def diagnosed(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("out") / "diagnosis"
+    result = CliRunner().invoke(
+        app, ["diagnose", str(folder), "--simulator", "slider", "--out", str(out), "--explain"]
+    )
+    assert result.exit_code == 0, result.output
+    return out, result.output
+
+
+def test_it_says_four_paragraphs_with_numbers(diagnosed):
+    _, said = diagnosed
+    for start in ("Verdict: ambiguous", "Where:", "What:", "How much", "Is the fit better"):
+        assert start in said
+    assert "Nats behind the best" in said
+
+
+def test_the_files_keep_the_contract(diagnosed):
+    out, _ = diagnosed
+    report = json.loads((out / "diagnosis.json").read_text())
+    assert report["schema"] == "gpsim.diagnosis/1"
+    assert set(report) >= {"verdict", "location", "effects", "alternatives", "tell_apart", "fit", "remainder"}
+    assert report["fit"]["held_out"] == ["4"]
+    effect = report["effects"][0]
+    assert set(effect) >= {
+        "family",
+        "on",
+        "site",
+        "parameters",
+        "region",
+        "since",
+        "probability",
+        "explains",
+        "sentence",
+    }
+    errors = report["fit"]["one_step"]["q_acc"]
+    assert errors["after"] < errors["before"]
+    assert errors["after"] < 1.3 * errors["noise_floor"]
+    assert {p.name for p in (out / "figures").iterdir()} == {
+        "residual_inputs.png",
+        "residual_time.png",
+        "traces.png",
+    }
+    assert "Verdict: ambiguous" in (out / "report.html").read_text()
+
+
+def test_the_corrected_simulator_steps_in_batches(diagnosed):
+    out, _ = diagnosed
+    rng = np.random.default_rng(0)
+    for gp in (False, True):
+        plant = read_corrected(out, gp)
+        state, memory = np.zeros((3, 2)), plant.begin(3, rng)
+        for _ in range(10):
+            state = plant.step(state, np.full((3, 1), 4.0), memory, rng)
+        np.testing.assert_allclose(state[:, 1], 0.2 * 4.0 * 0.5 / 2.0, rtol=0.15 if gp else 0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda meta: meta.update(state={"q": "m", "speed": "m/s"}), "speed"),
+        (lambda meta: meta.update(state={"q": "mm", "q_dot": "m/s"}), "mm"),
+        (lambda meta: meta.update(integrator="magic"), "magic"),
+        (lambda meta: meta.update(parameters={"weight": 1.0}), "weight"),
+        (lambda meta: meta.update(action={"push": "N"}), "push"),
+    ],
+)
+def test_a_mismatch_is_one_line(folder, tmp_path, change, message):
+    meta = yaml.safe_load((folder / "recording.yaml").read_text())
+    change(meta)
+    (tmp_path / "recording.yaml").write_text(yaml.safe_dump(meta))
+    (tmp_path / "recording.csv").write_bytes((folder / "recording.csv").read_bytes())
+    result = CliRunner().invoke(
+        app, ["diagnose", str(tmp_path), "--simulator", "slider", "--out", str(tmp_path / "o")]
+    )
+    assert isinstance(result.exception, UsageError)
+    assert message in str(result.exception)
+    assert "\n" not in str(result.exception)
+
+
+@pytest.mark.parametrize("fault", ["short", "constant", "nan"])
+def test_bad_data_are_one_line(folder, tmp_path, fault):
+    lines = (folder / "recording.csv").read_text().splitlines()
+    if fault == "short":
+        lines = lines[:30]
+    elif fault == "constant":
+        lines = [
+            lines[0],
+            *(",".join([*row.split(",")[:-1], "1.0" if row.split(",")[-1] else ""]) for row in lines[1:]),
+        ]
+    else:
+        lines[7] = lines[7].replace(lines[7].split(",")[2], "nan")
+    (tmp_path / "recording.csv").write_text("\n".join(lines) + "\n")
+    (tmp_path / "recording.yaml").write_text((folder / "recording.yaml").read_text())
+    result = CliRunner().invoke(app, ["diagnose", str(tmp_path), "--out", str(tmp_path / "o")])
+    assert isinstance(result.exception, UsageError)
+    assert "\n" not in str(result.exception)
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_bare_table_needs_a_simulator(folder, tmp_path):
+    (tmp_path / "log.csv").write_bytes((folder / "recording.csv").read_bytes())
+    result = CliRunner().invoke(app, ["diagnose", str(tmp_path / "log.csv"), "--out", str(tmp_path / "o")])
+    assert isinstance(result.exception, UsageError)
+    assert "--simulator" in str(result.exception)
