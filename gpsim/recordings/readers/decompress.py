@@ -75,16 +75,25 @@ def expand_message(data: bytes, limit: int) -> bytes:
     return b"".join(parts)
 
 
-def expand_file(source: Path, target: Path) -> None:
-    """Decompress a zstd file, piece by piece; DamageError beyond 200 times its size (and 64 MiB)."""
+def expand_file(source: Path, target: Path) -> str | None:
+    """Decompress a zstd file, piece by piece, at most 200 times its size (and 64 MiB); why not all of it, or None."""
     limit = 200 * source.stat().st_size + (64 << 20)
-    written = 0
+    written, inside = 0, True
     try:
-        with source.open("rb") as packed, zstd.open(packed, "rb") as reader, target.open("wb") as out:
-            while piece := reader.read(_STEP):
-                written += len(piece)
-                if written > limit:
-                    raise DamageError(f"{source.name} makes more than {limit} bytes")
-                out.write(piece)
+        with source.open("rb") as packed, target.open("wb") as out:
+            machine = zstd.ZstdDecompressor()
+            while feed := packed.read(_STEP):
+                inside = True
+                while feed or not machine.needs_input:
+                    piece = machine.decompress(feed, max_length=_STEP)
+                    feed = b""
+                    written += len(piece)
+                    if written > limit:
+                        return f"{source.name} makes more than {limit} bytes"
+                    out.write(piece)
+                    if machine.eof:  # several frames may follow one another
+                        feed, machine = machine.unused_data, zstd.ZstdDecompressor()
+                        inside = bool(feed)
     except (zstd.ZstdError, EOFError, OSError, MemoryError) as error:
-        raise DamageError(f"{source.name} cannot be decompressed: {one_line(error, 80)}") from error
+        return f"{source.name} cannot be decompressed behind byte {written}: {one_line(error, 80)}"
+    return f"{source.name} ends early" if inside else None

@@ -108,23 +108,29 @@ class Folder:
         try:
             regular_file(path)
             if compressed:
-                path = self._unpack(path)
+                path = self._unpack(path, ledger)
             opener = self.openers.get(path.suffix)
             if opener is None:
                 raise DamageError(f"{one_line(name, 80)} is neither .db3 nor .mcap")
             return opener(path)
         except DamageError as error:
             ledger.lost(error.reason, METADATA)
-        except Exception as error:
-            ledger.lost(f"storage file: {error}", METADATA)
+        except UsageError as error:
+            if not ledger.salvage:
+                raise
+            ledger.lost(str(error), METADATA)
         return None
 
-    def _unpack(self, path: Path) -> Path:
+    def _unpack(self, path: Path, ledger: Ledger) -> Path:
         if self._unpacked is None:
             self._unpacked = Path(mkdtemp(prefix="gpsim-bag-"))
             weakref.finalize(self, shutil.rmtree, self._unpacked, ignore_errors=True)
         target = self._unpacked / path.stem
-        expand_file(path, target)
+        reason = expand_file(path, target)
+        if reason is not None:
+            ledger.lost(reason, METADATA)
+        if not target.is_file() or target.stat().st_size == 0:
+            raise DamageError(f"nothing of {one_line(path.name, 80)} can be decompressed")
         return target
 
     def _compare(self, found: list[Stream], metadata: Metadata, ledger: Ledger) -> list[Stream]:
