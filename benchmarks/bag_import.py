@@ -141,7 +141,11 @@ def one_run(reader: str, path: Path) -> None:
     count = READERS[reader](path)
     seconds, wall = time.process_time() - start, time.perf_counter() - wall
     peak = peak_mb()
-    print(json.dumps({"rows": count, "seconds": seconds, "wall": wall, "peak_mb": peak, "grown_mb": peak - before}))
+    print(
+        json.dumps(
+            {"rows": count, "seconds": seconds, "wall": wall, "peak_mb": peak, "grown_mb": peak - before}
+        )
+    )
 
 
 def peak_mb() -> float:
