@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import open_log
@@ -144,3 +145,18 @@ def watch(path: Path, done: str, outcomes: Outcomes) -> None:
         grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
         if grown > MEGABYTES:
             outcomes.faults.append(f"{path.name} ({done}, {name}): {grown:.0f} MB")
+
+
+def refused(path: Path, salvage: bool = False) -> str:
+    """The one line that a file ends in."""
+    outcomes = Outcomes()
+    watch(path, "hostile", outcomes)
+    assert not outcomes.faults
+    with deadline(20.0), pytest.raises(UsageError) as caught:
+        read_all(path, salvage)
+    return str(caught.value)
+
+
+def read_all(path: Path, salvage: bool) -> None:
+    log = open_log(path, salvage=salvage)
+    log.series({t.name: t.fields for t in log.topics() if t.fields})

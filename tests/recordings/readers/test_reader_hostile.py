@@ -4,38 +4,20 @@ from __future__ import annotations
 
 import bz2
 import os
-import sqlite3
 import struct
 import zlib
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from bags import EPOCH, KINDS, Messages, drive, write_bag
-from mcap_writer import Chunks, record, text, write_mcap
-from mutations import Outcomes, deadline, watch
+from mcap_writer import record, text
+from mutations import Outcomes, refused, watch
 from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import KINDS as SUFFIXES
 from gpsim.recordings.readers import damage, matlab, open_log
-
-
-def refused(path: Path, salvage: bool = False) -> str:
-    """The one line that a file ends in."""
-    outcomes = Outcomes()
-    watch(path, "hostile", outcomes)
-    assert not outcomes.faults
-    with deadline(20.0), pytest.raises(UsageError) as caught:
-        read_all(path, salvage)
-    return str(caught.value)
-
-
-def read_all(path: Path, salvage: bool) -> None:
-    log = open_log(path, salvage=salvage)
-    log.series({t.name: t.fields for t in log.topics() if t.fields})
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -136,136 +118,6 @@ def test_mcap_chunks_that_swell_or_hold_themselves(tmp_path: Path) -> None:
         assert not outcomes.faults
 
 
-def with_definition(path: Path, name: str, definition: str, data: bytes = bytes(64)) -> Path:
-    rows = [(EPOCH + i, "/x", b"\x00\x01\x00\x00" + data) for i in range(3)]
-    path.write_bytes(write_mcap({"/x": name}, {name: definition}, rows, Chunks()))
-    return path
-
-
-SEPARATOR = "=" * 80
-NESTED = "\n".join(
-    [
-        f"a/T1[1000] x\n{SEPARATOR}",
-        *(f"MSG: a/T{i}\na/T{i + 1}[1000] x\n{SEPARATOR}" for i in range(1, 9)),
-        "MSG: a/T9\nuint8 y",
-    ]
-)
-DEEP = "\n".join(
-    [
-        f"a/T1 x\n{SEPARATOR}",
-        *(f"MSG: a/T{i}\na/T{i + 1} x\n{SEPARATOR}" for i in range(1, 200)),
-        "MSG: a/T200\nuint8 y",
-    ]
-)
-
-
-@pytest.mark.parametrize(
-    ("definition", "says"),
-    [
-        ("string[900000000] x", "expands to"),
-        (NESTED, "expands to"),
-        (DEEP, "nested"),
-        ("a/X x", "contains itself"),
-        (f"a/E[] x\n{SEPARATOR}\nMSG: a/E\n", "too many fields for its bytes"),
-        ("uint8 x\nuint16 x\n", "conflicting"),
-        ("float64 x\n" * 60_000, "bytes long|longer than"),
-        ("uint8[ x", "cannot be parsed"),
-        ("b/Unknown x", "lacks b/msg/Unknown"),
-        ("string x\nuint8 y", "not a a/msg/X"),
-    ],
-)
-def test_definitions_made_to_harm(tmp_path: Path, definition: str, says: str) -> None:
-    path = with_definition(tmp_path / "x.mcap", "a/msg/X", definition, b"\xff" * 64)
-    with deadline(20.0):
-        try:
-            [topic] = open_log(path).topics()
-            field = (*topic.fields, "x")[0]
-            with pytest.raises(UsageError, match=says):
-                open_log(path).series({"/x": [field]})
-        except UsageError as error:
-            assert says.split("|")[1] in str(error)  # the file may be refused as a whole
-    outcomes = Outcomes()
-    watch(path, "definition", outcomes)
-    assert not outcomes.faults
-
-
-def test_a_definition_cannot_run_code(tmp_path: Path) -> None:
-    ran = tmp_path / "ran"
-    code = f"a/msg/X:\n  import pathlib; pathlib.Path({str(ran)!r}).touch()\nclass b/msg/Y"
-    for name in (code, "a/msg/X'''", "__import__('os')/msg/X"):
-        path = with_definition(tmp_path / "x.mcap", name, "uint8 x")
-        outcomes = Outcomes()
-        watch(path, "code", outcomes)
-        assert not outcomes.faults
-    assert not ran.exists()
-
-
-def metadata(folder: Path, change: Callable[[dict[str, object]], object]) -> Path:
-    path = write_bag(
-        folder / "bag", "sqlite3", {"/u": Messages("std_msgs/msg/Float32", [(EPOCH, {"data": 1.0})])}
-    )
-    table = yaml.safe_load((path / "metadata.yaml").read_text())
-    change(table["rosbag2_bagfile_information"])
-    (path / "metadata.yaml").write_text(yaml.safe_dump(table))
-    return path
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda t: t.update(relative_file_paths=["../../etc/passwd"]), "outside the bag's folder"),
-        (lambda t: t.update(relative_file_paths=["/etc/passwd"]), "outside the bag's folder"),
-        (lambda t: t.update(relative_file_paths=["other.db3"]), "does not exist"),
-        (lambda t: t.update(relative_file_paths="bag.db3"), "relative_file_paths"),
-        (lambda t: t.pop("relative_file_paths"), "relative_file_paths"),
-        (lambda t: t.pop("topics_with_message_count"), "topics_with_message_count"),
-        (lambda t: t.update(topics_with_message_count=[3]), "topics_with_message_count"),
-        (lambda t: t.update(version=99), "version is 99"),
-        (lambda t: t.update(compression_mode="file", compression_format="gzip"), "compression file in gzip"),
-        (
-            lambda t: t["topics_with_message_count"][0].update(message_count=7),
-            "announces 7 messages, 1 are there",
-        ),
-    ],
-)
-def test_metadata_that_lies(tmp_path: Path, change: Callable[[dict[str, object]], object], says: str) -> None:
-    assert says in refused(metadata(tmp_path, change))
-
-
-def test_metadata_that_swells(tmp_path: Path) -> None:
-    path = metadata(tmp_path, lambda _: None)
-    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
-    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
-    (path / "metadata.yaml").write_text("\n".join(lines))
-    refused(path)
-    (path / "metadata.yaml").write_text("[" * 1000)
-    refused(path)
-    (path / "metadata.yaml").unlink()
-    assert "no metadata.yaml" in refused(path)
-    assert open_log(path, salvage=True).series({"/u": ["data"]})["/u"].fields["data"].tolist() == [1.0]
-
-
-def test_a_database_that_is_no_bag_or_a_trap(tmp_path: Path) -> None:
-    views = (
-        "CREATE VIEW topics AS SELECT 1 AS id, '/u' AS name, 'std_msgs/msg/Float32' AS type, 'cdr' AS serialization_format",
-        "CREATE VIEW messages AS WITH RECURSIVE c(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM c) "
-        "SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(1000000) AS data FROM c",
-    )
-    for name, statements in (("other", ("CREATE TABLE x(y)",)), ("views", views)):
-        base = sqlite3.connect(tmp_path / f"{name}.db3")
-        for statement in statements:
-            base.execute(statement)
-        base.commit()
-        base.close()
-        assert "not a ROS 2 bag" in refused(tmp_path / f"{name}.db3")
-
-
-def test_a_write_ahead_log_is_not_forgotten(tmp_path: Path) -> None:
-    path = write_bag(tmp_path / "bag", "sqlite3", drive(0.2))
-    (path / "bag.db3-wal").write_bytes(b"x" * 100)
-    assert "bag.db3-wal" in refused(path)
-
-
 def test_a_matlab_file_that_swells(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     packed = zlib.compress(bytes(1 << 20), 9)
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
@@ -344,10 +196,3 @@ def test_many_chunks_that_swell_end_soon(tmp_path: Path, monkeypatch: pytest.Mon
     )
     path = mcap_with(tmp_path / "many.mcap", *[record(6, body)] * 20)
     assert "bytes of messages" in refused(path)
-
-
-def test_definitions_that_take_long_to_parse(tmp_path: Path) -> None:
-    for blank in ("\n" * 200_000, " # x\n" * 50_000, "\t\n" * 100_000):
-        path = with_definition(tmp_path / "x.mcap", "a/msg/X", blank + "uint8 y", b"\x07")
-        with deadline(5.0):
-            assert open_log(path).series({"/x": ["y"]})["/x"].fields["y"].tolist() == [7.0] * 3
