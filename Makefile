@@ -54,7 +54,7 @@ types: install   ## mypy, strict
 	$(BIN)/mypy
 
 bench: install   ## Speed, side by side with other libraries
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt '.[benchmark]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[benchmark]'
 	$(BIN)/python benchmarks/gp_speed.py
 	$(BIN)/python benchmarks/training_speed.py
 
