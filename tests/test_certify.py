@@ -4,16 +4,15 @@ import numpy as np
 from gpsim.cli.configuration import resolve
 
 from gpsim.envs import Episodes
-from gpsim.evaluation.certify import BeamSearch
+from gpsim.evaluation.certify import balance_search
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
-from gpsim.stages.certify import balance_cost
 from gpsim.targets import FrictionCartPole
 from gpsim.tasks import Balance, Start
 
 CARTPOLE = make_simulator("cartpole")
 P = CARTPOLE.defaults()
-SEARCH = BeamSearch(balance_cost(3.83), np.array([0.1, 0.02, 0.005, 0.02]), width=16)
+SEARCH = balance_search(9.8, 0.5, width=16)
 
 
 def solvable(plant, task, states):

@@ -59,3 +59,18 @@ class BeamSearch:
         rank = np.arange(len(owner)) - np.searchsorted(owner, owner, side="left")
         keep = rank < self.width
         return states[keep], owner[keep]
+
+
+def balance_search(gravity: float, half_length: float, width: int) -> BeamSearch:
+    """The search for balancing a uniform pole [m/s^2, m] on a cart with state (x, x_dot, theta, theta_dot).
+
+    The cost is how far the pole's unstable mode theta + theta_dot / omega is from upright, omega^2 = 3 g / (4 l), and
+    a little of the cart's speed and place.
+    """
+    omega = np.sqrt(gravity / (4.0 / 3.0 * half_length))
+
+    def cost(states: FloatArray) -> FloatArray:
+        mode = states[:, 2] + states[:, 3] / omega
+        return np.asarray(np.abs(mode) + 0.02 * np.abs(states[:, 1]) + 0.01 * np.abs(states[:, 0]))
+
+    return BeamSearch(cost, cells=np.array([0.1, 0.02, 0.005, 0.02]), width=width)

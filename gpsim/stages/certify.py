@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Json, Recipe
-from gpsim.channels import BoolArray, FloatArray
-from gpsim.evaluation.certify import BeamSearch, Cost
+from gpsim.channels import BoolArray
+from gpsim.evaluation.certify import balance_search
 from gpsim.settings import positive
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.stage import Request, Stage, generator
@@ -36,26 +36,12 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     task, start = make_task(request.config), evaluation_starts(request)
     base = base_plant(request.config)
     g, half = base.parameters["gravity"], base.parameters["pole_half_length"]
-    search = BeamSearch(
-        cost=balance_cost(float(np.sqrt(g / (4.0 / 3.0 * half)))),
-        cells=np.array([0.1, 0.02, 0.005, 0.02]),
-        width=positive(request.config["certify"]["width"], "certify.width"),
-    )
+    search = balance_search(g, half, positive(request.config["certify"]["width"], "certify.width"))
     solvable = search.solvable(target_plant(request.config), task, start, request.progress)
     columns = {name: start.states[:, i] for i, name in enumerate(base.state.names)}
     table = pd.DataFrame({**columns, "certified": solvable.astype(int)})
     table.to_csv(folder / "certified.csv", index=False, lineterminator="\n")
     return {}
-
-
-def balance_cost(omega: float) -> Cost:
-    """How far the pole's unstable mode theta + theta_dot / omega is from upright, and the cart from rest and centre."""
-
-    def cost(states: FloatArray) -> FloatArray:
-        mode = states[:, 2] + states[:, 3] / omega
-        return np.asarray(np.abs(mode) + 0.02 * np.abs(states[:, 1]) + 0.01 * np.abs(states[:, 0]))
-
-    return cost
 
 
 def read_certified(artifact: Artifact) -> BoolArray:
