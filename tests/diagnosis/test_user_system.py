@@ -13,7 +13,9 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="the step limit is absolute: a system of minutes takes too long to diagnose", run=False)
+@pytest.mark.xfail(
+    reason="the step limit is absolute: a system of minutes takes too long to diagnose", run=False
+)
 def test_a_weak_pump_of_the_cascaded_tanks_is_found():
     tanks = make_simulator(f"{EXAMPLE}:CascadedTanks")
     rng, episodes = np.random.default_rng(0), []
