@@ -21,6 +21,7 @@ from gpsim.diagnosis.preparing import Question, prepare
 from gpsim.diagnosis.search import STRUCTURED, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
+from gpsim.effects import effect_of
 from gpsim.effects.chain import Scheme
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
@@ -49,7 +50,11 @@ def diagnose(
     """Locate, name, model and judge; raises UsageError where nothing can be said."""
     note(0, 100, "cutting windows")
     question = prepare(recording, simulator, parameters)
-    offers = candidates(recording, simulator, parameters)
+    offers = [
+        c
+        for c in candidates(question.recording, simulator, parameters)
+        if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
+    ]
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
@@ -94,6 +99,8 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
         },
         "integration": leader.hypothesis.scheme,
         "tuned": comparison.tuned,
+        "thinned": question.thinned,
+        "not_measured": list(question.hidden),
         "ranking": [
             {
                 "nats_behind": round(-nats, 2),
@@ -119,7 +126,9 @@ def _effects(
         parameters: dict[str, dict[str, Any]] = {}
         for i, p in enumerate(declared):
             low, high = (float(v) for v in bounds[at + i])
-            parameters[p.name] = {"value": term.values[p.name], "low": low, "high": high, "unit": p.unit}
+            value = term.values[p.name]
+            parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
+            parameters[p.name] |= {"at_bound": value in (p.low, p.high)}
         at += len(declared)
         parameters |= _in_other_words(question, found, term.on, parameters)
         without = _without(question, judgement, found, index)
@@ -169,7 +178,10 @@ def _in_other_words(
     other = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}.get(name)
     if other is None:
         return {}
-    return {other[0]: {key: given[key] * other[1] for key in ("value", "low", "high")} | {"unit": other[2]}}
+    return {
+        other[0]: {key: given[key] * other[1] for key in ("value", "low", "high")}
+        | {"unit": other[2], "at_bound": given["at_bound"]}
+    }
 
 
 def _mean_load(problem: Any, hypothesis: Hypothesis, on: str) -> float | None:

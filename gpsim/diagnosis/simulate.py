@@ -12,11 +12,19 @@ from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
+Extra = Callable[[FloatArray, FloatArray], FloatArray]
+"""State (B, S) and action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
 
 
 def simulate(
-    chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, thetas: FloatArray, substeps: int
+    chain: Chain,
+    windows: Windows,
+    starts: FloatArray,
+    spread: Spread,
+    thetas: FloatArray,
+    substeps: int,
+    extra: Extra | None = None,
 ) -> FloatArray:
     """(C, W, L + 1, S): what the sensors would say.
 
@@ -33,7 +41,9 @@ def simulate(
         memory = _pre_roll(chain, windows, every, spread(distinct, count), n)
         which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
         memory = {key: values[which] for key, values in memory.items()}
-        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), spread(thetas, count), n, memory)
+        out = _run(
+            chain, windows, rows, starts.reshape(copies * count, -1), spread(thetas, count), n, memory, extra
+        )
     return out.reshape(copies, count, windows.length + 1, -1)
 
 
@@ -60,6 +70,7 @@ def _run(
     values: Sequence[Values],
     n: int,
     memory: dict[str, FloatArray],
+    extra: Extra | None,
 ) -> FloatArray:
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     state, step = starts, (windows.t[rows, 1] - windows.t[rows, 0]) / n
@@ -72,9 +83,10 @@ def _run(
     for k in range(windows.length):
         action, t = windows.actions[rows, k], windows.t[rows, k]
         step = (windows.t[rows, k + 1] - t) / n
+        added = extra(state, action) if extra is not None else None
         for j in range(n):
             command = chain.command(action, state, values, memory, step, t + j * step)
-            state = chain.advance(state, command, values, step, t + j * step)
+            state = chain.advance(state, command, values, step, t + j * step, added)
             if watching:
                 chain.watch(state, seen)
         state = np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)

@@ -11,6 +11,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
+LONGEST = 100  # transitions a window at most, where a clock is fast
 LONGEST_GAP = 1.8  # in steps: a longer one may hide commands, no window crosses it
 PRE_ROLL = 80  # transitions before a window that an actuator may remember
 
@@ -47,14 +48,20 @@ class Windows:
         return Windows(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def cut(recording: Recording, length: int = LENGTH) -> Windows:
-    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out."""
-    parts = [
-        _window(recording, index, episode, low, high, length)
+def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> Windows:
+    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out.
+
+    most: evenly spread ones are taken where there are more.
+    """
+    places = [
+        (index, episode, low, high)
         for index, episode in enumerate(recording.episodes)
         for first, last in _pieces(episode, recording.dt)
         for low, high in _slices(first, last, length)
     ]
+    if most is not None and len(places) > most:
+        places = [places[i] for i in np.linspace(0, len(places) - 1, most).round().astype(np.int64)]
+    parts = [_window(recording, *place, length) for place in places]
     return (
         Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))
         if parts
@@ -89,6 +96,9 @@ def _window(
     actions = np.concatenate(
         [episode.actions[low:high], np.repeat(episode.actions[high - 1 : high], pad, axis=0)]
     )
+    # An angle runs on inside a window, as the simulated one does, wherever the recorded one wraps.
+    turning = [i for i, channel in enumerate(recording.state) if channel.wraps or channel.unit == "rad"]
+    measured[:, turning] = np.unwrap(measured[:, turning], axis=0)
     t = np.concatenate([episode.t[low : high + 1], episode.t[high] + dt * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
     back = max(0, low - PRE_ROLL)

@@ -1,0 +1,48 @@
+"""What a hypothesis says: from measured starts, on one transition or over many, and from the starts of a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpsim.channels import FloatArray, difference
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.shooting import Fit, Problem
+from gpsim.diagnosis.simulate import Extra, simulate
+from gpsim.diagnosis.windows import Windows
+
+
+def predicted(
+    problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None = None
+) -> FloatArray:
+    """(W, L + 1, S) what the sensors would say, from the measured start; `extra` rates are added."""
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    starts = _starts(problem, windows, hypothesis)[None]
+    theta = hypothesis.theta[None]
+    said = simulate(chain, windows, starts, hypothesis.spread, theta, problem.substeps, extra)
+    return np.asarray(said[0])
+
+
+def traced(problem: Problem, found: Fit) -> FloatArray:
+    """(W, L + 1, S) what the sensors would say in the windows of a fit, from its start states."""
+    hypothesis = found.hypothesis
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    starts, theta = found.starts[None], hypothesis.theta[None]
+    return np.asarray(simulate(chain, problem.windows, starts, hypothesis.spread, theta, problem.substeps)[0])
+
+
+def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+    """(W, S) true states whose measurement is what was measured; two rounds of a fixed point."""
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    measured = windows.measured[:, 0]
+    values = hypothesis.spread(hypothesis.theta[None], len(windows))
+    step = np.full(len(windows), problem.dt / problem.substeps)
+    state = measured
+    for _ in range(2):
+        memory = {}
+        if chain.watches:
+            slope = chain.slope(state, windows.before_actions[:, -1], values, windows.t[:, 0])
+            memory = chain.watchers(state, slope, step)
+        state = state + difference(
+            measured, chain.measure(state, values, memory, step), problem.simulator.state
+        )
+    return state
