@@ -29,13 +29,20 @@ KINDS = ("before", "tuned", "gp", "after", "after_gp", "noise_floor")
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave."""
+    """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
+
+    inputs: (N, S + A) state and action at training transitions; left_before, left_after: (N, R) their residual rates
+    under the base and under the effects.
+    """
 
     one_step: dict[str, dict[str, Any]]
     rollout: dict[str, Any]
     tuned: dict[str, float]
     gp: Predictor
     features: tuple[str, ...]
+    inputs: FloatArray
+    left_before: FloatArray
+    left_after: FloatArray
 
 
 @dataclass(frozen=True)
@@ -76,6 +83,9 @@ def compare(
         {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
         gps["after_gp"],
         features.names,
+        _inputs(steps["before"].train),
+        _residual_rates(problem, steps["before"].train, base),
+        _residual_rates(problem, steps["after"].train, after),
     )
 
 

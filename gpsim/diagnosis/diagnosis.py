@@ -19,7 +19,7 @@ from gpsim.diagnosis.judging import Judgement, judge
 from gpsim.diagnosis.locating import depends_on, locate
 from gpsim.diagnosis.preparing import Question, prepare
 from gpsim.diagnosis.search import STRUCTURED, Note, search
-from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.shooting import Fit, Problem, fit
 from gpsim.diagnosis.telling_apart import tell_apart
 from gpsim.effects import effect_of
 from gpsim.effects.chain import Scheme
@@ -84,7 +84,7 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
     return {
         "schema": SCHEMA,
         "verdict": judgement.verdict,
-        "location": locate(problem, judgement, comparison),
+        "location": locate(problem.simulator, judgement, comparison),
         "effects": _effects(question, judgement, leader, judgement.probabilities[0]),
         "alternatives": [
             {"effects": _effects(question, judgement, rival, p), "probability": p}
@@ -94,7 +94,7 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
         "fit": {"held_out": held, "one_step": comparison.one_step, "rollout": comparison.rollout},
         "remainder": {
             "structured": structured,
-            "depends_on": depends_on(problem, leader) if structured else [],
+            "depends_on": _remaining(problem, comparison) if structured else [],
             "p_value": judgement.p_value,
         },
         "integration": leader.hypothesis.scheme,
@@ -110,6 +110,10 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
             for nats, h in judgement.ranking[:40]
         ],
     }
+
+
+def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
+    return depends_on(problem.simulator, comparison, comparison.left_after)
 
 
 def _effects(

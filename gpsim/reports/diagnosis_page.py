@@ -11,7 +11,10 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gpsim.diagnosis.diagnosis import Diagnosis
+from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import traced
+from gpsim.diagnosis.preparing import spread_out
+from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.telling import paragraphs, ranking
 from gpsim.reports.canvas import panels, png, style
 
@@ -51,10 +54,11 @@ KINDS = {
     "after_gp": "base + effects + GP",
     "noise_floor": "noise floor",
 }
+SHOWN = 100  # held-out windows among which the median and the worst are looked for
 TITLES = {
     "residual_inputs": "Residual against its two most telling inputs",
     "residual_time": "Residual over time, before and after",
-    "traces": "Measured and simulated: the median and the worst window",
+    "traces": "Measured and simulated: the median and the worst held-out window",
 }
 
 
@@ -97,29 +101,30 @@ def figures(found: Diagnosis) -> dict[str, bytes]:
 
 
 def _inputs(found: Diagnosis) -> bytes:
-    problem, null = found.question.everything, found.judgement.null
-    windows, simulator = problem.windows, problem.simulator
-    names = (*simulator.state.names, *simulator.action.names)
-    values = np.concatenate([windows.measured[:, :-1], windows.actions], axis=2)
-    telling = [n for n in found.report["location"]["depends_on"] if n in names][:2] or list(names[:2])
-    channel = int(np.argmax(np.where(problem.observed, null.variance / problem.floor**2, 0.0)))
-    steps = np.diff(null.residuals, axis=1)[..., channel]
-    valid = windows.valid[:, 1:]
-    shown = steps[valid]
-    units = simulator.state.units | simulator.action.units
-    figure, axes = panels(1, len(telling), (9.0, 3.4))
+    """The rate that stands out most against what it depends on most, before and after."""
+    comparison, simulator = found.comparison, found.question.everything.simulator
+    channels = (*simulator.state, *simulator.action)
+    names = [channel.name for channel in channels]
+    ratio = {n: e["before"] / max(e["noise_floor"], 1e-300) for n, e in comparison.one_step.items()}
+    rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
+    telling = [n for n in found.report["location"]["depends_on"] if n in names][:2] or names[:2]
+    before, after = comparison.left_before[:, rate], comparison.left_after[:, rate]
+    low, high = np.quantile(before, [0.002, 0.998])
+    margin = 0.15 * (high - low) + 1e-12
+    outside = float(np.mean((before < low - margin) | (before > high + margin)))
+    figure, axes = panels(1, len(telling), (9.0, 3.6))
     for axis, name in zip(axes[0], telling, strict=True):
-        axis.plot(values[..., names.index(name)][valid], shown, ".", markersize=2, alpha=0.4)
-        axis.set_xlabel(f"{name} [{units[name]}]")
-        axis.set_ylabel(f"step of {simulator.state.names[channel]}'s residual")
-        low, high = np.quantile(shown, [0.002, 0.998])
-        margin = 0.15 * (high - low) + 1e-12
+        column = names.index(name)
+        for values, label in ((before, "base"), (after, "base + effects")):
+            axis.plot(comparison.inputs[:, column], values, ".", markersize=2.5, alpha=0.4, label=label)
+        axis.set_xlabel(f"{name} [{channels[column].unit}]")
         axis.set_ylim(
             low - margin, high + margin
-        )  # glitches would flatten the rest; they are counted instead
-        outside = float(np.mean((shown < low - margin) | (shown > high + margin)))
-        if outside > 0:
-            axis.set_title(f"{100 * outside:.2g} % of the steps lie outside", fontsize=9)
+        )  # a sensor's leaps would flatten the rest: they are counted
+    axes[0, 0].set_ylabel(f"residual of {simulator.rate.names[rate]} [{simulator.rate.items[rate].unit}]")
+    if outside > 0:
+        axes[0, -1].set_title(f"{100 * outside:.2g} % lie outside", fontsize=9)
+    axes[0, 0].legend(fontsize=8, markerscale=4)
     return png(figure)
 
 
@@ -132,8 +137,8 @@ def _time(found: Diagnosis) -> bytes:
     clock = problem.windows.t[:, 0]
     session = bool((np.diff(clock) > 0).all())
     figure, axes = panels(1, 1, (9.0, 3.2))
-    for fit, label in ((found.judgement.null, "base"), (found.judgement.leader, "base + effects")):
-        size = np.sqrt(np.mean(fit.residuals[..., channel] ** 2, axis=1))
+    for one, label in ((found.judgement.null, "base"), (found.judgement.leader, "base + effects")):
+        size = np.sqrt(np.mean(one.residuals[..., channel] ** 2, axis=1))
         at = clock if session else np.arange(len(size))
         axes[0, 0].semilogy(at, np.maximum(size, 1e-12), ".", markersize=4, label=label)
     axes[0, 0].set_xlabel("t [s]" if session else "window, in the order of the recording")
@@ -143,20 +148,24 @@ def _time(found: Diagnosis) -> bytes:
 
 
 def _traces(found: Diagnosis) -> bytes:
-    problem = found.question.everything
+    """The median and the worst held-out window (of all, where nothing was held out), start states fitted."""
+    question, leader = found.question, found.judgement.leader.hypothesis
+    problem = question.held_out if len(question.held_out.windows) else question.everything
+    problem = problem.on(spread_out(problem.windows, SHOWN))
     windows, simulator = problem.windows, problem.simulator
-    null, leader = found.judgement.null, found.judgement.leader
-    base, corrected = traced(problem, null), traced(problem, leader)
-    size = ((leader.residuals / problem.scale) ** 2).sum(axis=(1, 2))
-    order = np.argsort(size)
+    fits = [
+        fit(problem, h.frozen(), windows.measured[:, 0], iterations=8)
+        for h in (Hypothesis(scheme=leader.scheme), leader)
+    ]
+    base, corrected = (traced(problem, f) for f in fits)
+    order = np.argsort(((fits[1].residuals / problem.scale) ** 2).sum(axis=(1, 2)))
     figure, axes = panels(len(simulator.state), 2, (9.0, 1.9 * len(simulator.state)))
     for column, (row, label) in enumerate(((order[len(order) // 2], "median"), (order[-1], "worst"))):
         t = windows.t[row][windows.valid[row]]
         for i, channel in enumerate(simulator.state):
-            measured = windows.measured[row, : len(t), i]
             axis = axes[i, column]
-            if channel.name not in found.question.hidden:
-                axis.plot(t, measured, "k.", markersize=3, label="measured")
+            if channel.name not in question.hidden:
+                axis.plot(t, windows.measured[row, : len(t), i], "k.", markersize=3, label="measured")
             axis.plot(t, base[row, : len(t), i], "--", label="base")
             axis.plot(t, corrected[row, : len(t), i], label="base + effects")
             axis.ticklabel_format(useOffset=False)
