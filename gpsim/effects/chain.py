@@ -12,13 +12,13 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects.effect import (
     ActuatorEffect,
-    ForceEffect,
     ParameterEffect,
     SensorEffect,
     Values,
     VehicleEffect,
     columns_of,
 )
+from gpsim.effects.forces import Forces, Instant
 from gpsim.effects.term import Term
 from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory
@@ -140,13 +140,8 @@ class Chain:
         return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
-    def _forces(self) -> list[tuple[int, ForceEffect, int]]:
-        names = [c.name for c in self.simulator.coordinates]
-        return [
-            (i, term.effect, names.index(term.on))
-            for i, term in enumerate(self.terms)
-            if isinstance(term.effect, ForceEffect)
-        ]
+    def _forces(self) -> Forces:
+        return Forces(self.simulator, self.terms, self.channels)
 
     @cached_property
     def _parameter_terms(self) -> list[tuple[int, ParameterEffect]]:
@@ -168,15 +163,6 @@ class Chain:
     def _twist_columns(self) -> tuple[int, int, int]:
         rate = self.simulator.rate
         return rate.index("v"), rate.index("v_lateral"), rate.index("w")
-
-    @cached_property
-    def _coordinate_columns(self) -> list[tuple[int, int, int]]:
-        """Position, velocity and rate column of every coordinate."""
-        state, rate = self.simulator.state, self.simulator.rate
-        return [
-            (state.index(c.name), state.index(c.velocity), rate.index(c.rate))
-            for c in self.simulator.coordinates
-        ]
 
     def _corrected(
         self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
@@ -201,90 +187,10 @@ class Chain:
         substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
         """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
-        if not self._forces:
-            rates = self.simulator.rates(state, action, parameters)
-            return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
-        smooth, dry = self._applied(state, action, values, t)
-        rates = self.simulator.rates(state, action, parameters, smooth)
-        for coordinate in dry:
-            unit = np.zeros_like(smooth)
-            unit[:, coordinate] = 1.0
-            mobility = self.simulator.rates(state, action, parameters, smooth + unit) - rates
-            friction = self._dry_friction(
-                coordinate, state, rates, mobility, action, parameters, values, t, substep
-            )
-            rates = rates + mobility * friction[:, None]
-            smooth[:, coordinate] += friction
-        return rates
-
-    def _applied(
-        self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
-    ) -> tuple[FloatArray, list[int]]:
-        """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
-        smooth = np.zeros((len(state), len(self._coordinate_columns)))
-        dry: list[int] = []
-        for i, effect, coordinate in self._forces:
-            position, velocity, _ = self._coordinate_columns[coordinate]
-            force = effect.force(state[:, position], state[:, velocity], values[i])
-            if force is None:
-                dry += [coordinate] if coordinate not in dry else []
-                continue
-            gate = self.terms[i].gate
-            smooth[:, coordinate] += force * gate.open(state, action, t, self.channels) if gate else force
-        return smooth, dry
-
-    def _dry_friction(
-        self,
-        coordinate: int,
-        state: FloatArray,
-        rates: FloatArray,
-        mobility: FloatArray,
-        action: FloatArray,
-        parameters: Mapping[str, float | FloatArray],
-        values: Sequence[Values],
-        t: FloatArray,
-        substep: tuple[FloatArray, FloatArray] | None,
-    ) -> FloatArray:
-        """(B,) the friction force, a mean over the substep. Rates are affine in it: rates + mobility * force.
-
-        A body that would reverse within the substep stops on the way, after a share of it; for the rest it is held,
-        as far as the grip allows, or starts the other way.
-        """
-        position, velocity, rate = self._coordinate_columns[coordinate]
-        name = self.simulator.coordinates[coordinate].name
-        speed = state[:, velocity] if substep is None else substep[0][:, velocity]
-        free = -rates[:, rate] / mobility[:, rate]  # the force that would leave no acceleration
-        sign = np.where(speed != 0, -np.sign(speed), np.sign(free) if substep is not None else 0.0)
-        load = self.simulator.normal_force(state, rates, parameters).get(name)
-        change = None
-        if load is not None:
-            change = self.simulator.normal_force(state, rates + mobility, parameters)[name] - load
-
-        def grip(at: FloatArray | None) -> FloatArray:
-            total = np.zeros(len(state))
-            for i, effect, on in self._forces:
-                if on != coordinate:
-                    continue
-                most = effect.grip(state[:, position], state[:, velocity], values[i], at)
-                if most is not None:
-                    gate = self.terms[i].gate
-                    total += most * gate.open(state, action, t, self.channels) if gate else most
-            return total
-
-        most = grip(load)
-        if load is not None and change is not None:
-            # The load depends on the friction and the friction on the load, both affinely: m = m0 + k m.
-            slope = grip(load + change * sign * most) - most
-            share = np.divide(slope, most, out=np.zeros_like(most), where=most > 0)
-            most = most / np.maximum(1.0 - share, 0.1)
-        sliding = sign * most
-        if substep is None:
-            return np.asarray(sliding)
-        after = speed + substep[1] * (rates[:, rate] + mobility[:, rate] * sliding)
-        crosses = speed * after <= 0
-        gap = np.where(speed == after, 1.0, speed - after)
-        share = np.where(crosses, speed / gap, 1.0)
-        return np.asarray(share * sliding + (1.0 - share) * np.clip(free, -most, most))
+        if self._forces:
+            return self._forces.rates(Instant(state, action, parameters, t, substep), values)
+        rates = self.simulator.rates(state, action, parameters)
+        return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
 
     def _twisted(
         self,
