@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.effects.effect import (
     ActuatorEffect,
     ParameterEffect,
@@ -19,7 +19,7 @@ from gpsim.effects.effect import (
     columns_of,
 )
 from gpsim.effects.forces import Forces, Instant
-from gpsim.effects.term import Term
+from gpsim.effects.term import Gate, Term
 from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory
 
@@ -51,26 +51,52 @@ class Chain:
             memory |= {f"{i}/{key}": values for key, values in part.items()}
         return memory
 
-    def command(
+    def commands(
         self,
-        action: FloatArray,
+        actions: FloatArray,
         state: FloatArray,
         values: Sequence[Values],
         memory: Memory,
         step: FloatArray,
         t: FloatArray,
     ) -> FloatArray:
-        """(B, A): what reaches the simulator during a substep that starts at t; memory moves on."""
+        """(B, K, A): what reaches the simulator during K substeps; memory moves on.
+
+        actions: (B, K, A); state: (B, S) at the start, at which gates look (K is 1, or the chain is `open_loop`);
+        step: (B, K) s each; t: (B, K) s, when the substeps begin.
+        """
         if not self._actuators:
-            return action
-        out = np.array(action)
+            return actions
+        out = np.array(actions)
         for i, effect, column in self._actuators:
+            columns = {name: value[:, None] for name, value in values[i].items()}
+            acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
-            acted = effect.actuate(out[:, column], values[i], _part(memory, i), step, t)
-            out[:, column] = (
-                np.where(gate.open(state, action, t, self.channels), acted, out[:, column]) if gate else acted
-            )
+            if gate:
+                acted = np.where(self._open(gate, state, actions, t), acted, out[:, :, column])
+            out[:, :, column] = acted
         return out
+
+    def _open(self, gate: Gate, state: FloatArray, actions: FloatArray, t: FloatArray) -> BoolArray:
+        """(B, K) whether the gate is open."""
+        count = t.shape[1]
+        flat = actions.reshape(-1, actions.shape[2])
+        return gate.open(np.repeat(state, count, axis=0), flat, t.ravel(), self.channels).reshape(t.shape)
+
+    @cached_property
+    def actuates(self) -> bool:
+        """Whether anything happens to the commands."""
+        return bool(self._actuators)
+
+    def acts(self, term: int) -> bool:
+        """Whether a term changes commands."""
+        return isinstance(self.terms[term].effect, ActuatorEffect)
+
+    @cached_property
+    def open_loop(self) -> bool:
+        """Whether what happens to the commands does not depend on the state."""
+        names = set(self.simulator.state.names)
+        return not any(names & set(self.terms[i].gate.region) for i, _, _ in self._actuators)
 
     def advance(
         self,
@@ -81,7 +107,7 @@ class Chain:
         t: FloatArray,
         extra: FloatArray | None = None,
     ) -> FloatArray:
-        """(B, S) after a substep; `action` is what `command` returned, `extra` (B, R) is added to the rates."""
+        """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
         parameters = self._corrected(state, action, values, t)
         if self.scheme != "fine":
             return self.simulator.integrate(
