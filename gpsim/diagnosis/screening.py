@@ -48,11 +48,11 @@ class Directions:
         changes = self.of(hypothesis, thetas).reshape(len(thetas), -1)
         size = (changes**2).sum(axis=1)
         pull = changes @ self.rest.ravel()
-        return np.divide(0.5 * pull**2, size, out=np.zeros_like(size), where=size > 1e-12)
+        return np.asarray(np.divide(0.5 * pull**2, size, out=np.zeros_like(size), where=size > 1e-12))
 
     def _flat(self, residual: FloatArray) -> FloatArray:
-        flat: FloatArray = (residual[..., self.problem.observed] / self._sd).reshape(len(residual), -1)
-        return flat
+        scaled = residual[..., self.problem.observed] / self._sd
+        return np.asarray(scaled.reshape(len(residual), -1))
 
     def _without(self, vectors: FloatArray) -> FloatArray:
         """(W, M) vectors with what the start states can explain taken off."""

@@ -13,7 +13,7 @@ from gpsim.effects.effect import Values
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
 Drive = Callable[[int, int], FloatArray]
-"""What reaches the simulator (B, A) at transition k, substep j."""
+"""What reaches the simulator (B, A) at transition k, substep j; transitions before the window are -1, -2, ..."""
 FAR = 1e6  # what a diverging simulation is clipped to
 
 
@@ -37,8 +37,10 @@ def simulate(
 
 
 def _as_recorded(windows: Windows, rows: IntArray) -> Drive:
-    held = [windows.actions[rows, k] for k in range(windows.length)]
-    return lambda k, j: held[k]
+    def drive(k: int, j: int) -> FloatArray:
+        return np.asarray(windows.actions[rows, k] if k >= 0 else windows.before_actions[rows, k])
+
+    return drive
 
 
 def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int) -> Drive:
@@ -57,9 +59,9 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     states = _measured_between(windows, n, chain.simulator.state)[rows]
     acted = chain.commands(np.repeat(actions, n, axis=1)[rows], states, values, memory, step[rows], t[rows])
     before = n * windows.before_actions.shape[1]
-    by_time = np.ascontiguousarray(acted[:, before:].transpose(1, 0, 2))
+    by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
     which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
-    return lambda k, j: by_time[n * k + j][which]
+    return lambda k, j: by_time[before + n * k + j][which]
 
 
 def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:
@@ -84,8 +86,7 @@ def _run(
     watching = chain.watches
     seen = {}
     if watching:
-        slope = chain.slope(state, windows.before_actions[rows, -1], values, windows.t[rows, 0])
-        seen = chain.watchers(state, slope, step)
+        seen = chain.watchers(_history(chain, windows, rows, starts, values, n, drive))
     out[:, 0] = chain.measure(state, values, seen, step)
     for k in range(windows.length):
         t = windows.t[rows, k]
@@ -97,3 +98,24 @@ def _run(
         state = np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)
         out[:, k + 1] = chain.measure(state, values, seen, step)
     return out
+
+
+def _history(
+    chain: Chain,
+    windows: Windows,
+    rows: IntArray,
+    starts: FloatArray,
+    values: Sequence[Values],
+    n: int,
+    drive: Drive,
+) -> FloatArray:
+    """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began."""
+    step = (windows.before_t[rows, -1] - windows.before_t[rows, -2]) / n
+    fresh, state = windows.fresh[rows, None], starts
+    past = [starts]
+    for back in range(1, min(chain.reach(values, step), n * windows.before_actions.shape[1] + 1)):
+        k, j = divmod(-back, n)
+        state = chain.advance(state, drive(k, j), values, -step, windows.t[rows, 0] - (back - 1) * step)
+        state = np.where(fresh, starts, np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR))
+        past.append(state)
+    return np.stack(past[::-1], axis=1)

@@ -118,12 +118,16 @@ class Chain:
         parameters = self._corrected(state, action, values, t)
         return self.simulator.derivative(state, self._rates(state, action, parameters, values, t, None))
 
-    def watchers(self, state: FloatArray, slope: FloatArray, step: FloatArray) -> Memory:
-        """The sensors' memory at the start of a batch."""
+    def reach(self, values: Sequence[Values], step: FloatArray) -> int:
+        """How many substeps of `step` (B,) [s] back the sensors look."""
+        longest = max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
+        return int(np.ceil(longest / float(np.min(step)))) + 2
+
+    def watchers(self, history: FloatArray) -> Memory:
+        """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last."""
         memory: Memory = {}
         for i, effect, _ in self._sensors:
-            part = effect.begin(state, slope, LONGEST_DELAY * self.dt, step)
-            memory |= {f"{i}/{key}": values for key, values in part.items()}
+            memory |= {f"{i}/{key}": values for key, values in effect.begin(history).items()}
         return memory
 
     def watch(self, state: FloatArray, memory: Memory) -> None:
