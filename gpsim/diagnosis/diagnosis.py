@@ -18,8 +18,9 @@ from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.judging import Judgement, judge
 from gpsim.diagnosis.locating import depends_on, locate
 from gpsim.diagnosis.preparing import Question, prepare
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Note, search
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
 from gpsim.effects import effect_of
 from gpsim.effects.chain import Scheme

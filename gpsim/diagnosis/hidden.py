@@ -15,7 +15,8 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import traced
-from gpsim.diagnosis.shooting import Problem, fit
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.windows import cut
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import Simulator

@@ -6,7 +6,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.shooting import Fit, Problem
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.simulate import Extra, simulate
 from gpsim.diagnosis.windows import Windows
 
@@ -41,7 +42,8 @@ def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Float
         memory = {}
         if chain.watches:
             slope = chain.slope(state, windows.before_actions[:, -1], values, windows.t[:, 0])
-            memory = chain.watchers(state, slope, step)
+            back = step[:, None] * np.arange(chain.reach(values, step) - 1, -1, -1)
+            memory = chain.watchers(state[:, None] - back[:, :, None] * slope[:, None])
         state = state + difference(
             measured, chain.measure(state, values, memory, step), problem.simulator.state
         )

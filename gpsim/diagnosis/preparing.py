@@ -10,7 +10,8 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.thinning import PACE, thinned
 from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut
 from gpsim.errors import UsageError
@@ -22,14 +23,10 @@ from gpsim.simulators.simulator import INTEGRATORS
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 FEWEST_WINDOWS = 4
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
-USUAL_SUBSTEP, USUAL_MOST = (
-    0.0125,
-    6,
-)  # s: what actuators and friction at rest need on robots; and at most so many
+USUAL_SUBSTEP = 0.0125  # s: what actuators and friction at rest need on robots
+USUAL_MOST = 6  # substeps that this may ask for
 SLOW = 0.5  # s: transitions longer than this belong to systems for which seconds are no guide
-NUMERICAL = (
-    3e-3  # of a channel's typical size: what halving the substep may change, or a third of the known noise
-)
+NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (or a third of the known noise)
 
 
 @dataclass(frozen=True)

@@ -96,14 +96,12 @@ def _window(
     actions = np.concatenate(
         [episode.actions[low:high], np.repeat(episode.actions[high - 1 : high], pad, axis=0)]
     )
-    # An angle runs on inside a window, as the simulated one does, wherever the recorded one wraps.
-    turning = [i for i, channel in enumerate(recording.state) if channel.wraps or channel.unit == "rad"]
-    measured[:, turning] = np.unwrap(measured[:, turning], axis=0)
     t = np.concatenate([episode.t[low : high + 1], episode.t[high] + dt * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
     back = max(0, low - PRE_ROLL)
     missing = PRE_ROLL - (low - back)
     before_states = np.concatenate([np.repeat(episode.states[:1], missing, axis=0), episode.states[back:low]])
+    _unwrap(recording, before_states, measured)
     before_actions = np.concatenate(
         [np.zeros((missing, episode.actions.shape[1])), episode.actions[back:low]]
     )
@@ -120,6 +118,15 @@ def _window(
         np.int64(index),
         np.bool_(low == 0),
     )
+
+
+def _unwrap(recording: Recording, before: FloatArray, measured: FloatArray) -> None:
+    """Let angles run on, in place, as the simulated ones do; the window's first sample stays as it was recorded."""
+    for i, channel in enumerate(recording.state):
+        if channel.wraps or channel.unit == "rad":
+            angle = np.unwrap(np.concatenate([before[:, i], measured[:, i]]))
+            angle += measured[0, i] - angle[len(before)]
+            before[:, i], measured[:, i] = angle[: len(before)], angle[len(before) :]
 
 
 def _none(recording: Recording, length: int) -> Windows:
