@@ -41,7 +41,8 @@ class Proposal:
     @property
     def gate(self) -> Gate:
         """The gate itself; an onset has no end."""
-        return gate_of(self.channel, self.low, self.high if self.movable[1] else np.inf)
+        endless = self.channel is None and not self.movable[1]
+        return gate_of(self.channel, self.low, np.inf if endless else self.high)
 
 
 def gate_of(channel: str | None, low: float, high: float) -> Gate:
