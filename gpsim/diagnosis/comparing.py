@@ -142,8 +142,8 @@ def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
     names = problem.simulator.state.names
     stated = np.array([question.recording.noise.get(name, 0.0) for name in names])
     residual = problem.windows.measured - traced(problem, judgement.leader)
-    second = np.diff(residual, n=2, axis=1)[problem.windows.valid[:, 2:]]
-    jumps = np.sqrt(np.mean(second**2, axis=0) / 6.0)
+    second = np.diff(residual, n=2, axis=1)[problem.windows.valid[:, 2:]].T / np.sqrt(6.0)
+    jumps = np.array([typical(column) or rms(column) for column in second])  # quantised: the median may be 0
     hidden = np.array([name in question.hidden for name in names])
     return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
 

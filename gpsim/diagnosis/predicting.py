@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gpsim.channels import FloatArray, difference
@@ -10,6 +12,8 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.simulate import Extra, simulate
 from gpsim.diagnosis.windows import Windows
+
+FIXED_POINT_ROUNDS = 3
 
 
 def predicted(
@@ -32,19 +36,18 @@ def traced(problem: Problem, found: Fit) -> FloatArray:
 
 
 def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, S) true states whose measurement is what was measured; two rounds of a fixed point."""
+    """(W, S) true states whose measurement is what was measured; a few rounds of a fixed point."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     measured = windows.measured[:, 0]
-    values = hypothesis.spread(hypothesis.theta[None], len(windows))
-    step = np.full(len(windows), problem.dt / problem.substeps)
-    state = measured
-    for _ in range(2):
-        memory = {}
-        if chain.watches:
-            slope = chain.slope(state, windows.before_actions[:, -1], values, windows.t[:, 0])
-            back = step[:, None] * np.arange(chain.reach(values, step) - 1, -1, -1)
-            memory = chain.watchers(state[:, None] - back[:, :, None] * slope[:, None])
-        state = state + difference(
-            measured, chain.measure(state, values, memory, step), problem.simulator.state
-        )
+    first = replace(
+        windows,
+        measured=windows.measured[:, :2],
+        actions=windows.actions[:, :1],
+        t=windows.t[:, :2],
+        valid=windows.valid[:, :2],
+    )
+    state, theta = measured, hypothesis.theta[None]
+    for _ in range(FIXED_POINT_ROUNDS if any(t.effect.site == "sensor" for t in hypothesis.terms) else 0):
+        said = simulate(chain, first, state[None], hypothesis.spread, theta, problem.substeps)[0, :, 0]
+        state = state + difference(measured, said, problem.simulator.state)
     return state
