@@ -23,7 +23,10 @@ REFITTED, WITHIN = (
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
 TIE = 3.0  # nats: rivals this near (odds of 20) cannot be ruled out
-UNEXPLAINED = {1e-2: 0.15, 1e-3: 0.03}  # whiteness: share of the excess over noise that makes a partial account
+UNEXPLAINED = {
+    1e-2: 0.15,
+    1e-3: 0.03,
+}  # whiteness: share of the excess over noise that makes a partial account
 
 
 @dataclass(frozen=True)
