@@ -59,7 +59,7 @@ def diagnose(
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
-    judgement = judge(question, found)
+    judgement = judge(question, found, offers)
     note(80, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
     report = _report(question, judgement, comparison)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import EffectParameter, Place, Term, effect_of
+from gpsim.effects import EffectParameter, Gate, Place, Term, effect_of
 from gpsim.effects.chain import Chain, Scheme
 from gpsim.simulators import Simulator
 
@@ -58,6 +58,12 @@ class Hypothesis:
         return replace(
             self, terms=tuple(self.terms[i] for i in keep), declared=tuple(self.declared[i] for i in keep)
         )
+
+    def gated(self, index: int, gate: Gate) -> Hypothesis:
+        """One term behind another gate."""
+        terms = list(self.terms)
+        terms[index] = replace(terms[index], gate=gate)
+        return replace(self, terms=tuple(terms))
 
     def frozen(self) -> Hypothesis:
         """The same terms with nothing left to fit."""

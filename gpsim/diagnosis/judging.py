@@ -10,10 +10,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.search import STRUCTURED, Found, pays
+from gpsim.diagnosis.search import Found, pays
 from gpsim.diagnosis.shooting import Fit, fit
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
@@ -22,7 +23,10 @@ REFITTED, WITHIN = (
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
 TIE = 3.0  # nats: rivals this near (odds of 20) cannot be ruled out
-UNEXPLAINED = 0.15  # share of the excess over noise that makes a partial account
+UNEXPLAINED = {
+    1e-2: 0.15,
+    1e-3: 0.03,
+}  # whiteness: share of the excess over noise that makes a partial account
 
 
 @dataclass(frozen=True)
@@ -40,14 +44,16 @@ class Judgement:
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
 
 
-def judge(question: Question, found: Found) -> Judgement:
-    """Refit the best on all training windows and decide."""
+def judge(question: Question, found: Found, offers: Sequence[Candidate]) -> Judgement:
+    """Refit the best on all training windows, go on from there with all data, and decide."""
     problem = question.everything
     near = _near(question.searched, found)
     null = fit(problem, Hypothesis(scheme=found.scheme), problem.windows.measured[:, 0], iterations=12)
     fits = [_again(problem, f.hypothesis) for f in near if f.hypothesis.terms]
     leader = _leader(question, [null, *fits], null)
+    leader, tried = improved(problem, leader, offers)
     leader = _pruned(question, leader)
+    fits += tried
     nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]
     null = nulls[-1] if nulls else null
     rivals = _rivals(problem, leader, fits)
@@ -55,10 +61,9 @@ def judge(question: Question, found: Found) -> Judgement:
     weights = np.exp(odds - odds.max())
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
-    structured = p_value < STRUCTURED
     ranking_nats = scores(question.searched, found.fits)
     return Judgement(
-        _verdict(leader, rivals, structured, unexplained),
+        _verdict(leader, rivals, p_value, unexplained),
         leader,
         null,
         rivals,
@@ -81,9 +86,9 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
     return found.objective
 
 
-def _verdict(leader: Fit, rivals: Sequence[Fit], structured: bool, unexplained: FloatArray) -> Verdict:
-    partial = structured and float(np.max(unexplained)) > UNEXPLAINED
-    if partial:
+def _verdict(leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray) -> Verdict:
+    left = float(np.max(unexplained))
+    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()):
         return "unknown"
     if not leader.hypothesis.terms:
         return "none"
@@ -128,7 +133,7 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
 def _pruned(question: Question, leader: Fit) -> Fit:
     """Terms that do not pay, or do not help on held-out windows, are taken out."""
     problem = question.everything
-    while len(leader.hypothesis.terms) > 1:
+    while leader.hypothesis.terms:
         reduced = [_again(problem, leader.hypothesis.without(i)) for i in range(len(leader.hypothesis.terms))]
         weakest = min(reduced, key=lambda f: f.objective)
         keeps = pays(problem, leader, weakest)
@@ -153,7 +158,7 @@ def _rivals(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     out: list[Fit] = []
     for i in np.argsort(-nats[1:]):
         near = nats[0] - nats[1 + int(i)] < TIE
-        fresh = all(o.hypothesis.claims != others[int(i)].hypothesis.claims for o in out)
+        fresh = not any(o.hypothesis.claims <= others[int(i)].hypothesis.claims for o in out)
         if near and fresh:
             out.append(others[int(i)])
     return out

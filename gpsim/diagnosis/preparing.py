@@ -23,7 +23,7 @@ from gpsim.simulators.simulator import INTEGRATORS
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 FEWEST_WINDOWS = 4
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
-USUAL_SUBSTEP = 0.0125  # s: what actuators and friction at rest need on robots
+USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
 USUAL_MOST = 6  # substeps that this may ask for
 SLOW = 0.5  # s: transitions longer than this belong to systems for which seconds are no guide
 NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (or a third of the known noise)
@@ -108,7 +108,8 @@ def _problem(
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
     sample = problem.on(spread_out(problem.windows, 40))
-    fewest = SUBSTEPS[0] if problem.dt > SLOW else problem.substeps
+    stands = any(problem.simulator.coordinates) and problem.dt <= SLOW  # friction may hold something at rest
+    fewest = problem.substeps if stands else SUBSTEPS[0]
     tolerated = np.maximum(NUMERICAL * problem.scale, problem.floor / 3)[problem.observed]
     for substeps in (n for n in SUBSTEPS if n >= fewest):
         error = numerical_error(replace(sample, substeps=substeps))
