@@ -12,11 +12,12 @@ from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import gated_children, polished
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import Directions
+from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
 
 MOST_TERMS, ADDED, SWAPPED = 4, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
+LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
 def improved(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
@@ -56,15 +57,18 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> lis
 
 
 def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with one term replaced by the most promising others, behind the same gate where there is one."""
+    """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
     old = leader.hypothesis.terms[index]
     parent = fit(problem, leader.hypothesis.without(index), leader.starts, iterations=8, tolerance=0.5)
-    others = [c for c in offers if c.identity != old.identity and (c.gateable or not old.gate)]
-    plain = grown(problem, Directions(problem, parent), others, SWAPPED)
-    if not old.gate:
-        return plain
-    last = len(parent.hypothesis.terms)
-    return [
-        fit(problem, f.hypothesis.gated(last, old.gate), leader.starts, iterations=8, tolerance=0.5)
-        for f in plain
+    open_offers = [c for c in offers if (c.gateable or not old.gate) and not c.only_gated]
+    found = screened(Directions(problem, parent), open_offers)
+    others = [
+        (candidate, start)
+        for worth, candidate, start in found
+        if worth > max(1.0, LEAST_SWAP * found[0][0])
+        and candidate.identity != old.identity
+        and candidate.identity not in parent.hypothesis.claims
     ]
+    last = len(parent.hypothesis.terms)
+    children = [child_of(parent.hypothesis, c, start).gated(last, old.gate) for c, start in others[:SWAPPED]]
+    return [fit(problem, child, leader.starts, iterations=12, tolerance=0.5) for child in children]

@@ -21,6 +21,7 @@ Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
+LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.003  # of the variance left over in some channel that it must remove
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
@@ -78,20 +79,21 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 
 
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
-    """The parent with each of the `count` most promising terms."""
+    """The parent with each of the `count` most promising terms.
+
+    All are fitted a little, the better third to the end (successive halving).
+    """
     parent = directions.parent
     taken = parent.hypothesis.claims
-    open_offers = [c for c in offers if c.identity not in taken and not c.only_gated]
+    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+    least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
+    children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
+    begun = [fit(problem, child, parent.starts, iterations=4, tolerance=0.5) for child in children]
+    begun.sort(key=lambda f: f.objective)
+    ended = -(-len(begun) // 3)
     return [
-        fit(
-            problem,
-            child_of(parent.hypothesis, candidate, start),
-            parent.starts,
-            iterations=12,
-            tolerance=0.5,
-        )
-        for worth, candidate, start in screened(directions, open_offers)[:count]
-        if worth > 1.0
+        f if f.converged or i >= ended else fit(problem, f.hypothesis, f.starts, iterations=10, tolerance=0.5)
+        for i, f in enumerate(begun)
     ]
 
 
