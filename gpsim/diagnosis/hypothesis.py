@@ -39,6 +39,14 @@ class Hypothesis:
         """Family and place of every term."""
         return frozenset(term.identity for term in self.terms)
 
+    @property
+    def idle(self) -> bool:
+        """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
+        return not self.terms or any(
+            group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
+            for term, group in zip(self.terms, self.declared, strict=True)
+        )
+
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""
         terms, at = [], 0

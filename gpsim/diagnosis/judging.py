@@ -14,7 +14,7 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.search import Found, pays
+from gpsim.diagnosis.search import STRUCTURED, Found, pays
 from gpsim.diagnosis.shooting import Fit, fit
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
@@ -88,7 +88,10 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
 
 def _verdict(leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray) -> Verdict:
     left = float(np.max(unexplained))
-    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()):
+    limits = (
+        UNEXPLAINED if leader.hypothesis.terms else {p: s for p, s in UNEXPLAINED.items() if p < STRUCTURED}
+    )
+    if any(p_value < p and left > share for p, share in limits.items()):
         return "unknown"
     if not leader.hypothesis.terms:
         return "none"
@@ -151,7 +154,7 @@ def _rivals(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     claims = leader.hypothesis.claims
     if not claims:
         return []
-    others = [f for f in fits if not claims <= f.hypothesis.claims and f.hypothesis.terms]
+    others = [f for f in fits if not claims <= f.hypothesis.claims and not f.hypothesis.idle]
     if not others:
         return []
     nats = scores(problem, [leader, *others])
@@ -178,7 +181,7 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
     floor = problem.floor**2
     if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
         floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
-    noise = np.maximum(floor, np.where(known_noise(problem), floor, jumps(leader)))
+    noise = np.maximum(floor, np.where(problem.stated, floor, jumps(leader)))
     excess = np.maximum(null.variance - noise, 0.0)
     left = np.maximum(leader.variance - 1.1 * noise, 0.0)
     worth = problem.observed & (null.variance > 1.2 * noise)
@@ -186,8 +189,3 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
     if not leader.hypothesis.terms:
         share = np.where(worth, 1.0, 0.0)
     return np.sqrt(noise), np.asarray(share)
-
-
-def known_noise(problem: Problem) -> FloatArray:
-    """(S,) whether the recording says how noisy a channel is (its floor is then more than rounding)."""
-    return np.asarray(problem.floor > 1e-5 * problem.scale)

@@ -102,7 +102,7 @@ def _problem(
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     floor = np.sqrt(known**2 + (1e-8 * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), SUBSTEPS[0], USUAL_MOST))
-    return Problem(simulator, parameters, recording.dt, training, observed, floor, scale, usual)
+    return Problem(simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, usual)
 
 
 def _fine_enough(problem: Problem) -> Problem:

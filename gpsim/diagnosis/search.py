@@ -81,18 +81,18 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
     """The parent with each of the `count` most promising terms.
 
-    All are fitted a little, the better third to the end (successive halving).
+    All are fitted a little, the better half to the end (successive halving).
     """
     parent = directions.parent
     taken = parent.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
     children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
-    begun = [fit(problem, child, parent.starts, iterations=4, tolerance=0.5) for child in children]
+    begun = [fit(problem, child, parent.starts, iterations=6, tolerance=0.5) for child in children]
     begun.sort(key=lambda f: f.objective)
-    ended = -(-len(begun) // 3)
+    ended = -(-len(begun) // 2)
     return [
-        f if f.converged or i >= ended else fit(problem, f.hypothesis, f.starts, iterations=10, tolerance=0.5)
+        f if f.converged or i >= ended else fit(problem, f.hypothesis, f.starts, iterations=8, tolerance=0.5)
         for i, f in enumerate(begun)
     ]
 
