@@ -13,10 +13,11 @@ from itertools import pairwise
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.hypothesis import Candidate
+from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import EffectParameter, Gate
 from gpsim.effects.term import FROM, TO
 
@@ -61,7 +62,9 @@ def gated_children(
         )
         proposals += [proposal for proposal in found if proposal is not None]
     proposals.sort(key=lambda p: -p.gain)
-    return [_fitted(problem, directions.parent, proposal) for proposal in proposals[:GATED]]
+    children = [_child(directions.parent.hypothesis, proposal) for proposal in proposals[:GATED]]
+    fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
+    return [_refined(problem, f, p) for f, p in zip(fits, proposals, strict=False)]
 
 
 def polished(problem: Problem, at: Fit) -> Fit:
@@ -86,14 +89,13 @@ def _makes_sense(candidate: Candidate, channel: str | None) -> bool:
     return not (candidate.family == "coulomb_friction" and channel == candidate.place.on)
 
 
-def _fitted(problem: Problem, parent: Fit, proposal: Proposal) -> Fit:
-    """The parent plus the gated term."""
-    p = proposal
+def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:
     gate = _gate(p.channel, p.low, p.high, p.movable[1])
-    child = parent.hypothesis.plus(replace(p.candidate.term((p.value,)), gate=gate), p.candidate.declared)
-    best = fit(problem, child, parent.starts, iterations=8, tolerance=0.5)
-    index = len(child.terms) - 1
-    return _moved(problem, best, index, p.channel, (p.low, p.high), p.movable, p.pace)
+    return parent.plus(replace(p.candidate.term((p.value,)), gate=gate), p.candidate.declared)
+
+
+def _refined(problem: Problem, at: Fit, p: Proposal) -> Fit:
+    return _moved(problem, at, len(at.hypothesis.terms) - 1, p.channel, (p.low, p.high), p.movable, p.pace)
 
 
 def _moved(

@@ -15,6 +15,7 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 
 MOST_TERMS, ADDED, SWAPPED = 4, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
@@ -71,4 +72,4 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     ]
     last = len(parent.hypothesis.terms)
     children = [child_of(parent.hypothesis, c, start).gated(last, old.gate) for c, start in others[:SWAPPED]]
-    return [fit(problem, child, leader.starts, iterations=12, tolerance=0.5) for child in children]
+    return fit_all(problem, [Order(child, leader.starts, 12) for child in children])

@@ -16,6 +16,7 @@ from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Found, pays
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
 REFITTED, WITHIN = (
@@ -49,7 +50,7 @@ def judge(question: Question, found: Found, offers: Sequence[Candidate]) -> Judg
     problem = question.everything
     near = _near(question.searched, found)
     null = fit(problem, Hypothesis(scheme=found.scheme), problem.windows.measured[:, 0], iterations=12)
-    fits = [_again(problem, f.hypothesis) for f in near if f.hypothesis.terms]
+    fits = _again(problem, [f.hypothesis for f in near if f.hypothesis.terms])
     leader = _leader(question, [null, *fits], null)
     leader, tried = improved(problem, leader, offers)
     leader = _pruned(question, leader)
@@ -104,8 +105,9 @@ def _near(problem: Problem, found: Found) -> list[Fit]:
     return [found.fits[i] for i in order[:REFITTED]]
 
 
-def _again(problem: Problem, hypothesis: Hypothesis) -> Fit:
-    return fit(problem, hypothesis, problem.windows.measured[:, 0], iterations=25)
+def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
+    starts = problem.windows.measured[:, 0]
+    return fit_all(problem, [Order(hypothesis, starts, 25, 0.02) for hypothesis in hypotheses])
 
 
 def _null_of(problem: Problem, leader: Fit) -> Fit:
@@ -137,7 +139,8 @@ def _pruned(question: Question, leader: Fit) -> Fit:
     """Terms that do not pay, or do not help on held-out windows, are taken out."""
     problem = question.everything
     while leader.hypothesis.terms:
-        reduced = [_again(problem, leader.hypothesis.without(i)) for i in range(len(leader.hypothesis.terms))]
+        parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+        reduced = _again(problem, parts)
         weakest = min(reduced, key=lambda f: f.objective)
         keeps = pays(problem, leader, weakest)
         if keeps and len(question.held_out.windows):

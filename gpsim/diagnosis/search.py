@@ -15,6 +15,7 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
@@ -88,13 +89,11 @@ def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate],
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
     children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
-    begun = [fit(problem, child, parent.starts, iterations=6, tolerance=0.5) for child in children]
+    begun = fit_all(problem, [Order(child, parent.starts, 6) for child in children])
     begun.sort(key=lambda f: f.objective)
-    ended = -(-len(begun) // 2)
-    return [
-        f if f.converged or i >= ended else fit(problem, f.hypothesis, f.starts, iterations=8, tolerance=0.5)
-        for i, f in enumerate(begun)
-    ]
+    better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
+    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 8) for f in better])
+    return [*ended, *(f for f in begun if not any(f is b for b in better))]
 
 
 def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
@@ -125,10 +124,8 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     """Backward elimination: the best hypothesis with each of its terms left out."""
     if len(best.hypothesis.terms) < 2:
         return []
-    return [
-        fit(problem, best.hypothesis.without(i), best.starts, iterations=12, tolerance=0.5)
-        for i in range(len(best.hypothesis.terms))
-    ]
+    parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
+    return fit_all(problem, [Order(part, best.starts, 12) for part in parts])
 
 
 def _named(found: Fit) -> str:
