@@ -7,9 +7,12 @@ more data, or was taken by a term that is not quite right, and shows when that o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.gates import gated_children, polished
+from gpsim.diagnosis.gates import PROMISING, gated_children, polished
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
@@ -18,6 +21,8 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 
 MOST_TERMS, ADDED, SWAPPED = 4, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
+LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
+LOOKED_AT = 120  # windows on which candidates are screened
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
@@ -49,20 +54,30 @@ def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
 
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> list[Fit]:
-    directions = Directions(problem, leader)
-    plain = grown(problem, directions, offers, ADDED)
+    """The leader with one term more: the most promising ones, and behind a gate where structure is left."""
+    part, seen = _some(problem, leader)
+    directions = Directions(part, seen)
+    taken = leader.hypothesis.claims
+    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+    more = len(problem.windows) / len(part.windows)
+    chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
+    orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
+    plain = fit_all(problem, orders)
     gated = any(term.gate for term in leader.hypothesis.terms)
-    if not gated and whiteness(problem, leader)[0] < STRUCTURED:
-        plain += gated_children(problem, directions, plain, offers)
-    return plain
+    if gated or whiteness(problem, leader)[0] >= STRUCTURED:
+        return plain
+    everywhere = grown(part, directions, offers, PROMISING)
+    gated_ones = [f.hypothesis for f in gated_children(part, directions, everywhere, offers)]
+    return plain + fit_all(problem, [Order(h, leader.starts, 12) for h in gated_ones])
 
 
 def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
     old = leader.hypothesis.terms[index]
-    parent = fit(problem, leader.hypothesis.without(index), leader.starts, iterations=8, tolerance=0.5)
+    part, seen = _some(problem, leader)
+    parent = fit(part, leader.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
     open_offers = [c for c in offers if (c.gateable or not old.gate) and not c.only_gated]
-    found = screened(Directions(problem, parent), open_offers)
+    found = screened(Directions(part, parent), open_offers)
     others = [
         (candidate, start)
         for worth, candidate, start in found
@@ -73,3 +88,12 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     last = len(parent.hypothesis.terms)
     children = [child_of(parent.hypothesis, c, start).gated(last, old.gate) for c, start in others[:SWAPPED]]
     return fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+
+
+def _some(problem: Problem, at: Fit) -> tuple[Problem, Fit]:
+    """The problem on evenly spread windows, enough to screen candidates, and the fit's share of it."""
+    count = len(problem.windows)
+    rows = np.linspace(0, count - 1, min(count, LOOKED_AT)).round().astype(np.int64)
+    return problem.on(problem.windows.take(rows)), replace(
+        at, starts=at.starts[rows], residuals=at.residuals[rows]
+    )

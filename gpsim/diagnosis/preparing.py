@@ -21,6 +21,7 @@ from gpsim.simulators import Simulator
 from gpsim.simulators.simulator import INTEGRATORS
 
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
+CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
 FEWEST_WINDOWS = 4
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
 USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
@@ -76,7 +77,7 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
 
 def _split(recording: Recording) -> tuple[Windows, Windows]:
     """Windows to learn from and held-out ones."""
-    windows = cut(recording, _length(recording))
+    windows = cut(recording, _length(recording), most=CUT)
     held = held_out_mask(recording, windows)
     training = windows.take(~held)
     if len(training) < FEWEST_WINDOWS:

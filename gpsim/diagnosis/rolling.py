@@ -74,7 +74,7 @@ def typical(errors: FloatArray) -> float:
 def _held_out(question: Question, hypothesis: Hypothesis, length: int) -> Windows:
     """Whole windows of the held-out part (of everything where nothing is held out), evenly spread."""
     recording = smoothed(question.everything, question.recording, hypothesis, question.hidden)
-    windows = cut(recording, length)
+    windows = cut(recording, length, most=10 * MOST)
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() else ~held)
     windows = windows.take(windows.valid[:, -1])

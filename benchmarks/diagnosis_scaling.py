@@ -1,0 +1,90 @@
+"""What a diagnosis costs, from a thousand to a million transitions.
+
+    python benchmarks/diagnosis_scaling.py [--most 1000000] [--cores 2]
+
+A cart-pole with Coulomb friction that the simulator leaves out is driven by a noisy controller and measured with noise;
+`gpsim diagnose` runs as a process of its own. Printed: transitions, wall and processor seconds, peak memory of the
+largest process, and what was said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from gpsim.recordings import Episode, Recording
+from gpsim.recordings.files import write_recording
+from gpsim.simulators import make_simulator
+from gpsim.targets import FrictionCartPole
+
+STEPS, DT, FRICTION = 500, 0.02, 0.3
+NOISE = {"x": 0.0005, "x_dot": 0.005, "theta": 0.001, "theta_dot": 0.01}
+GAINS = np.array([1.0, 2.5, 32.0, 6.0])
+GPSIM = Path(sys.executable).with_name("gpsim")
+
+
+def record(transitions: int, rng: np.random.Generator) -> Recording:
+    """Episodes of 500 transitions, all stepped at once; steps of 100 with fewer than 5 of them."""
+    simulator = make_simulator("cartpole")
+    steps = min(STEPS, transitions // 10)
+    count = max(transitions // steps, 1)
+    target = FrictionCartPole(simulator.defaults(), FRICTION, DT, "stick", substeps=40)
+    state, states, actions = rng.normal(size=(count, 4)) * [0.3, 0.3, 0.05, 0.1], [], []
+    level = np.zeros((count, 1))
+    for k in range(steps + 1):
+        states.append(state + rng.normal(size=state.shape) * list(NOISE.values()))
+        if k % 10 == 0:
+            level = rng.uniform(-9, 9, (count, 1))
+        action = np.clip(level + state @ GAINS[:, None], -14, 14)
+        if k < steps:
+            actions.append(action)
+            state = target.step(state, action, {}, rng)
+    y, u, t = np.stack(states, axis=1), np.stack(actions, axis=1), DT * np.arange(steps + 1)
+    episodes = tuple(Episode(str(i), t, y[i], u[i]) for i in range(count))
+    channels = (simulator.state, simulator.action)
+    return Recording(
+        "cartpole", *channels, episodes, DT, simulator.defaults(), velocities="measured", noise=NOISE
+    )
+
+
+def main() -> None:
+    """Print the curve."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--most", type=int, default=1_000_000)
+    parser.add_argument("--cores", type=int, default=2)
+    arguments = parser.parse_args()
+    print("| transitions | wall s | processor s | peak MB | said |\n|---|---|---|---|---|")
+    for transitions in (n for n in (1_000, 10_000, 100_000, 1_000_000) if n <= arguments.most):
+        with tempfile.TemporaryDirectory() as temporary:
+            folder, out = Path(temporary) / "recording", Path(temporary) / "out"
+            folder.mkdir()
+            write_recording(record(transitions, np.random.default_rng(transitions)), folder, "parquet")
+            before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+            words = [str(GPSIM), "diagnose", str(folder), "--out", str(out), "--cores", str(arguments.cores)]
+            subprocess.run(words, check=True, capture_output=True)
+            wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+            report = json.loads((out / "diagnosis.json").read_text())
+        spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        said = [
+            f"{e['family']} on {e['on']} "
+            + ", ".join(
+                f"{k} {v['value']:.4g} [{v['low']:.4g}, {v['high']:.4g}]" for k, v in e["parameters"].items()
+            )
+            for e in report["effects"]
+        ]
+        peak, told = after.ru_maxrss / 1024, f"{report['verdict']}: {'; '.join(said)}"
+        print(f"| {transitions} | {wall:.1f} | {spent:.1f} | {peak:.0f} | {told} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
