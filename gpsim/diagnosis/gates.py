@@ -58,7 +58,7 @@ def gated_children(
         found = (
             _best_gate(problem, directions, candidate, values, channel)
             for channel in region_channels(problem)
-            if _makes_sense(candidate, channel)
+            if makes_sense(candidate, channel)
         )
         proposals += [proposal for proposal in found if proposal is not None]
     proposals.sort(key=lambda p: -p.gain)
@@ -82,7 +82,7 @@ def polished(problem: Problem, at: Fit) -> Fit:
     return at
 
 
-def _makes_sense(candidate: Candidate, channel: str | None) -> bool:
+def makes_sense(candidate: Candidate, channel: str | None) -> bool:
     """Coulomb friction in a region of its own coordinate is a patch, which has its own family, and is nothing else."""
     if candidate.only_gated:
         return channel == candidate.place.on

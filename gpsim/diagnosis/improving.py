@@ -12,13 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.gates import PROMISING, gated_children, polished
+from gpsim.diagnosis.gates import PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.effects import Gate
 
 MOST_TERMS, ADDED, SWAPPED = 4, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
@@ -76,7 +77,7 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     old = leader.hypothesis.terms[index]
     part, seen = _some(problem, leader)
     parent = fit(part, leader.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
-    open_offers = [c for c in offers if (c.gateable or not old.gate) and not c.only_gated]
+    open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     found = screened(Directions(part, parent), open_offers)
     others = [
         (candidate, start)
@@ -88,6 +89,12 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     last = len(parent.hypothesis.terms)
     children = [child_of(parent.hypothesis, c, start).gated(last, old.gate) for c, start in others[:SWAPPED]]
     return fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+
+
+def _fits_gate(candidate: Candidate, gate: Gate) -> bool:
+    if not gate:
+        return not candidate.only_gated
+    return candidate.gateable and makes_sense(candidate, next(iter(gate.region), None))
 
 
 def _some(problem: Problem, at: Fit) -> tuple[Problem, Fit]:
