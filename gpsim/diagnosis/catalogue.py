@@ -51,6 +51,7 @@ class _Sizes:
             n: max(float(v), TINY)
             for n, v in zip(simulator.state.names, rows.states.std(axis=0), strict=True)
         }
+        self._means = dict(zip(simulator.state.names, map(float, rows.states.mean(axis=0)), strict=True))
         clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
         self._duration = max(clock) - min(0.0, min(clock))
         rates = simulator.rates(rows.states, rows.actions, parameters)
@@ -76,6 +77,7 @@ class _Sizes:
                 on,
                 coordinate.force_unit,
                 span=self._forces[on],
+                middle=self._means[on],
                 reach=2 * self._deviations[on],
                 speed=self._spans[coordinate.velocity],
                 dt=self._dt,

@@ -26,6 +26,7 @@ FEWEST_WINDOWS = 4
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
 USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
 USUAL_MOST = 6  # substeps that this may ask for
+MARGIN = 2.0  # on the numerical error
 SLOW = 0.5  # s: transitions longer than this belong to systems for which seconds are no guide
 NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (or a third of the known noise)
 
@@ -121,12 +122,16 @@ def _fine_enough(problem: Problem) -> Problem:
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
-    """(S,) root mean square change of the simulated windows when the substep is halved."""
+    """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
+
+    The error of a second-order scheme is 4/3 of that change, and it is the same in all windows that look alike: what it
+    could pass off as physics must stay below the floor.
+    """
     null = at or fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=4)
     finer = replace(problem, substeps=2 * problem.substeps)
     theta = null.hypothesis.theta[None]
     change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
-    return np.asarray(np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+    return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
 def spread_out(windows: Windows, most: int) -> Windows:

@@ -48,13 +48,14 @@ class Place:
     """Where an effect may act: the name it acts on, and how large things typically are there.
 
     unit: of a force on the coordinate, of the action, channel or parameter. span: the typical size of that quantity
-    in the recording (for a coordinate: of the force). reach: the range of a coordinate's position or of time [s] (for
-    actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal force is known.
+    in the recording (for a coordinate: of the force). middle: of a coordinate's positions; reach: their range, or of
+    time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal force is known.
     """
 
     on: str
     unit: str
     span: float = 1.0
+    middle: float = 0.0
     reach: float = 1.0
     speed: float = 1.0
     dt: float = 0.02

@@ -23,7 +23,12 @@ class Spring(ForceEffect):
                 "stiffness", f"{place.unit}/{length}", 0.0, 100 * typical, (0.3 * typical,), 0.3 * typical
             ),
             EffectParameter(
-                "rest_position", length, -5 * place.reach, 5 * place.reach, (0.0,), 0.3 * place.reach
+                "rest_position",
+                length,
+                place.middle - 5 * place.reach,
+                place.middle + 5 * place.reach,
+                (place.middle,),
+                0.3 * place.reach,
             ),
         )
 
