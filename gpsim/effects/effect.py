@@ -49,7 +49,8 @@ class Place:
 
     unit: of a force on the coordinate, of the action, channel or parameter. span: the typical size of that quantity
     in the recording (for a coordinate: of the force). middle: of a coordinate's positions; reach: their range, or of
-    time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal force is known.
+    time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal
+    force is known.
     """
 
     on: str

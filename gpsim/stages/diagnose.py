@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,11 @@ FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be diagnosed."""
+    """What is to be diagnosed; episodes: the first so many of the recording, None for all."""
 
     recording: Path
     simulator: str | None
+    episodes: int | None = None
 
 
 def make(request: Request, task: Task) -> tuple[Artifact, bool]:
@@ -78,7 +79,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         )
     folder = path if path.is_dir() else path.parent
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
-        recording = read_recording(folder)
+        recording = _first(read_recording(folder), task.episodes)
         return recording, make_simulator(task.simulator or recording.system)
     if path.is_dir():
         raise UsageError(f"{path}: no recording.yaml; make a recording of raw logs with `gpsim import`")
@@ -86,6 +87,21 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
     simulator = make_simulator(task.simulator)
     return _from_table(path, simulator), simulator
+
+
+def _first(recording: Recording, episodes: int | None) -> Recording:
+    """The first episodes; what is held out of them is decided anew."""
+    if episodes is None:
+        return recording
+    if (
+        isinstance(episodes, bool)
+        or not isinstance(episodes, int)
+        or not 0 < episodes <= len(recording.episodes)
+    ):
+        raise UsageError(
+            f"diagnose.episodes: expected 1 to {len(recording.episodes)}, which the recording has, got {episodes!r}"
+        )
+    return replace(recording, episodes=recording.episodes[:episodes], held_out=None)
 
 
 def _recipe(request: Request, task: Task) -> Recipe:
@@ -98,6 +114,7 @@ def _recipe(request: Request, task: Task) -> Recipe:
         "recording": digests,
         "simulator": task.simulator or recording.system,
         "simulator_file": file_digest(Path(source)) if source else None,
+        "episodes": task.episodes,
     }
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 

@@ -13,7 +13,8 @@ from gpsim.stages.stage import Request, Stage
 def _stage(request: Request) -> Stage:
     given = request.config["recording"]
     recording = Path(str(given)) if given is not None else collect.STAGE.need(request).path
-    return diagnose.stage_for(diagnose.Task(recording, str(request.config["simulator"]["name"])))
+    episodes = request.config["diagnose"]["episodes"]
+    return diagnose.stage_for(diagnose.Task(recording, str(request.config["simulator"]["name"]), episodes))
 
 
 def _recipe(request: Request) -> Recipe:
