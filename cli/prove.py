@@ -51,7 +51,7 @@ def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proo
     for answer in prove.read_answers(out):
         world = answer["world"]
         effects = "; ".join(
-            f"{e['family']} on {e['on']} {_numbers(e)} ({e['strength']}, {'' if e['visible'] else 'in'}visible)"
+            f"{e['family']} on {e['on']} {_numbers(e)} ({e['strength']}{'' if e['visible'] else ', not visible'})"
             for e in answer["effects"]
         )
         typer.echo(

@@ -18,6 +18,7 @@ from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.trials.drawing import draw
 from gpsim.trials.excitation import sound
+from gpsim.trials.own_fit import OneStep, one_step
 from gpsim.trials.running import Run, run
 from gpsim.trials.systems import SYSTEMS
 from gpsim.trials.visibility import Visibility, visibilities
@@ -33,12 +34,13 @@ SHORTEST = 40  # transitions: what an operator would keep of an episode that wen
 
 @dataclass(frozen=True)
 class Concealed:
-    """A world that was run. clean: the recording as perfect sensors would have made it."""
+    """A world that was run. clean: the recording as perfect sensors would have made it; one_step: of the true model."""
 
     world: World
     recording: Recording
     clean: Recording
     visible: list[Visibility]
+    one_step: OneStep
 
 
 def conceal(seed: int, number: int) -> Concealed:
@@ -52,7 +54,8 @@ def conceal(seed: int, number: int) -> Concealed:
         if np.maximum(kept - 1, 0).sum() >= FEWEST:
             recording = _recording(world, truth.measured, truth, kept)
             clean = _recording(world, truth.clean, truth, kept)
-            return Concealed(world, recording, clean, visibilities(world, _shortened(truth, kept)))
+            visible = visibilities(world, _shortened(truth, kept))
+            return Concealed(world, recording, clean, visible, one_step(world, truth, recording, kept))
     raise RuntimeError(f"seed {seed}, trial {number}: no world could be run in {ATTEMPTS} attempts")
 
 
@@ -75,6 +78,10 @@ def answer_of(concealed: Concealed, truth_digest: str) -> dict[str, Any]:
         "effects": effects,
         "visible": all(seen.visible for seen in concealed.visible),
         "transitions": concealed.recording.transition_count,
+        "one_step": {
+            rate: {"base": _rms(concealed.one_step.base[:, i]), "own": _rms(concealed.one_step.own[:, i])}
+            for i, rate in enumerate(SYSTEMS[world.system].rates)
+        },
         "world": world_json(world),
         "truth_sha256": truth_digest,
     }
@@ -87,8 +94,7 @@ def write_trial(out: Path, seed: int, number: int) -> str:
     if not (private / ANSWER).is_file() or not (public / "recording.yaml").is_file():
         concealed = conceal(seed, number)
         with_private = _fresh(private)
-        episodes = {e.name: e.states for e in concealed.clean.episodes}
-        np.savez(with_private / TRUTH, **episodes)  # type: ignore[arg-type]
+        _write_truth(with_private / TRUTH, concealed)
         text = json.dumps(answer_of(concealed, _digest(with_private / TRUTH)), indent=1) + "\n"
         (with_private / ANSWER).write_text(text, encoding="utf-8")
         with_public = _fresh(public)
@@ -170,6 +176,17 @@ def _shortened(truth: Run, kept: FloatArray) -> Run:
         truth.clock[rows],
         truth.wall[rows],
     )
+
+
+def _write_truth(path: Path, concealed: Concealed) -> None:
+    """Readings without noise and the true model's residual rates; equal worlds give equal bytes."""
+    clean = np.concatenate([e.states for e in concealed.clean.episodes])
+    rows = np.array([len(e.t) for e in concealed.clean.episodes])
+    np.savez(path, clean=clean, rows=rows, own=concealed.one_step.own, episode=concealed.one_step.episode)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _digest(path: Path) -> str:

@@ -45,6 +45,11 @@ class Run:
         """Fine steps between two samples."""
         return (len(self.fine) - 1) // len(self.commands)
 
+    @property
+    def sampled(self) -> FloatArray:
+        """(K + 1, E, S) true states at the samples."""
+        return np.asarray(self.fine[:: self.per_sample])
+
 
 class Chain:
     """The actuators of every action, in their order, with their memory."""

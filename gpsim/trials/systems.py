@@ -20,13 +20,15 @@ Values = Mapping[str, float | FloatArray]
 class System:
     """One system. parameters: name -> range of the base's value; steps: possible dt [s]; sensors: a decent one's noise.
 
-    coordinates: the position channels, each followed by its velocity; empty for a vehicle.
+    coordinates: the position channels, each followed by its velocity; empty for a vehicle. rates: what integration
+    turns into the next state.
     """
 
     name: str
     state: Mapping[str, str]
     action: Mapping[str, str]
     coordinates: tuple[str, ...]
+    rates: tuple[str, ...]
     parameters: Mapping[str, tuple[float, float]]
     steps: tuple[float, ...]
     sensors: Mapping[str, float]
@@ -48,6 +50,7 @@ SYSTEMS: Mapping[str, System] = {
         {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"},
         {"force": "N"},
         ("x", "theta"),
+        ("x_acc", "theta_acc"),
         {
             "gravity": (9.8, 9.81),
             "cart_mass": (0.7, 1.5),
@@ -62,6 +65,7 @@ SYSTEMS: Mapping[str, System] = {
         {"q": "m", "q_dot": "m/s"},
         {"force": "N"},
         ("q",),
+        ("q_acc",),
         {"mass": (1.0, 4.0)},
         (0.02, 0.01),
         {"q": 0.0005, "q_dot": 0.005},
@@ -71,6 +75,7 @@ SYSTEMS: Mapping[str, System] = {
         {"theta": "rad", "theta_dot": "rad/s"},
         {"torque": "N m"},
         ("theta",),
+        ("theta_acc",),
         {"gravity": (9.8, 9.81), "mass": (0.5, 1.5), "length": (0.3, 0.7)},
         (0.02, 0.02, 0.05),
         {"theta": 0.001, "theta_dot": 0.01},
@@ -80,6 +85,7 @@ SYSTEMS: Mapping[str, System] = {
         {"x": "m", "y": "m", "yaw": "rad"},
         {"v_cmd": "m/s", "w_cmd": "rad/s"},
         (),
+        ("v", "v_lateral", "w"),
         {},
         (0.1, 0.02),
         {"x": 0.002, "y": 0.002, "yaw": 0.004},
