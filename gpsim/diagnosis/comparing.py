@@ -12,8 +12,9 @@ from gpsim.channels import FloatArray, IntArray, difference
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.preparing import Question, held_out_mask
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import LEAST_SHARE
-from gpsim.diagnosis.shooting import Problem, fit
+from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.simulate import simulate
 from gpsim.diagnosis.windows import Windows, cut
 from gpsim.features import Features

@@ -11,7 +11,9 @@ import numpy as np
 from scipy.stats import norm
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.shooting import Fit, Problem, state_jacobian
+from gpsim.diagnosis.linearised import state_jacobian
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
 
 LONGEST_LAG = 12
 MOST_PROJECTED = 60  # windows over which the start states' share is averaged

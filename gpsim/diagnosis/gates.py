@@ -13,7 +13,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Candidate
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import Gate
 
 BINS = 8

@@ -12,8 +12,9 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import Question
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Found, pays
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.shooting import Fit, fit
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
 REFITTED, WITHIN = (

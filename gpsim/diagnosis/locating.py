@@ -9,7 +9,8 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.comparing import Comparison
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.shooting import Fit, Problem
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
 
 BINS, DEPENDS = 8, 0.05
 

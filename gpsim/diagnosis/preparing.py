@@ -9,7 +9,8 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.windows import LENGTH, Windows, cut
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording

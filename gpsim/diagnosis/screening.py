@@ -9,7 +9,9 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.shooting import Fit, Problem, state_jacobian
+from gpsim.diagnosis.linearised import state_jacobian
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
 
 
 def screened(

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from gpsim.diagnosis.evidence import gain, scores, whiteness
 from gpsim.diagnosis.gates import gated, region_channels
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import child_of, screened
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]

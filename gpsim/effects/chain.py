@@ -9,17 +9,17 @@ from typing import Literal
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.effects.effect import (
     ActuatorEffect,
-    ForceEffect,
     ParameterEffect,
     SensorEffect,
     Values,
     VehicleEffect,
     columns_of,
 )
-from gpsim.effects.term import Term
+from gpsim.effects.forces import Forces, Instant
+from gpsim.effects.term import Gate, Term
 from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory
 
@@ -51,26 +51,52 @@ class Chain:
             memory |= {f"{i}/{key}": values for key, values in part.items()}
         return memory
 
-    def command(
+    def commands(
         self,
-        action: FloatArray,
+        actions: FloatArray,
         state: FloatArray,
         values: Sequence[Values],
         memory: Memory,
         step: FloatArray,
         t: FloatArray,
     ) -> FloatArray:
-        """(B, A): what reaches the simulator during a substep that starts at t; memory moves on."""
+        """(B, K, A): what reaches the simulator during K substeps; memory moves on.
+
+        actions: (B, K, A); state: (B, S) at the start, at which gates look (K is 1, or the chain is `open_loop`);
+        step: (B, K) s each; t: (B, K) s, when the substeps begin.
+        """
         if not self._actuators:
-            return action
-        out = np.array(action)
+            return actions
+        out = np.array(actions)
         for i, effect, column in self._actuators:
+            columns = {name: value[:, None] for name, value in values[i].items()}
+            acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
-            acted = effect.actuate(out[:, column], values[i], _part(memory, i), step, t)
-            out[:, column] = (
-                np.where(gate.open(state, action, t, self.channels), acted, out[:, column]) if gate else acted
-            )
+            if gate:
+                acted = np.where(self._open(gate, state, actions, t), acted, out[:, :, column])
+            out[:, :, column] = acted
         return out
+
+    def _open(self, gate: Gate, state: FloatArray, actions: FloatArray, t: FloatArray) -> BoolArray:
+        """(B, K) whether the gate is open."""
+        count = t.shape[1]
+        flat = actions.reshape(-1, actions.shape[2])
+        return gate.open(np.repeat(state, count, axis=0), flat, t.ravel(), self.channels).reshape(t.shape)
+
+    @cached_property
+    def actuates(self) -> bool:
+        """Whether anything happens to the commands."""
+        return bool(self._actuators)
+
+    def acts(self, term: int) -> bool:
+        """Whether a term changes commands."""
+        return isinstance(self.terms[term].effect, ActuatorEffect)
+
+    @cached_property
+    def open_loop(self) -> bool:
+        """Whether what happens to the commands does not depend on the state."""
+        names = set(self.simulator.state.names)
+        return not any(names & set(self.terms[i].gate.region) for i, _, _ in self._actuators)
 
     def advance(
         self,
@@ -81,7 +107,7 @@ class Chain:
         t: FloatArray,
         extra: FloatArray | None = None,
     ) -> FloatArray:
-        """(B, S) after a substep; `action` is what `command` returned, `extra` (B, R) is added to the rates."""
+        """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
         parameters = self._corrected(state, action, values, t)
         if self.scheme != "fine":
             return self.simulator.integrate(
@@ -140,13 +166,8 @@ class Chain:
         return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
-    def _forces(self) -> list[tuple[int, ForceEffect, int]]:
-        names = [c.name for c in self.simulator.coordinates]
-        return [
-            (i, term.effect, names.index(term.on))
-            for i, term in enumerate(self.terms)
-            if isinstance(term.effect, ForceEffect)
-        ]
+    def _forces(self) -> Forces:
+        return Forces(self.simulator, self.terms, self.channels)
 
     @cached_property
     def _parameter_terms(self) -> list[tuple[int, ParameterEffect]]:
@@ -168,15 +189,6 @@ class Chain:
     def _twist_columns(self) -> tuple[int, int, int]:
         rate = self.simulator.rate
         return rate.index("v"), rate.index("v_lateral"), rate.index("w")
-
-    @cached_property
-    def _coordinate_columns(self) -> list[tuple[int, int, int]]:
-        """Position, velocity and rate column of every coordinate."""
-        state, rate = self.simulator.state, self.simulator.rate
-        return [
-            (state.index(c.name), state.index(c.velocity), rate.index(c.rate))
-            for c in self.simulator.coordinates
-        ]
 
     def _corrected(
         self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
@@ -201,90 +213,10 @@ class Chain:
         substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
         """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
-        if not self._forces:
-            rates = self.simulator.rates(state, action, parameters)
-            return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
-        smooth, dry = self._applied(state, action, values, t)
-        rates = self.simulator.rates(state, action, parameters, smooth)
-        for coordinate in dry:
-            unit = np.zeros_like(smooth)
-            unit[:, coordinate] = 1.0
-            mobility = self.simulator.rates(state, action, parameters, smooth + unit) - rates
-            friction = self._dry_friction(
-                coordinate, state, rates, mobility, action, parameters, values, t, substep
-            )
-            rates = rates + mobility * friction[:, None]
-            smooth[:, coordinate] += friction
-        return rates
-
-    def _applied(
-        self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
-    ) -> tuple[FloatArray, list[int]]:
-        """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
-        smooth = np.zeros((len(state), len(self._coordinate_columns)))
-        dry: list[int] = []
-        for i, effect, coordinate in self._forces:
-            position, velocity, _ = self._coordinate_columns[coordinate]
-            force = effect.force(state[:, position], state[:, velocity], values[i])
-            if force is None:
-                dry += [coordinate] if coordinate not in dry else []
-                continue
-            gate = self.terms[i].gate
-            smooth[:, coordinate] += force * gate.open(state, action, t, self.channels) if gate else force
-        return smooth, dry
-
-    def _dry_friction(
-        self,
-        coordinate: int,
-        state: FloatArray,
-        rates: FloatArray,
-        mobility: FloatArray,
-        action: FloatArray,
-        parameters: Mapping[str, float | FloatArray],
-        values: Sequence[Values],
-        t: FloatArray,
-        substep: tuple[FloatArray, FloatArray] | None,
-    ) -> FloatArray:
-        """(B,) the friction force, a mean over the substep. Rates are affine in it: rates + mobility * force.
-
-        A body that would reverse within the substep stops on the way, after a share of it; for the rest it is held,
-        as far as the grip allows, or starts the other way.
-        """
-        position, velocity, rate = self._coordinate_columns[coordinate]
-        name = self.simulator.coordinates[coordinate].name
-        speed = state[:, velocity] if substep is None else substep[0][:, velocity]
-        free = -rates[:, rate] / mobility[:, rate]  # the force that would leave no acceleration
-        sign = np.where(speed != 0, -np.sign(speed), np.sign(free) if substep is not None else 0.0)
-        load = self.simulator.normal_force(state, rates, parameters).get(name)
-        change = None
-        if load is not None:
-            change = self.simulator.normal_force(state, rates + mobility, parameters)[name] - load
-
-        def grip(at: FloatArray | None) -> FloatArray:
-            total = np.zeros(len(state))
-            for i, effect, on in self._forces:
-                if on != coordinate:
-                    continue
-                most = effect.grip(state[:, position], state[:, velocity], values[i], at)
-                if most is not None:
-                    gate = self.terms[i].gate
-                    total += most * gate.open(state, action, t, self.channels) if gate else most
-            return total
-
-        most = grip(load)
-        if load is not None and change is not None:
-            # The load depends on the friction and the friction on the load, both affinely: m = m0 + k m.
-            slope = grip(load + change * sign * most) - most
-            share = np.divide(slope, most, out=np.zeros_like(most), where=most > 0)
-            most = most / np.maximum(1.0 - share, 0.1)
-        sliding = sign * most
-        if substep is None:
-            return np.asarray(sliding)
-        after = speed + substep[1] * (rates[:, rate] + mobility[:, rate] * sliding)
-        crosses = speed * after <= 0
-        gap = np.where(speed == after, 1.0, speed - after)
-        share = np.where(crosses, speed / gap, 1.0)
-        return np.asarray(share * sliding + (1.0 - share) * np.clip(free, -most, most))
+        if self._forces:
+            return self._forces.rates(Instant(state, action, parameters, t, substep), values)
+        rates = self.simulator.rates(state, action, parameters)
+        return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
 
     def _twisted(
         self,

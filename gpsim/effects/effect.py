@@ -126,9 +126,13 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """(B,) what the simulator gets during the next `step` (B,) s; t (B,) s is the recording's clock."""
+        """(B, K) what the simulator gets during K substeps of `step` (B, K) s, a mean over each.
+
+        commands: (B, K), held over each substep; values: (B, 1) each; t: (B, K) s, when the substeps begin on the
+        recording's clock. memory is left as it is after the last one.
+        """
 
 
 class ParameterEffect(Effect):
