@@ -7,11 +7,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
+
+from gpsim.errors import UsageError
 
 from .progress import single_progress
 
 CORES = os.cpu_count() or 1
-prove_app = typer.Typer(no_args_is_help=True, help="Conceal worlds, diagnose them blind, reveal and score.")
+prove_app = typer.Typer(
+    invoke_without_command=True,
+    help="Conceal worlds, diagnose them blind, reveal and score; or a step of it.",
+)
 Trials = Annotated[int, typer.Option("--trials", min=1, help="How many worlds.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
@@ -22,7 +28,36 @@ Strata = Annotated[
         "--stratum", help="Only worlds of it: single, pair, triple, none, unknown; may be repeated."
     ),
 ]
+Answers = Annotated[
+    Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
+]
 Long = Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")]
+
+
+@prove_app.callback()
+def prove_command(
+    context: typer.Context,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the proof; it is resumed.")] = None,
+    trials: Trials = 40,
+    seed: Seed = 1,
+    jobs: Jobs = CORES,
+    stratum: Strata = None,
+    long: Long = True,
+) -> None:
+    """Conceal worlds, diagnose them blind, reveal and score: a table, OUT/prove.json and OUT/report.html."""
+    if context.invoked_subcommand is not None:
+        if out is not None:
+            raise UsageError(
+                f"prove: options go behind the step: gpsim prove {context.invoked_subcommand} --out ..."
+            )
+        return
+    if out is None:
+        raise UsageError(
+            "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
+        )
+    conceal_command(out, trials, seed, jobs, stratum, long)
+    diagnose_command(out, jobs)
+    reveal_command(out, None, jobs)
 
 
 @prove_app.command("conceal")
@@ -41,6 +76,35 @@ def conceal_command(
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, jobs, progress)
     typer.echo(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
+
+
+@prove_app.command("diagnose")
+def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
+    """Diagnose every recording in OUT/public, each in a process and folder that hold nothing else."""
+    from gpsim.stages import prove
+
+    with single_progress("diagnose") as progress:
+        count = prove.diagnose(out, jobs, progress)
+    typer.echo(f"diagnose: {count} diagnoses in {out / 'diagnoses'}")
+
+
+@prove_app.command("reveal")
+def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
+    """Check every answer against its published hash, and score; refuses an answer that does not match."""
+    from gpsim.reports.prove_sheets import goals_sheet, namers_sheet, rivals_sheet
+    from gpsim.reports.tables import terminal_table
+    from gpsim.stages import prove
+
+    with single_progress("reveal") as progress:
+        content = prove.reveal(out, answers, jobs, progress)
+    console = Console()
+    for sheet in (goals_sheet(content), rivals_sheet(content), namers_sheet(content)):
+        if sheet.rows:
+            console.print(terminal_table(sheet, {}))
+    typer.echo(
+        f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
+    )
+    typer.echo(f"reveal: {out / 'prove.json'}, {out / 'report.html'}")
 
 
 @prove_app.command("answers")

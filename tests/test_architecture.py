@@ -67,6 +67,10 @@ SIDEWAYS = {
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
     ("reports", "diagnosis"),  # shows what a diagnosis found
     ("targets", "simulators"),  # a target is a plant
+    (
+        "trials",
+        "diagnosis",
+    ),  # the rule for equivalents fits rivals with its engine; never the other way round
 }
 
 

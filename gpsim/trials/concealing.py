@@ -105,11 +105,15 @@ def write_trial(out: Path, seed: int, number: int) -> str:
 
 
 def publish_hashes(out: Path, digests: dict[str, str]) -> None:
-    """Write the answers' hashes beside the recordings."""
+    """Write the answers' hashes beside the recordings; those of other trials stay."""
+    path = out / PUBLIC / HASHES
+    if path.is_file():
+        known = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
+        digests = {name: digest for digest, name in known} | digests
     lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
     temporary = out / PUBLIC / f".{HASHES}"
     temporary.write_text(lines, encoding="utf-8")
-    temporary.replace(out / PUBLIC / HASHES)
+    temporary.replace(path)
 
 
 def trial_name(number: int) -> str:

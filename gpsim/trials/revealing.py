@@ -49,13 +49,17 @@ def reveal(out: Path, answers: Path, name: str) -> Answer:
         (read_outcome(out, name)["answer_sha256"], "that stood there when it was diagnosed"),
     ):
         if digest != said:
-            raise UsageError(f"{path}: does not match the hash {where}; the answer of trial {name} is refused")
+            raise UsageError(
+                f"{path}: does not match the hash {where}; the answer of trial {name} is refused"
+            )
     content = json.loads(raw)
     if content.get("schema") != SCHEMA:
         raise UsageError(f"{path}: expected schema {SCHEMA}, got {content.get('schema')!r}")
     truth = answers / name / TRUTH
     if not truth.is_file() or hashlib.sha256(truth.read_bytes()).hexdigest() != content["truth_sha256"]:
-        raise UsageError(f"{truth}: missing, or not what {ANSWER} says; the answer of trial {name} is refused")
+        raise UsageError(
+            f"{truth}: missing, or not what {ANSWER} says; the answer of trial {name} is refused"
+        )
     with np.load(truth) as arrays:
         ends = np.cumsum(arrays["rows"])[:-1]
         return Answer(content, np.split(arrays["clean"], ends), arrays["own"], arrays["episode"])
