@@ -19,6 +19,7 @@ Json = Mapping[str, Any]
 Claim = frozenset[tuple[str, str]]
 WRONG_ODDS = 10.0  # a wrong name asserted with odds above this counts as such
 LEAST_IOU, LARGEST_ONSET = 0.5, 0.1  # of a region; of an onset's error as a share of the recording's duration
+LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is
 LEADING_RATE = 0.5  # a rate with at least this share of the largest true share is a right one to point at
 
 
@@ -134,7 +135,7 @@ def _right(
     if stratum == "none":
         return verdict == "none"
     if stratum == "unknown":
-        return verdict == "unknown" or (verdict == "named" and leader in right_claims)
+        return bool(verdict == "unknown" or (verdict == "named" and leader in right_claims))
     if verdict == "named":
         return bool(leader in right_claims)
     if verdict == "ambiguous":
@@ -180,6 +181,8 @@ def _rate_right(one_step: Json, said: Mapping[str, float]) -> bool:
     """Whether the rate with the largest share in the diagnosis is one of the leading ones in truth."""
     shares = {r: max(0.0, 1.0 - (e["own"] / max(e["base"], 1e-300)) ** 2) for r, e in one_step.items()}
     if not said or max(said.values()) <= 0:
-        return max(shares.values()) < 0.05
+        return bool(max(shares.values()) < LEAST_SEEN)
+    if max(shares.values()) < LEAST_SEEN:
+        return True
     pointed = max(said, key=lambda rate: said[rate])
     return bool(shares.get(pointed, 0.0) >= LEADING_RATE * max(shares.values()))

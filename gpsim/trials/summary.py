@@ -144,7 +144,7 @@ def goals(figures: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         out[name] = {"wanted": f"{sign} {wanted:g}", "got": got, "reached": reached}
     coverage = figures.get("parameters", {}).get("coverage_90")
     if coverage is not None:
-        out["parameters.coverage_90"] |= {"wanted": "0.85 to 0.95", "reached": 0.85 <= coverage <= 0.95}
+        out["parameters.coverage_90"] |= {"wanted": "0.85-0.95", "reached": 0.85 <= coverage <= 0.95}
     return out
 
 
