@@ -29,6 +29,7 @@ GOALS: Mapping[str, tuple[str, float]] = {
     "seconds.max": ("<=", 60.0),
 }
 """What the proof has to reach."""
+EQUIVALENT = "an equivalent"
 NEAR_OWN = 1.1  # held-out error over the true model's own
 
 
@@ -149,13 +150,15 @@ def goals(figures: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def confusion(scores: Sequence[Score]) -> dict[str, dict[str, int]]:
-    """True family (or kind, or nothing) -> what was said -> count, over worlds with at most one effect."""
+    """True family (or kind, or nothing) -> what was said first -> count, over worlds with at most one effect."""
     table: dict[str, Counter[str]] = {}
     for s in scores:
         if s["stratum"] not in ("single", "none", "unknown"):
             continue
         truth = s["truth"][0][0] if s["truth"] else "nothing"
         said = sorted({family for family, _ in s["said"]})
+        if s["leading_right"] and said != [truth]:
+            said = [EQUIVALENT]
         word = s["verdict"] if s["verdict"] in ("unknown", "failed") else "nothing"
         table.setdefault(truth, Counter())[
             " + ".join(said) if said and s["verdict"] != "unknown" else word
