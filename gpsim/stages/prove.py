@@ -20,12 +20,16 @@ from gpsim.trials.concealing import ANSWER, PRIVATE, PUBLIC, publish_hashes, tri
 from gpsim.trials.drawing import stratum_of
 from gpsim.trials.judging import judge
 from gpsim.trials.summary import summarise
+from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"
 
 
 def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True) -> list[int]:
-    """The first `trials` numbers whose world is of one of `strata` (all when empty)."""
+    """The first `trials` numbers whose world is of one of `strata` (all when empty); raises UsageError."""
+    strange = sorted(set(strata) - set(STRATA))
+    if strange:
+        raise UsageError(f"no stratum '{strange[0]}'; there are: {', '.join(STRATA)}")
 
     def wanted(number: int) -> bool:
         stratum, is_long, _ = stratum_of(number)

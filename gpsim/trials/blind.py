@@ -19,8 +19,20 @@ from gpsim.trials.concealing import HASHES, PUBLIC
 DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"
 RECORDING = "recording"
 LIMIT = 900.0  # s after which a diagnosis is given up
-# The command line in a fresh interpreter: what a user would run, and no module of the trials comes along.
-COMMAND = "from gpsim.cli.main import main; main()"
+# The command line in a fresh interpreter: what a user would run, and no module of the trials comes along. It ends when
+# the proof that started it is gone.
+COMMAND = """
+import os, threading, time
+
+def watch(parent):
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
+
+threading.Thread(target=watch, args=(os.getppid(),), daemon=True).start()
+from gpsim.cli.main import main
+main()
+"""
 
 
 def published(out: Path) -> dict[str, str]:

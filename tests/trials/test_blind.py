@@ -20,31 +20,41 @@ from gpsim.recordings.files import write_recording
 from gpsim.recordings.recording import Recording
 from gpsim.trials import concealing
 from gpsim.trials.blind import diagnose_blind, read_report
-from gpsim.trials.equivalents import rivals
 from gpsim.trials.judging import judge
-from gpsim.trials.revealing import Answer, reveal
+from gpsim.trials.revealing import reveal
 
+EPISODES, ROWS = 8, 131
 SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias
 
 
 @pytest.fixture(scope="module")
 def concealed(tmp_path_factory):
     out = tmp_path_factory.mktemp("proof")
-    digest = concealing.write_trial(out, SEED, NUMBER)
+    concealing.write_trial(out, SEED, NUMBER)
     _shorten(out)
-    concealing.publish_hashes(out, {NAME: digest})
+    concealing.publish_hashes(out, {NAME: concealing._digest(out / "private" / NAME / "answer.json")})
     return out
 
 
 def _shorten(out: Path) -> None:
-    """Keep what a test has the time for: the first eight episodes' first 130 samples."""
-    folder = out / "public" / NAME
-    whole = read_recording(folder)
+    """Keep what a test has the time for, eight short episodes, in both halves."""
+    public, private = out / "public" / NAME, out / "private" / NAME
+    whole = read_recording(public)
     episodes = tuple(
-        replace(e, t=e.t[:131], states=e.states[:131], actions=e.actions[:130]) for e in whole.episodes[:8]
+        replace(e, t=e.t[:ROWS], states=e.states[:ROWS], actions=e.actions[: ROWS - 1])
+        for e in whole.episodes[:EPISODES]
     )
     short: Recording = replace(whole, episodes=episodes, held_out=None)
-    write_recording(short, folder, "csv")
+    write_recording(short, public, "csv")
+    with np.load(private / "truth.npz") as truth:
+        starts = np.cumsum(truth["rows"]) - truth["rows"]
+        clean = np.concatenate([truth["clean"][s : s + ROWS] for s in starts[:EPISODES]])
+        own = np.concatenate([truth["own"][truth["episode"] == e][: ROWS - 1] for e in range(EPISODES)])
+    index = np.repeat(np.arange(EPISODES), ROWS - 1)
+    np.savez(private / "truth.npz", clean=clean, rows=np.full(EPISODES, ROWS), own=own, episode=index)
+    content = json.loads((private / "answer.json").read_text())
+    content["truth_sha256"] = concealing._digest(private / "truth.npz")
+    (private / "answer.json").write_text(json.dumps(content))
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +103,6 @@ def test_a_swapped_answer_scores_differently_and_the_diagnosis_stays_the_same(di
     shutil.copytree(away, private)
     path = private / NAME / "answer.json"
     content = json.loads(path.read_text())
-    _fit_truth_to_recording(out, private, content)
     other = tmp_path / "other"
     shutil.copytree(out / "public", other / "public")
     content["effects"][0] |= {"family": "viscous_friction", "on": "q", "parameters": {"damping": 1.0}}
@@ -105,21 +114,6 @@ def test_a_swapped_answer_scores_differently_and_the_diagnosis_stays_the_same(di
     swapped = judge(other, private, NAME)
     assert swapped["truth"] == [["viscous_friction", "q"]]
     assert not swapped["right"]
-
-
-def _fit_truth_to_recording(out, private, content):
-    """The test's recordings are shortened; so is the truth that belongs to them."""
-    recording = read_recording(out / "public" / NAME)
-    with np.load(private / NAME / "truth.npz") as whole:
-        ends = np.cumsum(whole["rows"])
-        starts = ends - whole["rows"]
-        clean = np.concatenate([whole["clean"][s : s + 131] for s in starts[:8]])
-        own = np.concatenate([whole["own"][whole["episode"] == e][:130] for e in range(8)])
-    rows = np.array([len(e.t) for e in recording.episodes])
-    np.savez(
-        private / NAME / "truth.npz", clean=clean, rows=rows, own=own, episode=np.repeat(np.arange(8), 130)
-    )
-    content["truth_sha256"] = concealing._digest(private / NAME / "truth.npz")
 
 
 def test_an_answer_that_does_not_match_its_hash_is_refused(diagnosed, tmp_path):
@@ -149,19 +143,25 @@ def test_a_truth_that_was_exchanged_is_refused(diagnosed, tmp_path):
         reveal(out, private, NAME)
 
 
-def test_a_bias_of_the_actuator_is_a_constant_force(diagnosed, tmp_path):
-    """The rule for equivalents finds by itself what DIAGNOSIS.md lists as inseparable."""
-    out, away = diagnosed
-    private = tmp_path / "private"
-    shutil.copytree(away, private)
-    content = json.loads((private / NAME / "answer.json").read_text())
-    _fit_truth_to_recording(out, private, content)
-    (private / NAME / "answer.json").write_text(json.dumps(content))
-    with np.load(private / NAME / "truth.npz") as a:
-        answer = Answer(content, np.split(a["clean"], np.cumsum(a["rows"])[:-1]), a["own"], a["episode"])
-    found = {r.claims for r in rivals(answer, read_recording(out / "public" / NAME)) if r.equivalent}
-    assert (("constant_force", "q"),) in found
-    assert (("viscous_friction", "q"),) not in found
+def test_the_proof_is_scored_with_the_equivalents_that_the_rule_finds(diagnosed, tmp_path):
+    """A bias of a slider's actuator is a constant force; the rule finds what DIAGNOSIS.md lists as inseparable."""
+    diagnosed_out, away = diagnosed
+    out = tmp_path / "proof"
+    shutil.copytree(diagnosed_out, out)
+    result = CliRunner().invoke(
+        app, ["prove", "reveal", "--out", str(out), "--answers", str(away), "--jobs", "1"]
+    )
+    assert result.exit_code == 0, result.output
+    content = json.loads((out / "prove.json").read_text())
+    score = json.loads((out / "scores" / f"{NAME}.json").read_text())
+    assert [["constant_force", "q"]] in score["equivalents"]
+    assert [["viscous_friction", "q"]] not in score["equivalents"]
+    assert content["all"]["single"]["n"] == 1
+    assert content["all"]["single"]["right"] == int(score["right"])
+    assert content["rivals"]["gp"]["n"] == 1
+    page = (out / "report.html").read_text()
+    assert "http" not in page
+    assert score["right"] or f"diagnoses/{NAME}/diagnosis/report.html" in page
 
 
 def test_diagnosing_without_published_hashes_is_refused(tmp_path):
@@ -171,7 +171,7 @@ def test_diagnosing_without_published_hashes_is_refused(tmp_path):
     assert "no hashes" in str(result.exception)
 
 
-@pytest.mark.parametrize("words", [["prove"], ["prove", "--out", "x", "diagnose"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
+@pytest.mark.parametrize("words", [["prove"], ["prove", "conceal", "--out", "x", "--stratum", "odd"], ["prove", "--out", "x", "diagnose"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
 def test_bad_input_is_one_line(words):
     result = CliRunner().invoke(app, words)
     assert isinstance(result.exception, UsageError)
