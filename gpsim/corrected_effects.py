@@ -76,7 +76,7 @@ class EffectsPlant:
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
             command = self.chain.commands(
-                action[:, None], state, values, effects, step[:, None], now[:, None]
+                action[:, None], state[:, None], values, effects, step[:, None], now[:, None]
             )[:, 0]
             state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step

@@ -97,7 +97,8 @@ def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Float
         memory = {}
         if chain.watches:
             slope = chain.slope(state, windows.before_actions[:, -1], values, windows.t[:, 0])
-            memory = chain.watchers(state, slope, step)
+            back = step[:, None] * np.arange(chain.reach(values, step) - 1, -1, -1)
+            memory = chain.watchers(state[:, None] - back[:, :, None] * slope[:, None])
         state = state + difference(
             measured, chain.measure(state, values, memory, step), problem.simulator.state
         )

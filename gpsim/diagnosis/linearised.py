@@ -70,8 +70,10 @@ def projected(
 ) -> tuple[FloatArray, FloatArray]:
     """Information (W, P, P) on theta and gradient (W, P) of each window with its start state projected out."""
     r, js, jt = _whitened(problem, residual, by_state, by_theta, variance)
-    gram, cross = _gram(js, damping), js.transpose(0, 2, 1) @ jt
-    solved = np.linalg.solve(gram, np.concatenate([cross, js.transpose(0, 2, 1) @ r[..., None]], axis=2))
+    cross = js.transpose(0, 2, 1) @ jt
+    solved = _inverse_gram(js, damping) @ np.concatenate(
+        [cross, js.transpose(0, 2, 1) @ r[..., None]], axis=2
+    )
     information = jt.transpose(0, 2, 1) @ jt - cross.transpose(0, 2, 1) @ solved[..., :-1]
     gradient = -(jt.transpose(0, 2, 1) @ r[..., None] - cross.transpose(0, 2, 1) @ solved[..., -1:])[..., 0]
     return information, gradient
@@ -91,8 +93,7 @@ def damped_step(
 ) -> Step:
     """The damped Gauss-Newton step; parameters that a bound holds stand still."""
     r, js, jt = _whitened(problem, residual, by_state, by_theta, variance)
-    gram = _gram(js, per_window)
-    inverse = np.linalg.inv(gram)
+    inverse = _inverse_gram(js, per_window)
     alone = -(inverse @ (js.transpose(0, 2, 1) @ r[..., None]))[..., 0]
     follow = -inverse @ (js.transpose(0, 2, 1) @ jt)
     if not theta.size:
@@ -122,8 +123,15 @@ def _whitened(
     return r, js, jt
 
 
-def _gram(js: FloatArray, damping: FloatArray) -> FloatArray:
+def _inverse_gram(js: FloatArray, damping: FloatArray) -> FloatArray:
+    """(W, S, S): the damped inverse of the start states' normal matrix, which is scaled to a unit diagonal first.
+
+    Channels may differ by twelve orders of magnitude in how well they are known.
+    """
     gram = js.transpose(0, 2, 1) @ js
-    diagonal = np.einsum("wii->wi", gram)
-    diagonal += damping[:, None] * diagonal + 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300
-    return gram
+    size = np.sqrt(np.einsum("wii->wi", gram))
+    size = np.where(size > 0, size, 1.0)
+    scaled = gram / (size[:, :, None] * size[:, None, :])
+    diagonal = np.einsum("wii->wi", scaled)
+    diagonal[:] = np.maximum(diagonal, 1e-12) * (1.0 + damping[:, None] + 1e-12)
+    return np.asarray(np.linalg.inv(scaled) / (size[:, :, None] * size[:, None, :]))

@@ -10,17 +10,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis.evidence import gain, scores, whiteness
-from gpsim.diagnosis.gates import gated, region_channels
+from gpsim.diagnosis.gates import Proposal, fitted, proposed, region_channels
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import child_of, screened
+from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
-GATED = 4
+GATED, PROMISING = 4, 6  # gated terms that are fitted, of so many plain ones
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
 STRUCTURED = 1e-2  # p-value below which a residual is not white
@@ -52,19 +52,16 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     for depth in range(DEPTH):
         children: list[Fit] = []
         for parent in beam:
-            plain = _grown(problem, parent, offers, FITTED[depth])
+            directions = Directions(problem, parent)
+            plain = _grown(problem, directions, offers, FITTED[depth])
             children += plain
+            if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
+                children += _with_gates(problem, directions, plain, offers)
             done += FITTED[depth]
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {_named(best)}")
         children = _distinct(children)
         fits += children
-        if depth < 2 and _structured(problem, fits):
-            gates = [
-                _with_gates(problem, parent, _offspring(parent, children), offers) for parent in beam[:1]
-            ]
-            fits += [f for found in gates for f in found]
-            children += [f for found in gates for f in found]
         if not children or not _structured(problem, fits):
             break
         beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
@@ -81,10 +78,10 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     return bool((share[problem.observed] > LEAST_SHARE).any())
 
 
-def _grown(problem: Problem, parent: Fit, offers: Sequence[Candidate], count: int) -> list[Fit]:
+def _grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
+    parent = directions.parent
     taken = parent.hypothesis.claims
     open_offers = [c for c in offers if c.identity not in taken and not c.only_gated]
-    chosen = screened(problem, parent, open_offers)[:count]
     return [
         fit(
             problem,
@@ -93,64 +90,42 @@ def _grown(problem: Problem, parent: Fit, offers: Sequence[Candidate], count: in
             iterations=12,
             tolerance=0.5,
         )
-        for worth, candidate, start in chosen
+        for worth, candidate, start in screened(directions, open_offers)[:count]
         if worth > 1.0
     ]
 
 
 def _with_gates(
-    problem: Problem, parent: Fit, plain: Sequence[Fit], offers: Sequence[Candidate]
+    problem: Problem, directions: Directions, plain: Sequence[Fit], offers: Sequence[Candidate]
 ) -> list[Fit]:
-    """The most promising terms once more, each in the best region or since the best moment."""
-    best = sorted(plain, key=lambda f: f.objective)
-    if not best or whiteness(problem, best[0])[0] > STRUCTURED:
-        return []
-    of = {f.hypothesis.terms[-1].identity: f for f in reversed(best)}
-    dry = {c.place.on: ("coulomb_friction", c.place.on) for c in offers if c.only_gated}
-    out: list[Fit] = []
-    for candidate in sorted((c for c in offers if c.gateable), key=lambda c: _rank(c, best)):
-        key = dry[candidate.place.on] if candidate.only_gated else candidate.identity
-        if key not in of or len(out) >= GATED:
+    """Terms that did well everywhere once more, each in the region or since the moment that promises most."""
+    promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
+    best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
+    proposals: list[Proposal] = []
+    for candidate in (
+        c for c in offers if c.gateable and c.identity not in directions.parent.hypothesis.claims
+    ):
+        family = "coulomb_friction" if candidate.only_gated else candidate.family
+        everywhere = best.get((family, candidate.place.on))
+        if everywhere is None or len(everywhere.hypothesis.declared[-1]) != 1:
             continue
-        start = tuple(of[key].hypothesis.theta[-1:])
-        for channel in region_channels(problem):
-            if (candidate.only_gated and channel != candidate.place.on) or _patch_twice(candidate, channel):
-                continue
-            found = gated(problem, parent, of[key], candidate, start, channel)
-            if found is not None:
-                out.append(found)
-    return out
+        value = float(everywhere.hypothesis.theta[-1])
+        channels = [c for c in region_channels(problem) if _makes_sense(candidate, c)]
+        proposals += proposed(problem, directions, candidate, value, channels)
+    proposals.sort(key=lambda p: -p.gain)
+    return [fitted(problem, directions.parent, proposal) for proposal in proposals[:GATED]]
 
 
-def _rank(candidate: Candidate, best: Sequence[Fit]) -> int:
-    """How well the candidate did everywhere; a patch counts as the Coulomb friction that it is."""
-    family = "coulomb_friction" if candidate.only_gated else candidate.family
-    names = [f.hypothesis.terms[-1].identity for f in best]
-    key = (family, candidate.place.on)
-    return names.index(key) if key in names else len(names)
-
-
-def _patch_twice(candidate: Candidate, channel: str | None) -> bool:
-    """Coulomb friction in a region of its own coordinate is a patch, which has its own family."""
-    return candidate.family == "coulomb_friction" and channel == candidate.place.on
+def _makes_sense(candidate: Candidate, channel: str | None) -> bool:
+    """Coulomb friction in a region of its own coordinate is a patch, which has its own family, and is nothing else."""
+    if candidate.only_gated:
+        return channel == candidate.place.on
+    return not (candidate.family == "coulomb_friction" and channel == candidate.place.on)
 
 
 def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
     """Whether the leader leaves something to explain."""
     return whiteness(problem, _ranked(problem, fits)[0])[0] < STRUCTURED
-
-
-def _offspring(parent: Fit, children: Sequence[Fit]) -> list[Fit]:
-    """The children with exactly the parent's terms and one more."""
-    before = parent.hypothesis.claims
-    count = len(parent.hypothesis.terms)
-    return [
-        c
-        for c in children
-        if c.hypothesis.scheme == parent.hypothesis.scheme
-        and before <= c.hypothesis.claims
-        and len(c.hypothesis.terms) == count + 1
-    ]
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from gpsim.channels import BoolArray, Channels, FloatArray
+from gpsim.channels import Channels, FloatArray
 from gpsim.effects.effect import (
     ActuatorEffect,
     ParameterEffect,
@@ -19,7 +19,7 @@ from gpsim.effects.effect import (
     columns_of,
 )
 from gpsim.effects.forces import Forces, Instant
-from gpsim.effects.term import Gate, Term
+from gpsim.effects.term import Term
 from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory
 
@@ -54,7 +54,7 @@ class Chain:
     def commands(
         self,
         actions: FloatArray,
-        state: FloatArray,
+        states: FloatArray,
         values: Sequence[Values],
         memory: Memory,
         step: FloatArray,
@@ -62,10 +62,9 @@ class Chain:
     ) -> FloatArray:
         """(B, K, A): what reaches the simulator during K substeps; memory moves on.
 
-        actions: (B, K, A); state: (B, S) at the start, at which gates look (K is 1, or the chain is `open_loop`);
-        step: (B, K) s each; t: (B, K) s, when the substeps begin.
+        actions: (B, K, A); states: (B, K, S), at which gates look; step: (B, K) s each; t: (B, K) s, when they begin.
         """
-        if not self._actuators:
+        if not self.actuates:
             return actions
         out = np.array(actions)
         for i, effect, column in self._actuators:
@@ -73,15 +72,11 @@ class Chain:
             acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
             if gate:
-                acted = np.where(self._open(gate, state, actions, t), acted, out[:, :, column])
+                acted = np.where(
+                    gate.open(states, actions, t, self.channels, columns), acted, out[:, :, column]
+                )
             out[:, :, column] = acted
         return out
-
-    def _open(self, gate: Gate, state: FloatArray, actions: FloatArray, t: FloatArray) -> BoolArray:
-        """(B, K) whether the gate is open."""
-        count = t.shape[1]
-        flat = actions.reshape(-1, actions.shape[2])
-        return gate.open(np.repeat(state, count, axis=0), flat, t.ravel(), self.channels).reshape(t.shape)
 
     @cached_property
     def actuates(self) -> bool:
@@ -91,12 +86,6 @@ class Chain:
     def acts(self, term: int) -> bool:
         """Whether a term changes commands."""
         return isinstance(self.terms[term].effect, ActuatorEffect)
-
-    @cached_property
-    def open_loop(self) -> bool:
-        """Whether what happens to the commands does not depend on the state."""
-        names = set(self.simulator.state.names)
-        return not any(names & set(self.terms[i].gate.region) for i, _, _ in self._actuators)
 
     def advance(
         self,
@@ -129,12 +118,16 @@ class Chain:
         parameters = self._corrected(state, action, values, t)
         return self.simulator.derivative(state, self._rates(state, action, parameters, values, t, None))
 
-    def watchers(self, state: FloatArray, slope: FloatArray, step: FloatArray) -> Memory:
-        """The sensors' memory at the start of a batch."""
+    def reach(self, values: Sequence[Values], step: FloatArray) -> int:
+        """How many substeps of `step` (B,) [s] back the sensors look."""
+        longest = max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
+        return int(np.ceil(longest / float(np.min(step)))) + 2
+
+    def watchers(self, history: FloatArray) -> Memory:
+        """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last."""
         memory: Memory = {}
         for i, effect, _ in self._sensors:
-            part = effect.begin(state, slope, LONGEST_DELAY * self.dt, step)
-            memory |= {f"{i}/{key}": values for key, values in part.items()}
+            memory |= {f"{i}/{key}": values for key, values in effect.begin(history).items()}
         return memory
 
     def watch(self, state: FloatArray, memory: Memory) -> None:
@@ -199,7 +192,7 @@ class Chain:
             believed = np.asarray(out[term.on] + 0.0 * t)
             value = effect.corrected(believed, values[i])
             if term.gate:
-                value = np.where(term.gate.open(state, action, t, self.channels), value, believed)
+                value = np.where(term.gate.open(state, action, t, self.channels, values[i]), value, believed)
             out[term.on] = value
         return out
 
@@ -232,7 +225,11 @@ class Chain:
             new = np.array(rates)
             new[:, columns] = np.stack(effect.twist(v, lateral, w, values[i]), axis=1)
             gate = self.terms[i].gate
-            rates = np.where(gate.open(state, action, t, self.channels)[:, None], new, rates) if gate else new
+            rates = (
+                np.where(gate.open(state, action, t, self.channels, values[i])[:, None], new, rates)
+                if gate
+                else new
+            )
         return rates
 
 

@@ -175,8 +175,12 @@ class SensorEffect(Effect):
         """Every measured channel."""
         return simulator.state.names
 
-    def begin(self, state: FloatArray, slope: FloatArray, longest: float, step: FloatArray) -> Memory:
-        """Memory of a batch whose states (B, S) change by slope (B, S) per second."""
+    def reach(self, values: Values) -> float:
+        """How far back [s] it looks."""
+        return 0.0
+
+    def begin(self, history: FloatArray) -> Memory:
+        """Memory of a batch with the true states of the last substeps (B, K, S), the newest last."""
         return {}
 
     def watch(self, state: FloatArray, column: int, memory: Memory) -> None:

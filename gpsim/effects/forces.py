@@ -72,9 +72,9 @@ class Forces:
             for c in self.simulator.coordinates
         ]
 
-    def _gated(self, term: int, force: FloatArray, at: Instant) -> FloatArray:
+    def _gated(self, term: int, force: FloatArray, at: Instant, values: Values) -> FloatArray:
         gate = self.terms[term].gate
-        return force * gate.open(at.state, at.action, at.t, self.channels) if gate else force
+        return force * gate.open(at.state, at.action, at.t, self.channels, values) if gate else force
 
     def _applied(self, at: Instant, values: Sequence[Values]) -> tuple[FloatArray, list[int]]:
         """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
@@ -84,7 +84,7 @@ class Forces:
             position, velocity, _ = self._columns[coordinate]
             force = effect.force(at.state[:, position], at.state[:, velocity], values[i])
             if force is not None:
-                smooth[:, coordinate] += self._gated(i, force, at)
+                smooth[:, coordinate] += self._gated(i, force, at, values[i])
             elif coordinate not in dry:
                 dry.append(coordinate)
         return smooth, dry
@@ -99,7 +99,7 @@ class Forces:
             if on == coordinate:
                 most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], load)
                 if most is not None:
-                    total += self._gated(i, most, at)
+                    total += self._gated(i, most, at, values[i])
         return total
 
     def _most(
