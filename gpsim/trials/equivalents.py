@@ -18,7 +18,7 @@ from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.preparing import prepare, spread_out
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import screened
+from gpsim.diagnosis.screening import Directions, screened
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import Gate
 from gpsim.recordings import Recording
@@ -99,8 +99,9 @@ class _Judge:
         own = (dropped.family, dropped.on)
         taken = parent.hypothesis.claims | ({own} if not dropped.outside else frozenset())
         offers = [c for c in self._offers if c.identity not in taken and not c.only_gated]
-        ranking = screened(self._problem, parent, offers)
-        needed = PROMISING * self._explained_at_most(parent)
+        directions = Directions(self._problem, parent)
+        ranking = screened(directions, offers)
+        needed = PROMISING * 0.5 * float((directions.rest**2).sum())
         gate = Gate(dropped.region, dropped.since)
         out = []
         for worth, candidate, start in ranking[:FITTED]:
@@ -131,11 +132,6 @@ class _Judge:
         """Half the sum of squares in standard deviations of the world's noise."""
         seen = self._problem.observed
         return float(0.5 * ((found.residuals[..., seen] / self._problem.floor[seen]) ** 2).sum())
-
-    def _explained_at_most(self, parent: Fit) -> float:
-        """The most that any further term could gain by the linear estimate."""
-        seen = self._problem.observed
-        return float(0.5 * ((parent.residuals[..., seen] ** 2) / parent.variance[seen]).sum())
 
 
 def _claims(hypothesis: Hypothesis) -> Claims:

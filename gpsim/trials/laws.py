@@ -1,4 +1,4 @@
-"""The catalogue's laws as the truth has them (DESIGN.md's table), written anew and never shared with `gpsim.effects`.
+"""The catalogue's laws as the truth has them, written anew and never shared with `gpsim.effects`.
 
 q, v: (B,) a coordinate's position and velocity; k: the effect's values; all results (B,).
 """

@@ -32,7 +32,7 @@ class Visibility:
 
     @property
     def visible(self) -> bool:
-        """Whether the issue's rule counts it as visible."""
+        """Whether it counts as visible (docs/prove.md)."""
         return self.share >= LEAST_SHARE or self.rollout >= LEAST_ROLLOUT
 
 

@@ -18,7 +18,7 @@ STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown")
 class TrueEffect:
     """One effect of the truth: a family of the catalogue, or a kind of physics outside it.
 
-    values: the parameters under DESIGN's names and in SI units. region: intervals of state channels in which it acts;
+    values: the parameters under the catalogue's names, in SI units. region: intervals of channels in which it acts;
     since: the moment [s] of the recording's clock at which it began. strength: subtle, medium or plain.
     """
 
