@@ -17,10 +17,12 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import EffectParameter, Gate
 from gpsim.effects.term import FROM, TO
 
 BINS = 24
+GATED, PROMISING = 4, 6  # gated terms that are fitted, of so many plain ones
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
 EDGE_ROUNDS = 5
 
@@ -38,57 +40,96 @@ class Proposal:
     pace: float
     movable: tuple[bool, bool]
 
-    @property
-    def gate(self) -> Gate:
-        """The gate itself; an onset has no end."""
-        return gate_of(self.channel, self.low, self.high if self.movable[1] else np.inf)
+
+def gated_children(
+    problem: Problem, directions: Directions, plain: Sequence[Fit], offers: Sequence[Candidate]
+) -> list[Fit]:
+    """Terms that did well everywhere once more, each in the region or since the moment that promises most."""
+    promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
+    best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
+    claims = directions.parent.hypothesis.claims
+    proposals: list[Proposal] = []
+    for candidate in (c for c in offers if c.gateable and c.identity not in claims):
+        family = "coulomb_friction" if candidate.only_gated else candidate.family
+        everywhere = best.get((family, candidate.place.on))
+        if everywhere is None or len(everywhere.hypothesis.declared[-1]) != 1:
+            continue
+        value = float(everywhere.hypothesis.theta[-1])
+        found = (
+            _best_gate(problem, directions, candidate, value, channel)
+            for channel in region_channels(problem)
+            if _makes_sense(candidate, channel)
+        )
+        proposals += [proposal for proposal in found if proposal is not None]
+    proposals.sort(key=lambda p: -p.gain)
+    children = [_child(directions.parent.hypothesis, proposal) for proposal in proposals[:GATED]]
+    fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
+    return [_refined(problem, f, p) for f, p in zip(fits, proposals, strict=False)]
 
 
-def gate_of(channel: str | None, low: float, high: float) -> Gate:
-    """A region of `channel`, or where that is None the time from low to high."""
-    if channel is None:
-        return Gate(since=float(low), until=float(high) if np.isfinite(high) else None)
-    return Gate(region={channel: (float(low), float(high))})
+def polished(problem: Problem, at: Fit) -> Fit:
+    """A fit with the inner edges of its gates moved by shrinking steps while that helps."""
+    for index, term in enumerate(at.hypothesis.terms):
+        if not term.gate:
+            continue
+        channel = next(iter(term.gate.region), None)
+        edges = _edges(problem, channel)
+        low, high = term.gate.region[channel] if channel else (term.gate.since, term.gate.until)
+        low, high = (float(edges[0] if low is None else low), float(edges[-1] if high is None else high))
+        movable = (low > edges[0], high < edges[-1])
+        pace = float(edges[-1] - edges[0]) / (4 * BINS)
+        at = _moved(problem, at, index, channel, (low, high), movable, pace)
+    return at
 
 
-def proposed(
+def _makes_sense(candidate: Candidate, channel: str | None) -> bool:
+    """Coulomb friction in a region of its own coordinate is a patch, which has its own family, and is nothing else."""
+    if candidate.only_gated:
+        return channel == candidate.place.on
+    return not (candidate.family == "coulomb_friction" and channel == candidate.place.on)
+
+
+def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:
+    gate = _gate(p.channel, p.low, p.high, p.movable[1])
+    return parent.plus(replace(p.candidate.term((p.value,)), gate=gate), p.candidate.declared)
+
+
+def _refined(problem: Problem, at: Fit, p: Proposal) -> Fit:
+    return _moved(problem, at, len(at.hypothesis.terms) - 1, p.channel, (p.low, p.high), p.movable, p.pace)
+
+
+def _moved(
     problem: Problem,
-    directions: Directions,
-    candidate: Candidate,
-    value: float,
-    channels: Sequence[str | None],
-) -> list[Proposal]:
-    """The best gate of a one-parameter candidate in each channel, where it promises more than acting everywhere."""
-    found = (_best_gate(problem, directions, candidate, value, channel) for channel in channels)
-    return [proposal for proposal in found if proposal is not None]
-
-
-def fitted(problem: Problem, parent: Fit, proposal: Proposal) -> Fit:
-    """The parent plus the gated term, its inner edges moved by shrinking steps while that helps."""
-    term = replace(proposal.candidate.term((proposal.value,)), gate=proposal.gate)
-    child = parent.hypothesis.plus(term, proposal.candidate.declared)
-    best = fit(problem, child, parent.starts, iterations=8, tolerance=0.5)
-    edges, pace = [proposal.low, proposal.high], proposal.pace
+    best: Fit,
+    index: int,
+    channel: str | None,
+    edges: tuple[float, float],
+    movable: tuple[bool, bool],
+    pace: float,
+) -> Fit:
+    """The fit with the edges of one term's gate moved by steps that shrink from `pace`, while that helps."""
+    at = list(edges)
     for _ in range(EDGE_ROUNDS):
         for side in (0, 1):
-            for direction in (-1.0, 1.0) if proposal.movable[side] else ():
-                moved = list(edges)
+            for direction in (-1.0, 1.0) if movable[side] else ():
+                moved = list(at)
                 moved[side] += direction * pace
                 if moved[1] - moved[0] < pace / 2:
                     continue
-                gate = replace(proposal, low=moved[0], high=moved[1]).gate
-                tried = fit(problem, with_gate(best, gate), best.starts, iterations=3, tolerance=0.5)
+                hypothesis = best.hypothesis.gated(index, _gate(channel, moved[0], moved[1], movable[1]))
+                tried = fit(problem, hypothesis, best.starts, iterations=3, tolerance=0.5)
                 if tried.objective < best.objective:
-                    best, edges = tried, moved
+                    best, at = tried, moved
                     break
         pace /= 2
     return best
 
 
-def with_gate(at: Fit, gate: Gate) -> Hypothesis:
-    """The fit's hypothesis, its last term behind another gate."""
-    terms = at.hypothesis.terms
-    return replace(at.hypothesis, terms=(*terms[:-1], replace(terms[-1], gate=gate)))
+def _gate(channel: str | None, low: float, high: float, ends: bool) -> Gate:
+    """A region of `channel`, or where that is None the time from low on, to high where it `ends`."""
+    if channel is None:
+        return Gate(since=float(low), until=float(high) if ends else None)
+    return Gate(region={channel: (float(low), float(high))})
 
 
 def _best_gate(
@@ -98,7 +139,7 @@ def _best_gate(
     if len(edges) < 4:
         return None
     hypothesis, count = directions.parent.hypothesis, len(edges) - 1
-    term = replace(candidate.term((value,)), gate=gate_of(channel, edges[0], edges[-1]))
+    term = replace(candidate.term((value,)), gate=_gate(channel, edges[0], edges[-1], True))
     term = replace(term, values={**term.values, FROM: edges[0], TO: edges[-1]})
     binned = hypothesis.plus(term, (*candidate.declared, _edge(FROM), _edge(TO)))
     thetas = np.array([[*hypothesis.theta, value, low, high] for low, high in pairwise(edges)])

@@ -20,7 +20,8 @@ class Problem:
     """Windows to explain.
 
     observed: (S,) which channels were measured; floor: (S,) the least standard deviation of what a perfect hypothesis
-    leaves over (known noise, numerical error); scale: (S,) typical size of each channel.
+    leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
+    scale: (S,) typical size of each channel.
     """
 
     simulator: Simulator
@@ -29,6 +30,7 @@ class Problem:
     windows: Windows
     observed: BoolArray
     floor: FloatArray
+    stated: BoolArray
     scale: FloatArray
     substeps: int
 

@@ -10,19 +10,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis.evidence import gain, scores, whiteness
-from gpsim.diagnosis.gates import Proposal, fitted, proposed, region_channels
+from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
-GATED, PROMISING = 4, 6  # gated terms that are fitted, of so many plain ones
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
-LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
+LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
+LEAST_SHARE = 0.003  # of the variance left over in some channel that it must remove
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
@@ -53,10 +54,10 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
         children: list[Fit] = []
         for parent in beam:
             directions = Directions(problem, parent)
-            plain = _grown(problem, directions, offers, FITTED[depth])
+            plain = grown(problem, directions, offers, FITTED[depth])
             children += plain
             if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
-                children += _with_gates(problem, directions, plain, offers)
+                children += gated_children(problem, directions, plain, offers)
             done += FITTED[depth]
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {_named(best)}")
@@ -78,49 +79,21 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     return bool((share[problem.observed] > LEAST_SHARE).any())
 
 
-def _grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
+def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
+    """The parent with each of the `count` most promising terms.
+
+    All are fitted a little, the better half to the end (successive halving).
+    """
     parent = directions.parent
     taken = parent.hypothesis.claims
-    open_offers = [c for c in offers if c.identity not in taken and not c.only_gated]
-    return [
-        fit(
-            problem,
-            child_of(parent.hypothesis, candidate, start),
-            parent.starts,
-            iterations=12,
-            tolerance=0.5,
-        )
-        for worth, candidate, start in screened(directions, open_offers)[:count]
-        if worth > 1.0
-    ]
-
-
-def _with_gates(
-    problem: Problem, directions: Directions, plain: Sequence[Fit], offers: Sequence[Candidate]
-) -> list[Fit]:
-    """Terms that did well everywhere once more, each in the region or since the moment that promises most."""
-    promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
-    best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
-    proposals: list[Proposal] = []
-    for candidate in (
-        c for c in offers if c.gateable and c.identity not in directions.parent.hypothesis.claims
-    ):
-        family = "coulomb_friction" if candidate.only_gated else candidate.family
-        everywhere = best.get((family, candidate.place.on))
-        if everywhere is None or len(everywhere.hypothesis.declared[-1]) != 1:
-            continue
-        value = float(everywhere.hypothesis.theta[-1])
-        channels = [c for c in region_channels(problem) if _makes_sense(candidate, c)]
-        proposals += proposed(problem, directions, candidate, value, channels)
-    proposals.sort(key=lambda p: -p.gain)
-    return [fitted(problem, directions.parent, proposal) for proposal in proposals[:GATED]]
-
-
-def _makes_sense(candidate: Candidate, channel: str | None) -> bool:
-    """Coulomb friction in a region of its own coordinate is a patch, which has its own family, and is nothing else."""
-    if candidate.only_gated:
-        return channel == candidate.place.on
-    return not (candidate.family == "coulomb_friction" and channel == candidate.place.on)
+    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+    least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
+    children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
+    begun = fit_all(problem, [Order(child, parent.starts, 6) for child in children])
+    begun.sort(key=lambda f: f.objective)
+    better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
+    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 8) for f in better])
+    return [*ended, *(f for f in begun if not any(f is b for b in better))]
 
 
 def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
@@ -151,10 +124,8 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     """Backward elimination: the best hypothesis with each of its terms left out."""
     if len(best.hypothesis.terms) < 2:
         return []
-    return [
-        fit(problem, best.hypothesis.without(i), best.starts, iterations=12, tolerance=0.5)
-        for i in range(len(best.hypothesis.terms))
-    ]
+    parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
+    return fit_all(problem, [Order(part, best.starts, 12) for part in parts])
 
 
 def _named(found: Fit) -> str:

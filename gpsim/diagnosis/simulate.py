@@ -14,11 +14,19 @@ from gpsim.effects.effect import Values
 Spread = Callable[[FloatArray, int], Sequence[Values]]
 Drive = Callable[[int, int], FloatArray]
 """What reaches the simulator (B, A) at transition k, substep j; transitions before the window are -1, -2, ..."""
+Extra = Callable[[FloatArray, FloatArray], FloatArray]
+"""State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
 
 
 def simulate(
-    chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, thetas: FloatArray, substeps: int
+    chain: Chain,
+    windows: Windows,
+    starts: FloatArray,
+    spread: Spread,
+    thetas: FloatArray,
+    substeps: int,
+    extra: Extra | None = None,
 ) -> FloatArray:
     """(C, W, L + 1, S): what the sensors would say.
 
@@ -32,7 +40,7 @@ def simulate(
         drive = (
             _precomputed(chain, windows, spread, thetas, n) if chain.actuates else _as_recorded(windows, rows)
         )
-        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, n, drive)
+        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, n, drive, extra)
     return out.reshape(copies, count, windows.length + 1, -1)
 
 
@@ -80,6 +88,7 @@ def _run(
     values: Sequence[Values],
     n: int,
     drive: Drive,
+    extra: Extra | None,
 ) -> FloatArray:
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     state, step = starts, (windows.t[rows, 1] - windows.t[rows, 0]) / n
@@ -91,8 +100,9 @@ def _run(
     for k in range(windows.length):
         t = windows.t[rows, k]
         step = (windows.t[rows, k + 1] - t) / n
+        added = extra(state, windows.actions[rows, k]) if extra is not None else None
         for j in range(n):
-            state = chain.advance(state, drive(k, j), values, step, t + j * step)
+            state = chain.advance(state, drive(k, j), values, step, t + j * step, added)
             if watching:
                 chain.watch(state, seen)
         state = np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)
