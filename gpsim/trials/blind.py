@@ -95,7 +95,7 @@ def read_report(out: Path, name: str) -> dict[str, Any] | None:
 
 def _run(room: Path) -> tuple[int, str]:
     """Exit code and what was said on stderr; 124 when it took too long."""
-    words = ["diagnose", RECORDING, "--out", DIAGNOSIS]
+    words = ["diagnose", RECORDING, "--out", DIAGNOSIS, "--cores", "1"]  # other trials have the others
     try:
         done = subprocess.run(
             [sys.executable, "-c", COMMAND, *words],
