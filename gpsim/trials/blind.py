@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -13,6 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from gpsim.artifacts import file_digest
 from gpsim.errors import UsageError
 from gpsim.trials.concealing import HASHES, PUBLIC
 
@@ -62,7 +62,7 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
             "exit": code,
             "seconds": round(time.monotonic() - started, 2),
             "error": said.strip().splitlines()[-1][:300] if code and said.strip() else None,
-            "recording": {p.name: _digest(p) for p in sorted((room / RECORDING).iterdir())},
+            "recording": {p.name: file_digest(p) for p in sorted((room / RECORDING).iterdir())},
             "answer_sha256": published(out)[name],
         }
         made = room / "made"
@@ -110,7 +110,3 @@ def _run(room: Path) -> tuple[int, str]:
     except subprocess.TimeoutExpired:
         return 124, f"no diagnosis within {LIMIT:.0f} s"
     return done.returncode, done.stderr
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()

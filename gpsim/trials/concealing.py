@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -13,7 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
+from gpsim.artifacts import file_digest
 from gpsim.channels import Channels, FloatArray, wrap_angle
+from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.trials.drawing import draw
@@ -56,7 +57,9 @@ def conceal(seed: int, number: int) -> Concealed:
             clean = _recording(world, truth.clean, truth, kept)
             visible = visibilities(world, _shortened(truth, kept))
             return Concealed(world, recording, clean, visible, one_step(world, truth, recording, kept))
-    raise RuntimeError(f"seed {seed}, trial {number}: no world could be run in {ATTEMPTS} attempts")
+    raise UsageError(
+        f"seed {seed}, trial {number}: no world could be run in {ATTEMPTS} attempts; take another seed"
+    )
 
 
 def answer_of(concealed: Concealed, truth_digest: str) -> dict[str, Any]:
@@ -95,13 +98,13 @@ def write_trial(out: Path, seed: int, number: int) -> str:
         concealed = conceal(seed, number)
         with_private = _fresh(private)
         _write_truth(with_private / TRUTH, concealed)
-        text = json.dumps(answer_of(concealed, _digest(with_private / TRUTH)), indent=1) + "\n"
+        text = json.dumps(answer_of(concealed, file_digest(with_private / TRUTH)), indent=1) + "\n"
         (with_private / ANSWER).write_text(text, encoding="utf-8")
         with_public = _fresh(public)
         write_recording(concealed.recording, with_public, "csv")
         _settle(with_public, public)
         _settle(with_private, private)
-    return _digest(private / ANSWER)
+    return file_digest(private / ANSWER)
 
 
 def publish_hashes(out: Path, digests: dict[str, str]) -> None:
@@ -191,10 +194,6 @@ def _write_truth(path: Path, concealed: Concealed) -> None:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _fresh(folder: Path) -> Path:

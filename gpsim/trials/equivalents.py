@@ -132,11 +132,14 @@ class _Judge:
         candidate = next(
             c for c in self._offers if c.identity == (effect.family, effect.on) and c.variant == variant
         )
-        term = candidate.term([effect.values[p.name] for p in candidate.declared])
-        return hypothesis.plus(
-            replace(term, gate=Gate(effect.region, effect.since)),
-            candidate.declared,
-        )
+        values = [effect.values[p.name] for p in candidate.declared]
+        term = replace(candidate.term(values), gate=Gate(effect.region, effect.since))
+        # The truth may lie where the catalogue would not search.
+        wide = [
+            replace(p, low=min(p.low, v), high=max(p.high, v))
+            for p, v in zip(candidate.declared, values, strict=True)
+        ]
+        return hypothesis.plus(term, tuple(wide))
 
     def _fitted(self, hypothesis: Hypothesis) -> Fit:
         starts: FloatArray = self._problem.windows.measured[:, 0]

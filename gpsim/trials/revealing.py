@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from gpsim.artifacts import file_digest
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.trials.blind import published, read_outcome
@@ -42,8 +42,7 @@ def reveal(out: Path, answers: Path, name: str) -> Answer:
     path = answers / name / ANSWER
     if not path.is_file():
         raise UsageError(f"{path}: no such answer; say where the answers are with --answers")
-    raw = path.read_bytes()
-    digest = hashlib.sha256(raw).hexdigest()
+    digest = file_digest(path)
     for said, where in (
         (published(out).get(name), "published beside the recordings"),
         (read_outcome(out, name)["answer_sha256"], "that stood there when it was diagnosed"),
@@ -52,11 +51,11 @@ def reveal(out: Path, answers: Path, name: str) -> Answer:
             raise UsageError(
                 f"{path}: does not match the hash {where}; the answer of trial {name} is refused"
             )
-    content = json.loads(raw)
+    content = json.loads(path.read_text(encoding="utf-8"))
     if content.get("schema") != SCHEMA:
         raise UsageError(f"{path}: expected schema {SCHEMA}, got {content.get('schema')!r}")
     truth = answers / name / TRUTH
-    if not truth.is_file() or hashlib.sha256(truth.read_bytes()).hexdigest() != content["truth_sha256"]:
+    if not truth.is_file() or file_digest(truth) != content["truth_sha256"]:
         raise UsageError(
             f"{truth}: missing, or not what {ANSWER} says; the answer of trial {name} is refused"
         )

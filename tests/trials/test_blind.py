@@ -14,6 +14,7 @@ import pytest
 from gpsim.cli.main import app
 from typer.testing import CliRunner
 
+from gpsim.artifacts import file_digest
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.recordings.files import write_recording
@@ -32,7 +33,7 @@ def concealed(tmp_path_factory):
     out = tmp_path_factory.mktemp("proof")
     concealing.write_trial(out, SEED, NUMBER)
     _shorten(out)
-    concealing.publish_hashes(out, {NAME: concealing._digest(out / "private" / NAME / "answer.json")})
+    concealing.publish_hashes(out, {NAME: file_digest(out / "private" / NAME / "answer.json")})
     return out
 
 
@@ -53,7 +54,7 @@ def _shorten(out: Path) -> None:
     index = np.repeat(np.arange(EPISODES), ROWS - 1)
     np.savez(private / "truth.npz", clean=clean, rows=np.full(EPISODES, ROWS), own=own, episode=index)
     content = json.loads((private / "answer.json").read_text())
-    content["truth_sha256"] = concealing._digest(private / "truth.npz")
+    content["truth_sha256"] = file_digest(private / "truth.npz")
     (private / "answer.json").write_text(json.dumps(content))
 
 
@@ -107,7 +108,7 @@ def test_a_swapped_answer_scores_differently_and_the_diagnosis_stays_the_same(di
     shutil.copytree(out / "public", other / "public")
     content["effects"][0] |= {"family": "viscous_friction", "on": "q", "parameters": {"damping": 1.0}}
     path.write_text(json.dumps(content))
-    concealing.publish_hashes(other, {NAME: concealing._digest(path)})
+    concealing.publish_hashes(other, {NAME: file_digest(path)})
     diagnose_blind(other, NAME)
     first, second = (folder / "diagnoses" / NAME / "diagnosis" / "diagnosis.json" for folder in (out, other))
     assert first.read_bytes() == second.read_bytes()
@@ -128,7 +129,7 @@ def test_an_answer_that_does_not_match_its_hash_is_refused(diagnosed, tmp_path):
     # Changing the published hash afterwards does not help: the diagnosis wrote down which one stood there.
     other = tmp_path / "other"
     shutil.copytree(out, other)
-    concealing.publish_hashes(other, {NAME: concealing._digest(path)})
+    concealing.publish_hashes(other, {NAME: file_digest(path)})
     with pytest.raises(UsageError, match="when it was diagnosed"):
         reveal(other, private, NAME)
 
