@@ -29,11 +29,11 @@ EDGE_ROUNDS = 5
 
 @dataclass(frozen=True)
 class Proposal:
-    """A gate worth fitting: its linear gain [nats], the term's value, and the edges between which it is open."""
+    """A gate worth fitting: its linear gain [nats], the term's values, and the edges between which it is open."""
 
     gain: float
     candidate: Candidate
-    value: float
+    values: tuple[float, ...]
     channel: str | None
     low: float
     high: float
@@ -52,11 +52,11 @@ def gated_children(
     for candidate in (c for c in offers if c.gateable and c.identity not in claims):
         family = "coulomb_friction" if candidate.only_gated else candidate.family
         everywhere = best.get((family, candidate.place.on))
-        if everywhere is None or len(everywhere.hypothesis.declared[-1]) != 1:
+        if everywhere is None or len(everywhere.hypothesis.declared[-1]) != len(candidate.declared):
             continue
-        value = float(everywhere.hypothesis.theta[-1])
+        values = tuple(everywhere.hypothesis.theta[-len(candidate.declared) :])
         found = (
-            _best_gate(problem, directions, candidate, value, channel)
+            _best_gate(problem, directions, candidate, values, channel)
             for channel in region_channels(problem)
             if _makes_sense(candidate, channel)
         )
@@ -91,7 +91,7 @@ def _makes_sense(candidate: Candidate, channel: str | None) -> bool:
 
 def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:
     gate = _gate(p.channel, p.low, p.high, p.movable[1])
-    return parent.plus(replace(p.candidate.term((p.value,)), gate=gate), p.candidate.declared)
+    return parent.plus(replace(p.candidate.term(p.values), gate=gate), p.candidate.declared)
 
 
 def _refined(problem: Problem, at: Fit, p: Proposal) -> Fit:
@@ -133,29 +133,32 @@ def _gate(channel: str | None, low: float, high: float, ends: bool) -> Gate:
 
 
 def _best_gate(
-    problem: Problem, directions: Directions, candidate: Candidate, value: float, channel: str | None
+    problem: Problem,
+    directions: Directions,
+    candidate: Candidate,
+    values: tuple[float, ...],
+    channel: str | None,
 ) -> Proposal | None:
     edges = _edges(problem, channel)
     if len(edges) < 4:
         return None
     hypothesis, count = directions.parent.hypothesis, len(edges) - 1
-    term = replace(candidate.term((value,)), gate=_gate(channel, edges[0], edges[-1], True))
+    term = replace(candidate.term(values), gate=_gate(channel, edges[0], edges[-1], True))
     term = replace(term, values={**term.values, FROM: edges[0], TO: edges[-1]})
     binned = hypothesis.plus(term, (*candidate.declared, _edge(FROM), _edge(TO)))
-    thetas = np.array([[*hypothesis.theta, value, low, high] for low, high in pairwise(edges)])
+    thetas = np.array([[*hypothesis.theta, *values, low, high] for low, high in pairwise(edges)])
     changes = directions.of(binned, thetas).reshape(count, -1)
     pull, size = changes @ directions.rest.ravel(), changes @ changes.T
     first, last, gain, whole = _best_run(pull, size, suffix=channel is None)
     if gain < whole + WORTH:
         return None
-    share = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
-    none = candidate.declared[0].none
-    strength = float(
-        np.clip(none + share * (value - none), candidate.declared[0].low, candidate.declared[0].high)
-    )
+    if len(values) == 1:  # a law that grows with its only parameter, which acting everywhere diluted
+        share = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
+        p = candidate.declared[0]
+        values = (float(np.clip(p.none + share * (values[0] - p.none), p.low, p.high)),)
     pace = float(np.median(np.diff(edges))) / 2
     movable = (first > 0, last < count - 1)
-    return Proposal(gain, candidate, strength, channel, edges[first], edges[last + 1], pace, movable)
+    return Proposal(gain, candidate, values, channel, edges[first], edges[last + 1], pace, movable)
 
 
 def _edge(name: str) -> EffectParameter:

@@ -108,8 +108,8 @@ class Candidate:
 
     @property
     def gateable(self) -> bool:
-        """Whether a region or an onset may limit it; effects with one parameter only."""
-        return effect_of(self.family).gated and len(self.declared) == 1 and self.variant == ""
+        """Whether a region or an onset may limit it."""
+        return effect_of(self.family).gated and self.variant == ""
 
     @property
     def only_gated(self) -> bool:
