@@ -8,7 +8,7 @@ ARGS ?=
 STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
-.PHONY: help install run smoke report $(STAGES) test test-slow lint format types bench wheel clean
+.PHONY: help install run smoke prove report $(STAGES) test test-slow lint format types bench wheel clean
 
 help:            ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
@@ -23,6 +23,10 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
 	@touch $@
+
+prove: install   ## Concealed worlds, diagnosed blind: ARGS="--trials 40 --seed 1 --out runs/proof-1"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[prove]'
+	$(GPSIM) prove $(or $(ARGS),--trials 40 --seed 1 --out runs/proof-1)
 
 run: install     ## The full CartPole loop: train, collect, learn the residual, train again, evaluate, report
 	$(GPSIM) run full-loop experiment=cartpole $(ARGS)

@@ -18,6 +18,7 @@ from gpsim.errors import UsageError
 from .diagnose import diagnose_command
 from .export import export_app
 from .import_ import import_command
+from .prove import prove_app
 from .run import report_command, run_app
 from .stages import add_stages
 
@@ -54,6 +55,7 @@ add_stages(app)
 app.command("report", rich_help_panel="Stages, in order")(report_command)
 app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
 app.command("diagnose", rich_help_panel="Everything at once")(diagnose_command)
+app.add_typer(prove_app, name="prove", rich_help_panel="Everything at once")
 app.command("import", rich_help_panel="Recordings in and out")(import_command)
 app.add_typer(export_app, name="export", rich_help_panel="Recordings in and out")
 

@@ -67,6 +67,10 @@ SIDEWAYS = {
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
     ("reports", "diagnosis"),  # shows what a diagnosis found
     ("targets", "simulators"),  # a target is a plant
+    (
+        "trials",
+        "diagnosis",
+    ),  # the rule for equivalents fits rivals with its engine; never the other way round
 }
 
 
@@ -74,6 +78,22 @@ def test_diagnosis_cannot_know_the_answers():
     for path in FILES:
         if room(path) in {"diagnosis", "effects", "residuals", "simulators"}:
             assert not rooms_of(imported(path)) & {"trials", "targets"}, path
+
+
+def test_nothing_that_a_diagnosis_needs_leads_to_the_answers():
+    """The closure of its imports, at any depth of the code: `trials` is not in it, `diagnosis` of course is."""
+    modules = {".".join(("gpsim", *path.relative_to(ROOT / "gpsim").with_suffix("").parts)): path for path in FILES if path.is_relative_to(ROOT / "gpsim")}  # fmt: skip
+    reached, ahead = (
+        set(),
+        [name for name in modules if name.startswith(("gpsim.diagnosis.", "gpsim.stages.diagnose"))],
+    )
+    while ahead:
+        name = ahead.pop()
+        if name not in reached:
+            reached.add(name)
+            ahead += [m for m in imported(modules[name]) if m in modules]
+    assert "gpsim.diagnosis.search" in reached
+    assert not [name for name in reached if name.startswith("gpsim.trials")]
 
 
 def test_only_stages_and_cli_know_configs_and_only_policies_know_stable_baselines3():

@@ -28,7 +28,7 @@ def terminal_tables(report: LoopReport) -> list[Table]:
         rollout_sheet(report),
     ]
     colour = colours(report.policies)
-    return [_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
+    return [terminal_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
 
 
 def _parts(sheet: Sheet) -> list[Sheet]:
@@ -49,7 +49,8 @@ def _parts(sheet: Sheet) -> list[Sheet]:
     return [body, tail]
 
 
-def _table(sheet: Sheet, colour: dict[str, str]) -> Table:
+def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
+    """One sheet as a table of the terminal; `colour` is that of names that have one."""
     table = Table(
         title=sheet.title,
         caption=sheet.note or None,

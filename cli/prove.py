@@ -1,0 +1,130 @@
+"""`gpsim prove`: concealed worlds, diagnosed blind."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from gpsim.errors import UsageError
+
+from .progress import single_progress
+
+CORES = os.cpu_count() or 1
+prove_app = typer.Typer(
+    invoke_without_command=True,
+    help="Conceal worlds, diagnose them blind, reveal and score; or a step of it.",
+)
+Trials = Annotated[int, typer.Option("--trials", min=1, help="How many worlds.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
+Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
+Strata = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--stratum", help="Only worlds of it: single, pair, triple, none, unknown; may be repeated."
+    ),
+]
+Answers = Annotated[
+    Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
+]
+Long = Annotated[bool, typer.Option("--long/--no-long", help="With the long recordings.")]
+
+
+@prove_app.callback()
+def prove_command(
+    context: typer.Context,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the proof; it is resumed.")] = None,
+    trials: Trials = 40,
+    seed: Seed = 1,
+    jobs: Jobs = CORES,
+    stratum: Strata = None,
+    long: Long = True,
+) -> None:
+    """Conceal worlds, diagnose them blind, reveal and score: a table, OUT/prove.json and OUT/report.html."""
+    if context.invoked_subcommand is not None:
+        if out is not None:
+            raise UsageError(
+                f"prove: options go behind the step: gpsim prove {context.invoked_subcommand} --out ..."
+            )
+        return
+    if out is None:
+        raise UsageError(
+            "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
+        )
+    conceal_command(out, trials, seed, jobs, stratum, long)
+    diagnose_command(out, jobs)
+    reveal_command(out, None, jobs)
+
+
+@prove_app.command("conceal")
+def conceal_command(
+    out: Out,
+    trials: Trials = 40,
+    seed: Seed = 1,
+    jobs: Jobs = CORES,
+    stratum: Strata = None,
+    long: Long = True,
+) -> None:
+    """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
+    from gpsim.stages import prove
+
+    numbers = prove.numbers_of(trials, stratum or (), long)
+    with single_progress("conceal") as progress:
+        prove.conceal(out, seed, numbers, jobs, progress)
+    typer.echo(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
+
+
+@prove_app.command("diagnose")
+def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
+    """Diagnose every recording in OUT/public, each in a process and folder that hold nothing else."""
+    from gpsim.stages import prove
+
+    with single_progress("diagnose") as progress:
+        count = prove.diagnose(out, jobs, progress)
+    typer.echo(f"diagnose: {count} diagnoses in {out / 'diagnoses'}")
+
+
+@prove_app.command("reveal")
+def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
+    """Check every answer against its published hash, and score; refuses an answer that does not match."""
+    from gpsim.reports.prove_sheets import goals_sheet, namers_sheet, rivals_sheet
+    from gpsim.reports.tables import terminal_table
+    from gpsim.stages import prove
+
+    with single_progress("reveal") as progress:
+        content = prove.reveal(out, answers, jobs, progress)
+    console = Console()
+    for sheet in (goals_sheet(content), rivals_sheet(content), namers_sheet(content)):
+        if sheet.rows:
+            console.print(terminal_table(sheet, {}))
+    typer.echo(
+        f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
+    )
+    typer.echo(f"reveal: {out / 'prove.json'}, {out / 'report.html'}")
+
+
+@prove_app.command("answers")
+def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proof.")]) -> None:
+    """List the answers, one line a world: for whoever holds them."""
+    from gpsim.stages import prove
+
+    for answer in prove.read_answers(out):
+        world = answer["world"]
+        effects = "; ".join(
+            f"{e['family']} on {e['on']} {_numbers(e)} ({e['strength']}{'' if e['visible'] else ', not visible'})"
+            for e in answer["effects"]
+        )
+        typer.echo(
+            f"{answer['trial']:04d} {answer['stratum']:<7} {world['system']:<9} {world['noise_level']:<6} "
+            f"{world['velocities'] or '':<14} {world['engine']:<6} {effects}"
+        )
+
+
+def _numbers(effect: dict[str, object]) -> str:
+    parts = [f"{k}={v:.4g}" for k, v in effect["parameters"].items()]  # type: ignore[attr-defined]
+    parts += [f"{k} in {v}" for k, v in effect["region"].items()]  # type: ignore[attr-defined]
+    return " ".join([*parts, *([f"since {effect['since']}"] if effect["since"] is not None else [])])

@@ -1,0 +1,187 @@
+"""A proof's tables: the page and the terminal show the same sheets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
+
+Json = Mapping[str, Any]
+SIZES = ("single", "pair", "triple")
+GOALS = {
+    "single.share": "one effect: right",
+    "pair.share": "two effects: both right",
+    "triple.share": "three effects: all right",
+    "location.share": "rate, place and gate right",
+    "parameters.median_relative_error": "parameters, median error",
+    "parameters.coverage_90": "90 % intervals cover",
+    "none.share_false": "nothing missing: false alarms",
+    "unknown.share": "outside: said so",
+    "unknown.share_named_wrong": "outside: wrong name, odds > 10",
+    "undecided.share": "undecided though identifiable",
+    "fit.share_within": "held-out error near the truth's",
+    "seconds.median": "seconds, median",
+    "seconds.max": "seconds, longest",
+}
+COUNTED = {
+    "single": "right",
+    "pair": "right",
+    "triple": "right",
+    "location": "right",
+    "none": "false_alarms",
+    "unknown": "said_so",
+    "undecided": "count",
+    "fit": "within",
+}
+RIVALS = {
+    "before": "base as it is",
+    "tuned": "base, parameters tuned",
+    "gp": "base + GP (the thesis)",
+    "after": "base + named effects",
+    "after_gp": "base + named effects + GP",
+}
+
+
+def proof_sheets(content: Json) -> list[Sheet]:
+    """Goals, headline, rivals, strata."""
+    return [goals_sheet(content), rivals_sheet(content), namers_sheet(content), *strata_sheets(content)]
+
+
+def goals_sheet(content: Json) -> Sheet:
+    """What has to be reached and what was."""
+    rows = []
+    for name, goal in content["goals"].items():
+        part, key = name.split(".")
+        block = content.get(part, {})
+        count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
+        bounds = block.get("interval_named_wrong" if key == "share_named_wrong" else "interval")
+        within = f"{fixed(bounds[0], 3)}-{fixed(bounds[1], 3)}" if bounds and "error" not in key else MISSING
+        number = f"{count}/{block['n']}" if count is not None else str(block.get("n", MISSING))
+        got = Cell(significant(goal["got"]), marked=goal["reached"] is False)
+        rows.append(row(GOALS[name], goal["wanted"], got, within, number))
+    return Sheet(
+        "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
+        ("", "wanted", "got", "95 %", "count"),
+        tuple(rows),
+        note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; !: missed",
+    )
+
+
+def rivals_sheet(content: Json) -> Sheet:
+    """Held-out one-step errors by several means."""
+    rows = [
+        row(RIVALS[kind], str(r["n"]), significant(r["median"]), fixed(100 * r["share"]), _bounds(r))
+        for kind, r in content["rivals"].items()
+        if kind in RIVALS
+    ]
+    return Sheet(
+        "Held-out one-step error over the true model's own, worst rate",
+        ("", "worlds", "median ratio", "% within 1.1", "95 %"),
+        tuple(rows),
+    )
+
+
+def namers_sheet(content: Json) -> Sheet:
+    """Who names more, where PySINDy's library holds the truth."""
+    names = {"sindy": "PySINDy", "diagnose_on_the_same": "gpsim diagnose"}
+    found = content["rivals"]
+    rows = [
+        row(label, str(found[k]["n"]), fixed(100 * found[k]["share"]), _bounds(found[k]))
+        for k, label in names.items()
+        if k in found
+    ]
+    return Sheet(
+        "Namers, where PySINDy's library holds the truth",
+        ("", "worlds", "% right", "95 %"),
+        tuple(rows),
+    )
+
+
+def strata_sheets(content: Json) -> list[Sheet]:
+    """The same figures by stratum."""
+    parts = {"headline": content, "all worlds": content["all"], "identifiable": content["identifiable"]}
+    if content["long"]["n"]:
+        parts["long recordings"] = content["long"]
+    sheets = [_strata_sheet("All together", parts)]
+    return sheets + [
+        _strata_sheet(f"By {name.replace('_', ' ')}", blocks) for name, blocks in content["strata"].items()
+    ]
+
+
+def _strata_sheet(title: str, blocks: Mapping[str, Json]) -> Sheet:
+    rows = [
+        row(
+            name,
+            *(_share(block.get(size), "right") for size in SIZES),
+            _share(block.get("none"), "false_alarms"),
+            _share(block.get("unknown"), "said_so"),
+            _share(block.get("location"), "right"),
+            _percent(block.get("parameters"), "median_relative_error"),
+            _percent(block.get("parameters"), "coverage_90"),
+            _share(block.get("fit"), "within"),
+            fixed(block.get("seconds", {}).get("median")),
+        )
+        for name, block in blocks.items()
+    ]
+    columns = (
+        "", "one", "two", "three", "false alarms", "outside: said so", "location", "parameter error %",
+        "coverage %", "fit within 1.1", "seconds",
+    )  # fmt: skip
+    return Sheet(title, columns, tuple(rows))
+
+
+def confusion_sheet(content: Json) -> Sheet:
+    """True family against what was said, worlds with at most one effect."""
+    said = sorted({name for counts in content["confusion"].values() for name in counts})
+    rows = [
+        row(truth, *(Cell(str(counts.get(name, "")), marked=_wrong(truth, name, counts)) for name in said))
+        for truth, counts in content["confusion"].items()
+    ]
+    return Sheet("True (rows) and said (columns), worlds with at most one effect", ("", *said), tuple(rows))
+
+
+def _wrong(truth: str, said: str, counts: Json) -> bool:
+    return name_differs(truth, said) and bool(counts.get(said))
+
+
+def name_differs(truth: str, said: str) -> bool:
+    """Whether a name asserted is not the true one; `unknown` asserts none."""
+    return said not in (truth, "unknown", "an equivalent")
+
+
+def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
+    """One line a miss, for the page."""
+    return [
+        {
+            "trial": str(s["trial"]),
+            "stratum": str(s["stratum"]),
+            "world": f"{s['system']}, {s['noise_level']} noise, {s['velocities'] or 'pose only'}, {s['excitation']}"
+            + ("" if s["visible"] else ", not visible"),
+            "truth": " + ".join(_told(e) for e in s["effects"]) or "nothing",
+            "said": f"{s['verdict']}: " + (" + ".join(f"{f} on {on}" for f, on in s["said"]) or "nothing"),
+            "equivalents": "; ".join(" + ".join(f"{f} on {on}" for f, on in c) for c in s["equivalents"]),
+            "error": str(s["error"] or ""),
+        }
+        for s in scores
+        if not s["right"]
+    ]
+
+
+def _told(effect: Json) -> str:
+    numbers = ", ".join(f"{k} {v:.4g}" for k, v in effect["parameters"].items())
+    where = "".join(f", {k} in [{low:.3g}, {high:.3g}]" for k, (low, high) in effect["region"].items())
+    when = f", since {effect['since']:.4g} s" if effect["since"] is not None else ""
+    return f"{effect['family']} on {effect['on']} ({numbers}{where}{when})"
+
+
+def _share(block: Json | None, name: str) -> str:
+    return MISSING if block is None else f"{block[name]}/{block['n']}"
+
+
+def _percent(block: Json | None, name: str) -> str:
+    return MISSING if block is None or block[name] is None else fixed(100 * block[name])
+
+
+def _bounds(block: Json) -> str:
+    return f"{fixed(100 * block['interval'][0])}-{fixed(100 * block['interval'][1])}"

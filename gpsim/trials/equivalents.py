@@ -1,0 +1,160 @@
+"""Which other explanations of a concealed world are as good as the truth, found by a rule and not by taste.
+
+Rivals are fitted to the noise-free truth, with the world's own noise as the yardstick. One that loses less than 3 nats
+of expected log likelihood over the whole recording could not be told from the truth by anybody. Rivals are the truth
+with one effect left out, and with one effect replaced by another family or place (and the same gate); those that could
+not explain half of what the missing effect does, by a linear estimate, are not fitted.
+
+The fitting engine is the diagnosis's own; the data, the noise and the truth's parameters are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.preparing import prepare, spread_out
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.screening import Directions, screened
+from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.effects import Gate
+from gpsim.recordings import Recording
+from gpsim.simulators import make_simulator
+from gpsim.trials.revealing import Answer
+from gpsim.trials.worlds import TrueEffect
+
+LOST = 3.0  # nats
+WINDOWS, FITTED = 60, 6
+PROMISING = 0.5  # share of a parent's misfit that a replacement must explain by the linear estimate
+Claims = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Families and places, and the nats of expected log likelihood that they lose against the truth."""
+
+    claims: Claims
+    loss: float
+    richer: bool
+
+    @property
+    def equivalent(self) -> bool:
+        """Whether no recording of the kind could tell it from the truth; one that gains as much is a failed fit."""
+        return abs(self.loss) < LOST and not self.richer
+
+
+def rivals(answer: Answer, recording: Recording) -> list[Rival]:
+    """All that were fitted, the best first. `recording` is the public one; its readings are replaced by clean ones."""
+    world = answer.world
+    if not world.effects:
+        return []
+    clean = replace(
+        recording,
+        episodes=tuple(replace(e, states=s) for e, s in zip(recording.episodes, answer.clean, strict=True)),
+        noise=dict(world.noise),
+        held_out=None,
+    )
+    simulator = make_simulator(world.system)
+    parameters = simulator.defaults(clean.parameters)
+    problem = prepare(clean, simulator, parameters).everything
+    problem = problem.on(spread_out(problem.windows, WINDOWS))
+    judge = _Judge(problem, candidates(clean, simulator, parameters), clean.transition_count)
+    best: dict[Claims, Rival] = {}
+    for rival in judge.rivals(world.effects):
+        if rival.claims not in best or rival.loss < best[rival.claims].loss:
+            best[rival.claims] = rival
+    return sorted(best.values(), key=lambda r: r.loss)
+
+
+class _Judge:
+    """Fits hypotheses to the clean windows and tells what they lose."""
+
+    def __init__(self, problem: Problem, offers: Sequence[Candidate], transitions: int) -> None:
+        self._problem, self._offers = problem, offers
+        self._whole = max(transitions / max(float(problem.windows.valid[:, 1:].sum()), 1.0), 1.0)
+
+    def rivals(self, effects: Sequence[TrueEffect]) -> list[Rival]:
+        """Every rival that was fitted."""
+        inside = [e for e in effects if not e.outside]
+        found: list[Fit] = []
+        for dropped in effects:
+            rest = Hypothesis(scheme="fine")
+            for effect in inside:
+                rest = rest if effect is dropped else self._plus(rest, effect)
+            parent = self._fitted(rest)
+            found += [parent, *self._replacements(parent, dropped)]
+        least = self._least(inside, found) if len(inside) == len(effects) else 0.0
+        size = sum(len(e.values) for e in effects)
+        return [
+            Rival(
+                _claims(f.hypothesis),
+                round(self._whole * (self._misfit(f) - least), 3),
+                len(f.hypothesis.parameters) > size,
+            )
+            for f in found
+        ]
+
+    def _least(self, effects: Sequence[TrueEffect], found: Sequence[Fit]) -> float:
+        """The truth's own misfit: the engine's numerical error. A rival that beats it shows where its fit got stuck."""
+        truth = Hypothesis(scheme="fine")
+        for effect in effects:
+            truth = self._plus(truth, effect)
+        first = self._fitted(truth)
+        best = min(found, key=self._misfit)
+        if self._misfit(first) - self._misfit(best) < LOST / self._whole:
+            return self._misfit(first)
+        again = fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)
+        return min(self._misfit(first), self._misfit(again))
+
+    def _replacements(self, parent: Fit, dropped: TrueEffect) -> list[Fit]:
+        own = (dropped.family, dropped.on)
+        taken = parent.hypothesis.claims | ({own} if not dropped.outside else frozenset())
+        offers = [c for c in self._offers if c.identity not in taken and not c.only_gated]
+        directions = Directions(self._problem, parent)
+        ranking = screened(directions, offers)
+        needed = PROMISING * 0.5 * float((directions.rest**2).sum())
+        gate = Gate(dropped.region, dropped.since)
+        out = []
+        for worth, candidate, start in ranking[:FITTED]:
+            term = candidate.term(start)
+            if worth > needed:
+                out.append(self._fitted(parent.hypothesis.plus(term, candidate.declared)))
+            if gate and candidate.gateable and not _a_patch(candidate, gate):
+                gated = replace(term, gate=gate)
+                out.append(self._fitted(parent.hypothesis.plus(gated, candidate.declared)))
+        return out
+
+    def _plus(self, hypothesis: Hypothesis, effect: TrueEffect) -> Hypothesis:
+        variant = "coefficient" if "coefficient" in effect.values else ""
+        candidate = next(
+            c for c in self._offers if c.identity == (effect.family, effect.on) and c.variant == variant
+        )
+        values = [effect.values[p.name] for p in candidate.declared]
+        term = replace(candidate.term(values), gate=Gate(effect.region, effect.since))
+        # The truth may lie where the catalogue would not search.
+        wide = [
+            replace(p, low=min(p.low, v), high=max(p.high, v))
+            for p, v in zip(candidate.declared, values, strict=True)
+        ]
+        return hypothesis.plus(term, tuple(wide))
+
+    def _fitted(self, hypothesis: Hypothesis) -> Fit:
+        starts: FloatArray = self._problem.windows.measured[:, 0]
+        return fit(self._problem, hypothesis, starts, iterations=14, tolerance=0.05)
+
+    def _misfit(self, found: Fit) -> float:
+        """Half the sum of squares in standard deviations of the world's noise."""
+        seen = self._problem.observed
+        return float(0.5 * ((found.residuals[..., seen] / self._problem.floor[seen]) ** 2).sum())
+
+
+def _a_patch(candidate: Candidate, gate: Gate) -> bool:
+    """Coulomb friction in a region of its own coordinate is a patch by another name, and nobody says it so."""
+    return candidate.family == "coulomb_friction" and candidate.place.on in gate.region
+
+
+def _claims(hypothesis: Hypothesis) -> Claims:
+    return tuple(sorted(term.identity for term in hypothesis.terms))

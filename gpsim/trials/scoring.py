@@ -1,0 +1,188 @@
+"""Scoring one diagnosis against its answer. Pure functions of the two: no files, no fits.
+
+Claims are sets of (family, place). A claim is right when it is the truth or one of the world's listed equivalents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.trials.equivalents import Rival
+from gpsim.trials.revealing import Answer
+from gpsim.trials.systems import SYSTEMS
+
+Json = Mapping[str, Any]
+Claim = frozenset[tuple[str, str]]
+WRONG_ODDS = 10.0  # a wrong name asserted with odds above this counts as such
+LEAST_IOU, LARGEST_ONSET = 0.5, 0.1  # of a region; of an onset's error as a share of the recording's duration
+LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is
+LEADING_RATE = 0.5  # a rate with at least this share of the largest true share is a right one to point at
+
+
+def claims_of(effects: Sequence[Json]) -> Claim:
+    """What a list of effects of a diagnosis claims."""
+    return frozenset((str(e["family"]), _place(e["on"])) for e in effects)
+
+
+def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
+    """Everything that can be said of one diagnosis; a missing report is a failed diagnosis, wrong in all."""
+    truth = frozenset(answer.claims)
+    inside = not any(e["outside"] for e in answer.content["effects"])
+    equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
+    right_claims = (equal | {truth}) if inside else equal
+    out: dict[str, Any] = {
+        "stratum": answer.content["stratum"],
+        "visible": bool(answer.content["visible"]),
+        "identifiable": not equal,
+        "equivalents": sorted(sorted(map(list, claims)) for claims in equal),
+        "truth": sorted(map(list, truth)) or [[e["family"], e["on"]] for e in answer.content["effects"]],
+    }
+    if report is None:
+        return out | {"verdict": "failed", "said": [], "right": False, "leading_right": False}
+    verdict, leader = str(report["verdict"]), claims_of(report["effects"])
+    others = [claims_of(a["effects"]) for a in report["alternatives"]]
+    out |= {
+        "verdict": verdict,
+        "said": sorted(map(list, leader)),
+        "alternatives": sorted(sorted(map(list, o)) for o in others),
+        "leading_right": leader in right_claims and bool(leader),
+        "families_right": _families(leader) in {_families(c) for c in right_claims} and bool(leader),
+        "found": len(leader & truth),
+        "right": _right(str(out["stratum"]), verdict, leader, others, right_claims),
+    }
+    if out["stratum"] == "none":
+        out["false_alarm"] = verdict in ("named", "ambiguous") or bool(leader)
+    if not inside:
+        out |= _outside(verdict, report, out["leading_right"])
+    if inside and truth:
+        out |= _location(answer, report, leader, right_claims)
+        out["parameters"] = (
+            parameters(answer.content["effects"], report["effects"]) if leader == truth else []
+        )
+    out["fit"] = held_out_fit(answer, report)
+    return out
+
+
+def parameters(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[str, Any]]:
+    """Relative error of every true parameter and whether its 90 % interval holds it."""
+    found = {(str(e["family"]), _place(e["on"])): e["parameters"] for e in said}
+    out = []
+    for effect in truth:
+        for name, value in effect["parameters"].items():
+            given = found[effect["family"], effect["on"]].get(name)
+            if given is None:
+                continue
+            covered = given["low"] is not None and given["low"] <= value <= given["high"]
+            error = abs(given["value"] - value) / max(abs(value), 1e-300)
+            out.append(
+                {
+                    "family": effect["family"],
+                    "name": name,
+                    "relative_error": error,
+                    "covered": bool(covered),
+                    # Where zero is an arbitrary point, an error relative to the value says nothing.
+                    "has_scale": name != "rest_position",
+                }
+            )
+    return out
+
+
+def held_out_fit(answer: Answer, report: Json) -> dict[str, dict[str, float]]:
+    """Rate -> each model's held-out one-step error over the true model's own on the same episodes."""
+    held = [int(name) for name in report["fit"]["held_out"] if str(name).isdigit()]
+    rows = np.isin(answer.episode, held)
+    own = answer.own[rows if rows.any() else slice(None)]
+    out = {}
+    for i, (rate, errors) in enumerate(report["fit"]["one_step"].items()):
+        best = max(float(np.sqrt(np.mean(own[:, i] ** 2))), 1e-12)
+        kinds = ("before", "tuned", "gp", "after", "after_gp")
+        out[rate] = {kind: float(errors[kind]) / best for kind in kinds if errors.get(kind) is not None}
+    return out
+
+
+def iou(first: FloatArray, second: FloatArray) -> float:
+    """Length of the intersection of two intervals over that of their union."""
+    inner = min(first[1], second[1]) - max(first[0], second[0])
+    outer = max(first[1], second[1]) - min(first[0], second[0])
+    return float(max(inner, 0.0) / outer) if outer > 0 else 0.0
+
+
+def _visited(answer: Answer, channel: str) -> tuple[float, float]:
+    """Where a channel went: edges of a region beyond that are anybody's guess."""
+    column = SYSTEMS[answer.world.system].names.index(channel)
+    return (
+        min(float(e[:, column].min()) for e in answer.clean),
+        max(float(e[:, column].max()) for e in answer.clean),
+    )
+
+
+def _place(on: Any) -> str:
+    return str(on) if isinstance(on, str) else ",".join(map(str, on))
+
+
+def _families(claims: Claim) -> tuple[str, ...]:
+    return tuple(sorted(family for family, _ in claims))
+
+
+def _right(
+    stratum: str, verdict: str, leader: Claim, others: Sequence[Claim], right_claims: set[Claim]
+) -> bool:
+    """`ambiguous` is right only if the truth is in the set and every member is the truth or a listed equivalent."""
+    if stratum == "none":
+        return verdict == "none"
+    if stratum == "unknown":
+        return bool(verdict == "unknown" or (verdict == "named" and leader in right_claims))
+    if verdict == "named":
+        return bool(leader in right_claims)
+    if verdict == "ambiguous":
+        return all(member in right_claims for member in (leader, *others))
+    return verdict == "none" and frozenset() in right_claims
+
+
+def _outside(verdict: str, report: Json, excused: bool) -> dict[str, Any]:
+    """Of a world outside the catalogue: whether it was said so, and whether a wrong name was asserted."""
+    probability = max((float(e["probability"] or 0.0) for e in report["effects"]), default=0.0)
+    odds = probability / max(1.0 - probability, 1e-12)
+    named = verdict in ("named", "ambiguous") and bool(report["effects"]) and not excused
+    return {"said_so": verdict == "unknown", "named_wrong": bool(named and odds > WRONG_ODDS)}
+
+
+def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Claim]) -> dict[str, Any]:
+    """Whether the rate, the place and the gate are right; the gate of the effect that has one."""
+    truth = frozenset(answer.claims)
+    gates = [e for e in answer.content["effects"] if e["region"] or e["since"] is not None]
+    said = report["location"]
+    world = answer.world
+    duration = float(world.clock_offsets[-1] + world.steps * world.dt)
+    out: dict[str, Any] = {"rate_right": _rate_right(answer.content["one_step"], said["channels"])}
+    region: Json = next((e["region"] for e in gates if e["region"]), {})
+    since = next((e["since"] for e in gates if e["since"] is not None), None)
+    out["place_right"] = leader in right_claims or {on for _, on in leader} == {on for _, on in truth}
+    if region:
+        ((name, interval),) = region.items()
+        given = said["region"].get(name)
+        reach = _visited(answer, name)
+        out["iou"] = iou(np.clip(interval, *reach), np.clip(given, *reach)) if given else 0.0
+    if since is not None:
+        given = said["since"]
+        out["onset_error"] = abs(given - since) / duration if given is not None else 1.0
+    gate_right = out.get("iou", 1.0) >= LEAST_IOU and out.get("onset_error", 0.0) <= LARGEST_ONSET
+    spurious = bool(said["region"] and not region) or (said["since"] is not None and since is None)
+    out["gate_right"] = gate_right and not spurious
+    out["location_right"] = bool(out["rate_right"] and out["place_right"] and out["gate_right"])
+    return out
+
+
+def _rate_right(one_step: Json, said: Mapping[str, float]) -> bool:
+    """Whether the rate with the largest share in the diagnosis is one of the leading ones in truth."""
+    shares = {r: max(0.0, 1.0 - (e["own"] / max(e["base"], 1e-300)) ** 2) for r, e in one_step.items()}
+    if not said or max(said.values()) <= 0:
+        return bool(max(shares.values()) < LEAST_SEEN)
+    if max(shares.values()) < LEAST_SEEN:
+        return True
+    pointed = max(said, key=lambda rate: said[rate])
+    return bool(shares.get(pointed, 0.0) >= LEADING_RATE * max(shares.values()))

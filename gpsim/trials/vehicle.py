@@ -1,0 +1,49 @@
+"""The truth of a vehicle in the plane: its twist, changed by effects, integrated by Runge-Kutta steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.trials import laws, outside
+from gpsim.trials.systems import SYSTEMS
+from gpsim.trials.worlds import TrueEffect
+
+
+class Vehicle:
+    """Steps a batch of unicycles: state (x, y, yaw), action (v, w)."""
+
+    def __init__(self, effects: Sequence[TrueEffect]) -> None:
+        order = list(laws.TWIST)
+        self._twist = sorted((e for e in effects if e.family in order), key=lambda e: order.index(e.family))
+        self._outside = [e for e in effects if e.family in outside.TWIST]
+
+    def begin(self, s: FloatArray) -> FloatArray:
+        """Nothing is hidden."""
+        return np.empty((len(s), 0))
+
+    def step(
+        self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """State and hidden state after h s with u (B, 2) acting."""
+        k1 = self._slope(s, u, t)
+        k2 = self._slope(s + h / 2 * k1, u, t + h / 2)
+        k3 = self._slope(s + h / 2 * k2, u, t + h / 2)
+        k4 = self._slope(s + h * k3, u, t + h)
+        return s + h / 6 * (k1 + 2 * (k2 + k3) + k4), z
+
+    def _slope(self, s: FloatArray, u: FloatArray, t: FloatArray) -> FloatArray:
+        v, w = u[:, 0], u[:, 1]
+        lateral = np.zeros_like(v)
+        for effect in self._twist:
+            new = laws.TWIST[effect.family](effect.values, v, lateral, w)
+            if effect.gated:
+                gate = effect.acts(s, t, SYSTEMS["unicycle"].names) > 0
+                new = tuple(np.where(gate, a, b) for a, b in zip(new, (v, lateral, w), strict=True))  # type: ignore[assignment]
+            v, lateral, w = new
+        for effect in self._outside:
+            v, w = outside.TWIST[effect.family](effect.values, v, w, s)
+        sin, cos = np.sin(s[:, 2]), np.cos(s[:, 2])
+        return np.stack([v * cos - lateral * sin, v * sin + lateral * cos, w], axis=1)

@@ -1,0 +1,188 @@
+"""Blind: the diagnosis sees recordings and nothing else; an answer counts only if it is the published one."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gpsim.cli.main import app
+from typer.testing import CliRunner
+
+from gpsim.artifacts import file_digest
+from gpsim.errors import UsageError
+from gpsim.recordings import read_recording
+from gpsim.recordings.files import write_recording
+from gpsim.recordings.recording import Recording
+from gpsim.trials import concealing
+from gpsim.trials.blind import diagnose_blind, read_report
+from gpsim.trials.judging import judge
+from gpsim.trials.revealing import reveal
+
+EPISODES, ROWS = 8, 131
+SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias
+
+
+@pytest.fixture(scope="module")
+def concealed(tmp_path_factory):
+    out = tmp_path_factory.mktemp("proof")
+    concealing.write_trial(out, SEED, NUMBER)
+    _shorten(out)
+    concealing.publish_hashes(out, {NAME: file_digest(out / "private" / NAME / "answer.json")})
+    return out
+
+
+def _shorten(out: Path) -> None:
+    """Keep what a test has the time for, eight short episodes, in both halves."""
+    public, private = out / "public" / NAME, out / "private" / NAME
+    whole = read_recording(public)
+    episodes = tuple(
+        replace(e, t=e.t[:ROWS], states=e.states[:ROWS], actions=e.actions[: ROWS - 1])
+        for e in whole.episodes[:EPISODES]
+    )
+    short: Recording = replace(whole, episodes=episodes, held_out=None)
+    write_recording(short, public, "csv")
+    with np.load(private / "truth.npz") as truth:
+        starts = np.cumsum(truth["rows"]) - truth["rows"]
+        clean = np.concatenate([truth["clean"][s : s + ROWS] for s in starts[:EPISODES]])
+        own = np.concatenate([truth["own"][truth["episode"] == e][: ROWS - 1] for e in range(EPISODES)])
+    index = np.repeat(np.arange(EPISODES), ROWS - 1)
+    np.savez(private / "truth.npz", clean=clean, rows=np.full(EPISODES, ROWS), own=own, episode=index)
+    content = json.loads((private / "answer.json").read_text())
+    content["truth_sha256"] = file_digest(private / "truth.npz")
+    (private / "answer.json").write_text(json.dumps(content))
+
+
+@pytest.fixture(scope="module")
+def diagnosed(concealed, tmp_path_factory):
+    """Diagnosed with the answers moved away, out of the diagnosis's reach."""
+    away = tmp_path_factory.mktemp("away") / "private"
+    shutil.move(concealed / "private", away)
+    assert diagnose_blind(concealed, NAME)["exit"] == 0
+    assert not (concealed / "private").exists()
+    return concealed, away
+
+
+def test_the_public_half_is_a_recording_and_nothing_else(tmp_path):
+    concealing.write_trial(tmp_path, SEED, NUMBER)
+    answer = json.loads((tmp_path / "private" / NAME / "answer.json").read_text())
+    folder = tmp_path / "public" / NAME
+    assert sorted(p.name for p in folder.iterdir()) == ["recording.csv", "recording.yaml"]
+    text = (folder / "recording.yaml").read_text()
+    keys = set(re.findall(r"^(\w+):", text, re.MULTILINE))
+    assert keys <= {"system", "parameters", "integrator", "dt", "state", "action", "velocities", "clock", "noise", "held_out"}  # fmt: skip
+    for effect in answer["effects"]:
+        assert effect["family"] not in text
+
+
+def test_the_same_trial_gives_the_same_bytes(tmp_path):
+    first, second = (concealing.write_trial(tmp_path / side, SEED, NUMBER) for side in "ab")
+    assert first == second
+    for path in (tmp_path / "a").rglob("*.*"):
+        if path.is_file():
+            assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes()
+
+
+def test_a_diagnosis_needs_no_answers_and_finds_the_effect(diagnosed):
+    out, away = diagnosed
+    report = read_report(out, NAME)
+    truth = json.loads((away / NAME / "answer.json").read_text())["effects"][0]
+    claims = [e["family"] for e in report["effects"]] + [
+        e["family"] for a in report["alternatives"] for e in a["effects"]
+    ]
+    assert truth["family"] in claims
+
+
+def test_a_swapped_answer_scores_differently_and_the_diagnosis_stays_the_same(diagnosed, tmp_path):
+    out, away = diagnosed
+    private = tmp_path / "private"
+    shutil.copytree(away, private)
+    path = private / NAME / "answer.json"
+    content = json.loads(path.read_text())
+    other = tmp_path / "other"
+    shutil.copytree(out / "public", other / "public")
+    content["effects"][0] |= {"family": "viscous_friction", "on": "q", "parameters": {"damping": 1.0}}
+    path.write_text(json.dumps(content))
+    concealing.publish_hashes(other, {NAME: file_digest(path)})
+    diagnose_blind(other, NAME)
+    first, second = (folder / "diagnoses" / NAME / "diagnosis" / "diagnosis.json" for folder in (out, other))
+    assert first.read_bytes() == second.read_bytes()
+    swapped = judge(other, private, NAME)
+    assert swapped["truth"] == [["viscous_friction", "q"]]
+    assert not swapped["right"]
+
+
+def test_an_answer_that_does_not_match_its_hash_is_refused(diagnosed, tmp_path):
+    out, away = diagnosed
+    reveal(out, away, NAME)
+    private = tmp_path / "private"
+    shutil.copytree(away, private)
+    path = private / NAME / "answer.json"
+    path.write_text(path.read_text().replace('"visible": true', '"visible": false'))
+    with pytest.raises(UsageError, match="does not match the hash published"):
+        reveal(out, private, NAME)
+    # Changing the published hash afterwards does not help: the diagnosis wrote down which one stood there.
+    other = tmp_path / "other"
+    shutil.copytree(out, other)
+    concealing.publish_hashes(other, {NAME: file_digest(path)})
+    with pytest.raises(UsageError, match="when it was diagnosed"):
+        reveal(other, private, NAME)
+
+
+def test_a_truth_that_was_exchanged_is_refused(diagnosed, tmp_path):
+    out, away = diagnosed
+    private = tmp_path / "private"
+    shutil.copytree(away, private)
+    with (private / NAME / "truth.npz").open("ab") as stream:
+        stream.write(b"x")
+    with pytest.raises(UsageError, match="truth.npz"):
+        reveal(out, private, NAME)
+
+
+def test_the_proof_is_scored_with_the_equivalents_that_the_rule_finds(diagnosed, tmp_path):
+    """A bias of a slider's actuator is a constant force; the rule finds that by itself."""
+    diagnosed_out, away = diagnosed
+    out = tmp_path / "proof"
+    shutil.copytree(diagnosed_out, out)
+    result = CliRunner().invoke(
+        app, ["prove", "reveal", "--out", str(out), "--answers", str(away), "--jobs", "1"]
+    )
+    assert result.exit_code == 0, result.output
+    content = json.loads((out / "prove.json").read_text())
+    score = json.loads((out / "scores" / f"{NAME}.json").read_text())
+    assert [["constant_force", "q"]] in score["equivalents"]
+    assert [["viscous_friction", "q"]] not in score["equivalents"]
+    assert content["all"]["single"]["n"] == 1
+    assert content["all"]["single"]["right"] == int(score["right"])
+    assert content["rivals"]["gp"]["n"] == 1
+    page = (out / "report.html").read_text()
+    assert "http" not in page
+    assert score["right"] or f"diagnoses/{NAME}/diagnosis/report.html" in page
+
+
+def test_diagnosing_without_published_hashes_is_refused(tmp_path):
+    (tmp_path / "public").mkdir()
+    result = CliRunner().invoke(app, ["prove", "diagnose", "--out", str(tmp_path)])
+    assert isinstance(result.exception, UsageError)
+    assert "no hashes" in str(result.exception)
+
+
+@pytest.mark.parametrize("words", [["prove"], ["prove", "conceal", "--out", "x", "--stratum", "odd"], ["prove", "--out", "x", "diagnose"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
+def test_bad_input_is_one_line(words):
+    result = CliRunner().invoke(app, words)
+    assert isinstance(result.exception, UsageError)
+
+
+def test_no_module_of_the_trials_is_loaded_by_a_diagnosis():
+    """Not by an import at the top, nor by one inside a function that a diagnosis runs."""
+    code = (
+        "import sys, pkgutil, importlib, gpsim.diagnosis as d, gpsim.stages.diagnose, gpsim.cli.diagnose\n"
+        "[importlib.import_module(f'gpsim.diagnosis.{m.name}') for m in pkgutil.iter_modules(d.__path__)]\n"
+        "sys.exit(any(name.startswith('gpsim.trials') for name in sys.modules))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, env={**os.environ}).returncode == 0

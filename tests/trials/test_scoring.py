@@ -1,0 +1,159 @@
+"""Scoring: what counts as right, written down as cases."""
+
+import numpy as np
+import pytest
+
+from gpsim.trials import drawing
+from gpsim.trials.concealing import answer_of, conceal
+from gpsim.trials.equivalents import Rival
+from gpsim.trials.revealing import Answer
+from gpsim.trials.scoring import iou, score
+from gpsim.trials.summary import interval, summarise
+from gpsim.trials.worlds import TrueEffect, effect_json, world_json
+
+
+def answer(stratum, effects, **more):
+    """An answer to a slider's world, without having run it."""
+    world = drawing.draw(1, 3)
+    content = {
+        "stratum": stratum,
+        "visible": True,
+        "long": False,
+        "effects": [effect_json(e) for e in effects],
+        "world": world_json(world) | {"system": "slider", "episodes": 4, "steps": 100, "dt": 0.02, "clock": "session"},
+        "one_step": {"q_acc": {"base": 1.0, "own": 0.1}},
+    } | more  # fmt: skip
+    clean = [np.stack([np.linspace(-1, 1, 101), np.zeros(101)], axis=1)] * 4
+    return Answer(content, clean, np.full((400, 1), 0.1), np.repeat(np.arange(4), 100))
+
+
+def said(family, on="q", low=0.9, value=1.0, high=1.1, name="damping", probability=0.99):
+    return {
+        "family": family, "on": on, "probability": probability, "region": {}, "since": None,
+        "parameters": {name: {"value": value, "low": low, "high": high}},
+    }  # fmt: skip
+
+
+def report(verdict, effects=(), alternatives=(), region=None, since=None):
+    return {
+        "verdict": verdict,
+        "effects": list(effects),
+        "alternatives": [{"effects": list(a)} for a in alternatives],
+        "location": {"channels": {"q_acc": 0.9}, "region": region or {}, "since": since},
+        "fit": {"held_out": ["3"], "one_step": {"q_acc": {"before": 1.0, "tuned": 0.5, "gp": 0.2, "after": 0.11}}},
+    }  # fmt: skip
+
+
+DAMPED = [TrueEffect("viscous_friction", "q", {"damping": 1.05})]
+TWIN = [Rival((("actuator_gain", "force"),), 0.2, False)]
+NEAR = [Rival((("actuator_gain", "force"),), 3.5, False)]
+RICHER = [Rival((("actuator_gain", "force"),), 0.0, True)]
+
+
+def test_the_true_name_is_right_and_its_numbers_are_judged():
+    found = score(answer("single", DAMPED), report("named", [said("viscous_friction")]), [])
+    assert found["right"]
+    assert found["location_right"]
+    (parameter,) = found["parameters"]
+    assert parameter["relative_error"] == pytest.approx(0.05 / 1.05)
+    assert parameter["covered"]
+    assert found["fit"]["q_acc"]["after"] == pytest.approx(1.1)
+    assert found["fit"]["q_acc"]["gp"] == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("rivals", "right"), [(TWIN, True), (NEAR, False), (RICHER, False), ([], False)])
+def test_another_name_is_right_only_when_it_was_listed(rivals, right):
+    found = score(answer("single", DAMPED), report("named", [said("actuator_gain", "force")]), rivals)
+    assert found["right"] is right
+
+
+@pytest.mark.parametrize(("rivals", "right"), [(TWIN, True), (NEAR, False)])
+def test_ambiguous_is_right_only_if_every_member_is_listed(rivals, right):
+    told = report("ambiguous", [said("viscous_friction")], [[said("actuator_gain", "force")]])
+    assert score(answer("single", DAMPED), told, rivals)["right"] is right
+
+
+def test_half_a_pair_is_no_pair():
+    pair = [*DAMPED, TrueEffect("actuator_delay", "force", {"delay": 0.05})]
+    assert not score(answer("pair", pair), report("named", [said("viscous_friction")]), [])["right"]
+    both = [said("viscous_friction"), said("actuator_delay", "force", name="delay")]
+    assert score(answer("pair", pair), report("named", both), [])["right"]
+
+
+@pytest.mark.parametrize("verdict", ["named", "ambiguous", "unknown"])
+def test_any_family_on_a_world_without_mismatch_is_a_false_alarm(verdict):
+    found = score(answer("none", []), report(verdict, [said("spring")]), [])
+    assert found["false_alarm"]
+    assert not found["right"]
+    quiet = score(answer("none", []), report("none"), [])
+    assert quiet["right"]
+    assert not quiet["false_alarm"]
+
+
+@pytest.mark.parametrize(("probability", "wrong"), [(0.99, True), (0.6, False)])
+def test_a_wrong_name_needs_odds_above_ten(probability, wrong):
+    strange = [TrueEffect("cogging", "q", {"amplitude": 1.0}, outside=True)]
+    told = report("named", [said("spring", probability=probability)])
+    assert score(answer("unknown", strange), told, [])["named_wrong"] is wrong
+    assert score(answer("unknown", strange), report("unknown"), [])["right"]
+
+
+def test_a_gate_has_to_be_found_where_it_is():
+    patch = [TrueEffect("local_friction_patch", "q", {"force": 1.0}, {"q": (0.0, 0.5)})]
+    told = lambda region: report("named", [said("local_friction_patch", name="force")], region=region)  # noqa: E731
+    near = score(answer("single", patch), told({"q": [0.05, 0.5]}), [])
+    assert near["iou"] == pytest.approx(0.9)
+    assert near["location_right"]
+    assert not score(answer("single", patch), told({}), [])["location_right"]
+    late = [TrueEffect("viscous_friction", "q", {"damping": 1.0}, since=4.0)]
+    found = score(answer("single", late), report("named", [said("viscous_friction")], since=4.2), [])
+    assert found["onset_error"] == pytest.approx(0.2 / (3 * 3.0 + 2.0))
+    assert found["location_right"]
+
+
+def test_edges_beyond_what_was_visited_do_not_matter():
+    patch = [TrueEffect("viscous_friction", "q", {"damping": 1.0}, {"q": (0.5, 9.0)})]
+    found = score(
+        answer("single", patch), report("named", [said("viscous_friction")], region={"q": [0.5, 1.5]}), []
+    )
+    assert found["iou"] == pytest.approx(1.0)
+
+
+def test_a_failed_diagnosis_is_wrong():
+    assert not score(answer("none", []), None, [])["right"]
+
+
+def test_iou_and_wilson():
+    assert iou(np.array([0.0, 2.0]), np.array([1.0, 3.0])) == pytest.approx(1 / 3)
+    assert iou(np.array([0.0, 1.0]), np.array([2.0, 3.0])) == 0.0
+    # Newcombe (1998), Statistics in Medicine 17, table I, method 3: 81 of 263 and 0 of 20.
+    assert interval(81, 263) == pytest.approx([0.2553, 0.3662], abs=1e-4)
+    assert interval(0, 20) == pytest.approx([0.0, 0.1611], abs=1e-4)
+
+
+def test_the_summary_counts_what_was_scored():
+    extra = {
+        "long": False, "seconds": 10.0, "sindy": None, "noise_level": "clean", "noise_known": True, "engine": "rk4",
+        "velocities": "measured", "system": "slider", "excitation": "sines", "strength": "plain", "gate": "everywhere",
+    }  # fmt: skip
+    scores = [
+        score(answer("single", DAMPED), report("named", [said("viscous_friction")]), [])
+        | extra
+        | {"trial": "0001"},
+        score(answer("single", DAMPED), report("named", [said("spring")]), []) | extra | {"trial": "0002"},
+        score(answer("none", []), report("none"), []) | extra | {"trial": "0003"},
+    ]
+    found = summarise(scores)
+    assert found["single"]["n"] == 2
+    assert found["single"]["right"] == 1
+    assert found["none"]["false_alarms"] == 0
+    assert found["misses"] == ["0002"]
+    assert found["parameters"]["coverage_90"] == 1.0
+    assert found["goals"]["single.share"]["reached"] is False
+    assert found["confusion"]["viscous_friction"] == {"spring": 1, "viscous_friction": 1}
+
+
+def test_an_answer_says_what_the_true_model_itself_reaches():
+    found = answer_of(conceal(5, 2), "")
+    for errors in found["one_step"].values():
+        assert 0 < errors["own"] <= 1.01 * errors["base"]

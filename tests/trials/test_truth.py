@@ -1,0 +1,157 @@
+"""The truth: against MuJoCo, against energy and rest, and against the catalogue's own laws, written twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpsim.corrected_effects import EffectsPlant
+from gpsim.effects import Gate, Term
+from gpsim.simulators import make_simulator
+from gpsim.trials import drawing, laws
+from gpsim.trials.mechanics import Body
+from gpsim.trials.replaying import Replay
+from gpsim.trials.running import H, run
+from gpsim.trials.sensors import sense
+from gpsim.trials.strengths import CATALOGUE, OUTSIDE, Dial, Scales
+from gpsim.trials.systems import SYSTEMS, dynamics
+from gpsim.trials.worlds import TrueEffect, effect_json, world_from_json, world_json
+
+
+def world_of(system, effects=(), engine="rk4", **changes):
+    """A short, perfect world of a system."""
+    rng = np.random.default_rng(3)
+    place = SYSTEMS[system]
+    base = drawing._world(3, 7, 1, "single", False, place, None if place.vehicle else "measured", [], rng)
+    small = {"episodes": 3, "steps": 30, "dt": min(place.steps), "noise": dict.fromkeys(place.state, 0.0)}
+    return replace(base, effects=tuple(effects), engine=engine, **{**small, **changes})
+
+
+def effect_of(family, on, system, strength=0.6):
+    world = world_of(system)
+    scales = Scales(world, run(world, (), world.dt / 4))
+    return drawing._effect(
+        family, on, scales, Dial(np.random.default_rng(1), strength), False, np.random.default_rng(2)
+    )
+
+
+CASES = [
+    (family, system, drawing.places_of(family, SYSTEMS[system], "measured")[-1])
+    for family in sorted(CATALOGUE)
+    for system in drawing.systems_of(family)
+    if family != "sensor_delay"  # a plant's `measure` leaves delays out
+]
+LENGTH = 25
+
+
+@pytest.mark.parametrize(("family", "system", "on"), CASES, ids=lambda c: str(c))
+def test_every_law_is_the_catalogues_though_written_twice(family, system, on):
+    """Stepped side by side from the same starts under the same commands, truth and catalogue stay together."""
+    effect = effect_of(family, on, system, 0.9)
+    world = world_of(system, excitation="sines", clock="episode")
+    driven = run(world, ())
+    variant = "coefficient" if "coefficient" in effect.values else ""
+    term = Term(family, on, effect.values, Gate(effect.region, effect.since), variant)
+    plant = EffectsPlant(
+        make_simulator(system), world.parameters, (term,), "fine", driven.per_sample, world.dt
+    )
+    rng, ours = np.random.default_rng(0), Replay(world, driven, (effect,))
+    theirs, memory = driven.fine[0], plant.begin(world.episodes, np.random.default_rng(0))
+    for k in range(LENGTH):
+        theirs = plant.step(theirs, driven.commands[k], memory, rng)
+    picks = np.stack([np.zeros(world.episodes, dtype=np.int64), np.arange(world.episodes)])
+    own = ours.states(picks, LENGTH)
+    read = sense((effect,), SYSTEMS[system].names, own[None], 0, H)
+    changed = np.abs(plant.measure(theirs) - driven.clean[LENGTH]).max()
+    assert np.abs(read - plant.measure(theirs)).max() < 1e-2 * changed + 1e-9
+
+
+def test_a_delayed_sensor_says_what_was():
+    past = np.arange(100.0)[:, None, None] * np.ones((1, 2, 2))
+    effect = TrueEffect("sensor_delay", "q_dot", {"delay": 0.02})
+    read = sense([effect], ("q", "q_dot"), past, 50, H)
+    assert read.tolist() == [[50.0, 30.0]] * 2
+    assert sense([effect], ("q", "q_dot"), past, 5, H).tolist() == [[5.0, 0.0]] * 2
+
+
+def test_cartpoles_mass_matrix_is_that_of_the_simulator():
+    rng = np.random.default_rng(0)
+    p = {"gravity": 9.8, "cart_mass": 1.2, "pole_mass": 0.2, "pole_half_length": 0.4}
+    s, u = rng.normal(size=(50, 4)), rng.normal(size=(50, 1))
+    inverse, force = dynamics("cartpole", p, s, u)
+    ours = (inverse * force[:, None, :]).sum(axis=2)
+    np.testing.assert_allclose(ours, make_simulator("cartpole").rates(s, u, p), rtol=1e-10)
+
+
+@pytest.mark.parametrize("system", ["cartpole", "slider", "pendulum"])
+def test_two_engines_agree(system):
+    pytest.importorskip("mujoco")
+    on = SYSTEMS[system].coordinates[0]
+    effects = [TrueEffect("viscous_friction", on, {"damping": 0.3}), TrueEffect("spring", on, {"stiffness": 1.0, "rest_position": 0.1})]  # fmt: skip
+    first = run(world_of(system, effects, excitation="sines"), effects)
+    second = run(world_of(system, effects, "mujoco", excitation="sines"), effects)
+    np.testing.assert_allclose(first.clean, second.clean, atol=1e-6)
+
+
+@pytest.mark.parametrize("engine", ["rk4", "mujoco"])
+def test_engines_agree_on_dry_friction(engine):
+    pytest.importorskip("mujoco")
+    effects = [TrueEffect("coulomb_friction", "q", {"force": 1.5})]
+    world = world_of("slider", effects, engine, excitation="sines", parameters={"mass": 2.0})
+    finest = run(replace(world, engine="rk4"), effects, 2e-4)
+    np.testing.assert_allclose(run(world, effects).clean, finest.clean, atol=3e-4)
+
+
+def test_a_body_sticks_below_the_friction_and_slides_above():
+    body = Body("slider", {"mass": 2.0}, [TrueEffect("coulomb_friction", "q", {"force": 3.0})])
+    s, z = np.zeros((2, 2)), np.empty((2, 0))
+    u, t = np.array([[2.9], [3.5]]), np.zeros(2)
+    for _ in range(1000):
+        s, z = body.step(s, z, u, t, t, 1e-3)
+    assert s[0].tolist() == [0.0, 0.0]
+    assert s[1, 1] == pytest.approx((3.5 - 3.0) / 2.0, rel=1e-9)
+
+
+def test_a_sliding_body_stops_where_newton_says():
+    body = Body("slider", {"mass": 2.0}, [TrueEffect("coulomb_friction", "q", {"force": 3.0})])
+    s, z, t = np.array([[0.0, 1.0]]), np.empty((1, 0)), np.zeros(1)
+    for _ in range(1500):
+        s, z = body.step(s, z, np.zeros((1, 1)), t, t, 1e-3)
+    assert s[0, 1] == 0.0
+    assert s[0, 0] == pytest.approx(2.0 / (2 * 3.0), rel=1e-6)  # v^2 m / (2 F)
+
+
+def test_a_free_pendulum_keeps_its_energy():
+    p = {"mass": 1.0, "length": 0.5, "gravity": 9.81}
+    body = Body("pendulum", p, ())
+    s, z, t = np.array([[1.5, 0.0]]), np.empty((1, 0)), np.zeros(1)
+    energy = lambda s: 0.5 * 0.25 * s[0, 1] ** 2 - 9.81 * 0.5 * np.cos(s[0, 0])  # noqa: E731
+    before = energy(s)
+    for _ in range(3000):
+        s, z = body.step(s, z, np.zeros((1, 1)), t, t, 1e-3)
+    assert energy(s) == pytest.approx(before, abs=1e-8)
+
+
+@pytest.mark.parametrize("kind", sorted(OUTSIDE))
+def test_physics_outside_the_catalogue_moves_a_system_it_belongs_to(kind):
+    system = drawing.systems_of(kind)[-1]
+    on = drawing.places_of(kind, SYSTEMS[system], "measured")[0]
+    effect = effect_of(kind, on, system, 0.9)
+    world = world_of(system, [effect], excitation="sines")
+    with_it, without = run(world, [effect]), run(world, ())
+    assert np.isfinite(with_it.clean).all()
+    assert np.abs(with_it.clean - without.clean).max() > 1e-4
+
+
+def test_no_kind_outside_is_a_family_of_the_catalogue():
+    from gpsim.effects import FAMILIES
+
+    assert set(CATALOGUE) == set(FAMILIES)
+    assert not set(OUTSIDE) & set(FAMILIES)
+    assert set(laws.SMOOTH) | set(laws.GRIP) | set(laws.TWIST) <= set(FAMILIES)
+
+
+def test_a_world_survives_its_json():
+    world = drawing.draw(1, 6)
+    again = world_from_json(world_json(world), [effect_json(e) for e in world.effects])
+    assert again == world
