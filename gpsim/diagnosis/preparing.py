@@ -134,6 +134,22 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
+def settled(question: Question, best: Fit) -> Question:
+    """The question with the numerical error that the best hypothesis has, which may be more than the base's.
+
+    best: a fit of the searched windows. Friction that stops and starts a body is where a step is least exact.
+    """
+    if best.hypothesis.scheme != "fine":
+        return question
+    error = numerical_error(question.searched, best)
+    floor = np.maximum(
+        question.everything.floor, np.hypot(question.searched.floor * question.searched.stated, error)
+    )
+    problems = (question.everything, question.searched, question.held_out)
+    everything, searched, held_out = (replace(problem, floor=floor) for problem in problems)
+    return replace(question, everything=everything, searched=searched, held_out=held_out)
+
+
 def spread_out(windows: Windows, most: int) -> Windows:
     """At most `most` windows, evenly spread; those that do not begin an episode first, where there are enough."""
     later = np.flatnonzero(~windows.fresh)
