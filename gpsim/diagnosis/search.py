@@ -23,7 +23,7 @@ BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
-LEAST_SHARE = 0.015  # of the variance left over in some channel that it must remove
+LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
