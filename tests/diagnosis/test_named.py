@@ -6,7 +6,7 @@ import pytest
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.simulators import make_simulator
 
-from .truths import mechanical, vehicles
+from .truths import channel_filter, delayed, mechanical, vehicles
 from .worlds import World, record
 
 TWINS = {  # what no recording of the kind can separate
@@ -89,6 +89,66 @@ def test_a_pair_is_taken_apart():
     assert claims(report["effects"]) == {("viscous_friction", "q"), ("spring", "q")}
 
 
+GATED = [
+    (
+        "viscous_friction",
+        World("slider", forces={0: lambda q, v, t: -1.2 * v * (np.asarray(t) > 2.0)}),
+        {},
+        2.0,
+    ),
+    (
+        "viscous_friction",
+        World("slider", forces={0: lambda q, v, t: -2.0 * v * ((q > 0.1) & (q < 0.5))}),
+        {"q": (0.1, 0.5)},
+        None,
+    ),
+    (
+        "actuator_saturation",
+        World(
+            "slider", filters=[channel_filter(0, lambda u, t, h, m: np.where(t > 2.0, np.clip(u, -3, 3), u))]
+        ),
+        {},
+        2.0,
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("family", "world", "region", "since"), GATED, ids=["onset", "region", "actuator onset"]
+)
+def test_where_and_since_when_is_said(family, world, region, since):
+    report = run(record(world, seed=7, episodes=8, steps=200))
+    assert report["verdict"] == "named"
+    (effect,) = report["effects"]
+    assert effect["family"] == family
+    assert effect["since"] == (None if since is None else pytest.approx(since, abs=0.05))
+    assert set(effect["region"]) == set(region)
+    for channel, edges in region.items():
+        np.testing.assert_allclose(effect["region"][channel], edges, atol=0.02)
+    assert report["location"]["since"] == effect["since"]
+
+
+def test_a_triple_is_taken_apart():
+    world = World(
+        "slider",
+        forces={0: lambda q, v, t: -1.0 * v - 4.0 * (q - 0.1)},
+        filters=[channel_filter(0, lambda u, t, h, m: np.clip(u, -4, 4))],
+    )
+    report = run(record(world, seed=7, episodes=8, steps=200))
+    assert claims(report["effects"]) == {
+        ("viscous_friction", "q"), ("spring", "q"), ("actuator_saturation", "force"),
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_simpler_of_two_nested_laws_is_named_in_a_pair():
+    world = World(
+        "cartpole", grips={0: lambda q, v, n: 2.0 + 0 * v}, filters=[channel_filter(0, delayed(0.04))]
+    )
+    report = run(record(world, seed=7, episodes=8, steps=200))
+    assert claims(report["effects"]) == {("coulomb_friction", "x"), ("actuator_delay", "force")}
+
+
 def test_the_thesiss_chattering_target_is_coulomb_friction_of_its_coefficient():
     from gpsim.recordings import Episode, Recording
     from gpsim.targets import FrictionCartPole
@@ -115,16 +175,21 @@ def test_the_thesiss_chattering_target_is_coulomb_friction_of_its_coefficient():
         assert errors["nrmse"]["after"] < 0.002
 
 
+UNSEEN = {("sensor_bias", "q"), ("sensor_bias", "x")}  # nothing on a slider depends on where it is
+
+
 @pytest.mark.slow
-@pytest.mark.xfail(reason="not reached yet for every system and noise; the misses are listed", strict=False)
 @pytest.mark.parametrize("system", ["slider", "pendulum", "cartpole", "unicycle", "ackermann"])
 @pytest.mark.parametrize("noise", [0.1, 1.0, 4.0])
 def test_grid_over_systems_and_noise(system, noise):
-    """At least nine of ten families are found with their place, whatever the noise."""
+    """At least nineteen of twenty families are found with their place, whatever the noise."""
     truths = vehicles(system) if system in ("unicycle", "ackermann") else mechanical(system)
-    found = []
-    for truth in truths:
+    missed = []
+    for truth in (
+        t for t in truths if system not in ("slider", "cartpole") or (t.family, t.on) not in UNSEEN
+    ):
         report = run(record(truth.world, seed=11, episodes=8, steps=200, noise=noise))
         options = [report["effects"], *(a["effects"] for a in report["alternatives"])]
-        found.append(any(claims(o) == {(truth.family, truth.on)} for o in options))
-    assert np.mean(found) >= 0.9, [(t.family, t.on) for t, ok in zip(truths, found, strict=True) if not ok]
+        if all(claims(o) != {(truth.family, truth.on)} for o in options):
+            missed.append((truth.family, truth.on, report["verdict"], [claims(o) for o in options]))
+    assert len(missed) <= 0.05 * len(truths), missed
