@@ -75,8 +75,9 @@ def test_nothing_is_claimed_where_nothing_is_missing(system, how):
     assert report["effects"] == []
 
 
-def test_physics_outside_the_catalogue_is_unknown():
-    world = World("pendulum", forces={0: lambda q, v, t: 1.2 * np.sin(6 * q)})
+@pytest.mark.parametrize("strength", [0.6, 1.2])
+def test_physics_outside_the_catalogue_is_unknown(strength):
+    world = World("pendulum", forces={0: lambda q, v, t: strength * np.sin(6 * q)})
     report = run(record(world, seed=5, episodes=6, steps=155))
     assert report["verdict"] == "unknown"
     assert report["remainder"]["structured"]
