@@ -60,7 +60,7 @@ def diagnose(
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
     question = settled(question, found.fits[0])
-    judgement = judge(question, found, offers)
+    judgement = judge(question, found, offers, lambda text: note(70, 100, text))
     note(80, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
     report = _report(question, judgement, comparison)

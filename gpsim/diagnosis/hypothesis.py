@@ -40,6 +40,11 @@ class Hypothesis:
         return frozenset(term.identity for term in self.terms)
 
     @property
+    def label(self) -> str:
+        """A few words for progress and rankings."""
+        return " + ".join(f"{t.family} on {t.on}" for t in self.terms) or "nothing missing"
+
+    @property
     def idle(self) -> bool:
         """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
         return not self.terms or any(

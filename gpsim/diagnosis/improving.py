@@ -6,7 +6,7 @@ more data, or was taken by a term that is not quite right, and shows when that o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,10 +27,13 @@ LOOKED_AT = 120  # windows on which candidates are screened
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
-def improved(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
+def improved(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
+) -> tuple[Fit, list[Fit]]:
     """The leader with terms added and replaced while that pays, and every fit that was tried on the way."""
     tried: list[Fit] = []
     while len(leader.hypothesis.terms) < MOST_TERMS:
+        tell(f"{leader.hypothesis.label}: is one more missing?")
         children = _children(problem, leader, offers)
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
@@ -38,6 +41,7 @@ def improved(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tupl
             break
         leader = _best(problem, better)
     for _ in range(2):
+        tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = [
             f for i in range(len(leader.hypothesis.terms)) for f in _swapped(problem, leader, i, offers)
         ]

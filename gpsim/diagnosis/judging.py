@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -45,14 +45,16 @@ class Judgement:
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
 
 
-def judge(question: Question, found: Found, offers: Sequence[Candidate]) -> Judgement:
+def judge(
+    question: Question, found: Found, offers: Sequence[Candidate], tell: Callable[[str], None]
+) -> Judgement:
     """Refit the best on all training windows, go on from there with all data, and decide."""
     problem = question.everything
     near = _near(question.searched, found)
     null = fit(problem, Hypothesis(scheme=found.scheme), problem.windows.measured[:, 0], iterations=12)
     fits = _again(problem, [f.hypothesis for f in near if f.hypothesis.terms])
     leader = _leader(question, [null, *fits], null)
-    leader, tried = improved(problem, leader, offers)
+    leader, tried = improved(problem, leader, offers, tell)
     leader = _pruned(question, leader)
     fits += tried
     nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]

@@ -60,7 +60,7 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
                 children += gated_children(problem, directions, plain, offers)
             done += FITTED[depth]
             best = min((*children, *fits), key=lambda f: f.objective)
-            note(min(done, total), total, f"best so far: {_named(best)}")
+            note(min(done, total), total, f"best so far: {best.hypothesis.label}")
         children = _distinct(children)
         fits += children
         if not children or not _structured(problem, fits):
@@ -126,8 +126,3 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
         return []
     parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
     return fit_all(problem, [Order(part, best.starts, 12) for part in parts])
-
-
-def _named(found: Fit) -> str:
-    terms = [f"{t.family} on {t.on}" for t in found.hypothesis.terms]
-    return " + ".join(terms) or "nothing missing"
