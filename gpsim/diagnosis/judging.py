@@ -23,6 +23,7 @@ REFITTED, WITHIN = (
     8,
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
+MOST_RIVALS = 6
 TIE = 3.0  # nats: rivals this near (odds of 20) cannot be ruled out
 UNEXPLAINED = {
     1e-2: 0.15,
@@ -59,7 +60,7 @@ def judge(
     fits += tried
     nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]
     null = nulls[-1] if nulls else null
-    rivals = _rivals(problem, leader, fits)
+    rivals = _rivals(question, leader, fits)
     odds = scores(problem, [leader, *rivals])
     weights = np.exp(odds - odds.max())
     noise, unexplained = _unexplained(problem, leader, null)
@@ -154,8 +155,12 @@ def _pruned(question: Question, leader: Fit) -> Fit:
     return leader
 
 
-def _rivals(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """Other explanations that these data cannot rule out: as good, and not the leading one with something added."""
+def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Other explanations that these data cannot rule out: as good, and not the leading one with something added.
+
+    They must do as well on held-out windows too, as the leader had to.
+    """
+    problem, held_out = question.everything, question.held_out
     claims = leader.hypothesis.claims
     if not claims:
         return []
@@ -163,11 +168,13 @@ def _rivals(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     if not others:
         return []
     nats = scores(problem, [leader, *others])
+    limit = held_out_objective(held_out, leader.hypothesis) + TIE
     out: list[Fit] = []
     for i in np.argsort(-nats[1:]):
         near = nats[0] - nats[1 + int(i)] < TIE
         fresh = not any(o.hypothesis.claims <= others[int(i)].hypothesis.claims for o in out)
-        if near and fresh:
+        wanted = near and fresh and len(out) < MOST_RIVALS
+        if wanted and held_out_objective(held_out, others[int(i)].hypothesis) < limit:
             out.append(others[int(i)])
     return out
 
