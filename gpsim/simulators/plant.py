@@ -43,6 +43,10 @@ class Plant(Protocol):
         """(B, S): the next state; `memory` is changed in place."""
         ...
 
+    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what the sensors say of true states; policies see this, rewards do not."""
+        ...
+
 
 def restart(memory: Memory, rows: BoolArray, fresh: Memory) -> None:
     """Put `fresh` (for rows.sum() episodes) in the place of the masked rows."""
@@ -79,6 +83,10 @@ class SimulatorPlant:
         """One control step with the action held."""
         dt = np.full(len(state), self.dt)
         return self.simulator.step(state, action, self.parameters, dt, self.integrator)
+
+    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """The state itself."""
+        return state
 
 
 @dataclass(frozen=True)

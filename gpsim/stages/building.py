@@ -11,11 +11,13 @@ from gpsim.settings import build, choice
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant
 from gpsim.simulators.simulator import INTEGRATORS
-from gpsim.targets import FrictionCartPole
-from gpsim.tasks import Balance, Task
+from gpsim.targets import FrictionCartPole, Limo
+from gpsim.tasks import Balance, GoalReaching, Task
 
-TARGETS = {"friction_cartpole": FrictionCartPole}
-TASKS = {"balance": Balance}
+TARGETS: Mapping[str, type[Plant]] = {"friction_cartpole": FrictionCartPole, "limo": Limo}
+RECORDED = "recording"
+"""The target that is known by its logs alone: nothing can be driven."""
+TASKS: Mapping[str, type[Task]] = {"balance": Balance, "goal": GoalReaching}
 
 
 def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
@@ -35,11 +37,19 @@ def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
     return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread))
 
 
+def drivable(config: Mapping[str, Any]) -> bool:
+    """Whether the target can be driven, or is known by its logs alone."""
+    return choice(config["target"]["name"], (*TARGETS, RECORDED), "target.name") != RECORDED
+
+
 def target_plant(config: Mapping[str, Any]) -> Plant:
-    """The stand-in for the real system."""
+    """The stand-in for the real system; raises UsageError where there is none."""
     section = config["target"]
-    name = choice(section["name"], tuple(TARGETS), "target.name")
-    return build(TARGETS[name], section, "target")
+    if not drivable(config):
+        raise UsageError(
+            "target=recording cannot be driven: it is known by its logs alone (collect.source=); choose a stand-in"
+        )
+    return build(TARGETS[section["name"]], section, "target")
 
 
 def make_task(config: Mapping[str, Any]) -> Task:
