@@ -220,7 +220,8 @@ def _thesis(rate: str, prediction: str) -> tuple[str, str]:
     figure = thesis.ONE_STEP.get(rate, {}).get(prediction)
     if figure is None:
         return MISSING, MISSING
-    return f"{figure.nrmse.mean} ± {figure.nrmse.std} %", f"{figure.r2.mean} ± {figure.r2.std}"
+    r2 = f"{figure.r2.mean} ± {figure.r2.std}" if figure.r2 else MISSING
+    return f"{figure.nrmse.mean} ± {figure.nrmse.std} %", r2
 
 
 def _nrmse(errors: Mapping[str, Any]) -> str:

@@ -29,6 +29,8 @@ from gpsim.reports.return_figures import figure_learning_curves, figure_returns
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
 from gpsim.reports.sheets import Sheet
+from gpsim.reports.success_sheets import success_sheets
+from gpsim.reports.trip_figures import figure_steps, figure_trips
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ def render(report: LoopReport) -> str:
         colours=colours([*report.policies, *report.rollouts]),
         paragraph=headline.paragraph(report),
         cards=headline.cards(report),
+        success_sheets=success_sheets(report),
         return_sheets=sheets,
         one_step=_filled(one_step_sheet(report)),
         calibration=_filled(calibration_sheet(report)),
@@ -94,8 +97,20 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
     first = f"seed {report.seeds[0]}" if report.seeds else "the first seed"
     averaged = ", averaged over the seeds' GPs" if len(report.seeds) > 1 else ""
     made: dict[str, tuple[Figure | None, str, str]] = {
+        "trips": (
+            figure_trips(report),
+            "Paths to the goal on the target and in the simulator, a panel a policy",
+            "As the thesis's Figure 4.3: one place, all headings, the same goal (orange). Solid: on the target, coloured "
+            f"by the steps taken; dotted: in the simulator that the policy was trained in ({first}). "
+            "Dashed squares: the arena of training and the edge of the floor.",
+        ),
+        "steps": (
+            figure_steps(report),
+            "Share of starts whose goal was reached over steps, per policy",
+            "How soon the goal is reached, over all starts and seeds.",
+        ),
         "returns": (
-            figure_returns(report),
+            figure_returns(report) if report.trips is None else None,
             "Distribution of episode returns on the target, per policy and set of starts",
             "Bars: share of episodes per bin of return. "
             "Outcomes are bimodal: an episode fails early or lasts to the end.",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.learning import PpoSettings
+from gpsim.learning import PpoSettings, SacSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant
@@ -15,8 +15,10 @@ from gpsim.targets import FrictionCartPole, Limo
 from gpsim.tasks import Balance, GoalReaching, Task
 
 TARGETS: Mapping[str, type[Plant]] = {"friction_cartpole": FrictionCartPole, "limo": Limo}
+RANDOMISED = ("parameters", "actions")
 RECORDED = "recording"
 """The target that is known by its logs alone: nothing can be driven."""
+ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSettings, "sac": SacSettings}
 TASKS: Mapping[str, type[Task]] = {"balance": Balance, "goal": GoalReaching}
 
 
@@ -32,9 +34,12 @@ def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
 def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
     """The base simulator under domain randomisation."""
     base, spread = base_plant(config), config["randomise"]["spread"]
+    of = choice(config["randomise"]["of"], RANDOMISED, "randomise.of")
+    if of == "parameters" and not base.parameters:
+        raise UsageError(f"simulator {base.simulator.name} has no parameters to randomise: set randomise.of=actions")
     if not isinstance(spread, int | float) or not 0 <= spread < 1:
         raise UsageError(f"randomise.spread: expected a number in [0, 1), got {spread!r}")
-    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread))
+    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread), of)  # type: ignore[arg-type]
 
 
 def drivable(config: Mapping[str, Any]) -> bool:
@@ -58,9 +63,10 @@ def make_task(config: Mapping[str, Any]) -> Task:
     return build(TASKS[choice(section["name"], tuple(TASKS), "task.name")], section, "task")
 
 
-def ppo_settings(config: Mapping[str, Any]) -> PpoSettings:
-    """Hyper-parameters of the policy's training."""
-    return build(PpoSettings, config["policy"], "policy")
+def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
+    """The algorithm that trains policies, and its hyper-parameters."""
+    section = config["policy"]
+    return build(ALGORITHMS[choice(section.get("name", "ppo"), tuple(ALGORITHMS), "policy.name")], section, "policy")
 
 
 def _numbers(values: Mapping[str, Any], where: str) -> dict[str, float]:

@@ -10,20 +10,22 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
-from gpsim.corrected import GpCorrection
+from gpsim.corrected import GpCorrection, arrived_inputs
 from gpsim.errors import UsageError
 from gpsim.evaluation.one_step import OneStep, outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
 from gpsim.evaluation.summary import start_sets
+from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
+from gpsim.features import Features
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive
 from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
-from gpsim.stages import certify, fit_gp, train_gp_policy, train_source
+from gpsim.stages import certify, evaluate_goal, fit_gp, train_gp_policy, train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
@@ -83,12 +85,18 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
-    returns = _returns(request, recipe)
+    trips: dict[str, Trips] = {}
+    if evaluate_goal.goal_task(request) is not None:
+        trips = evaluate_goal.drive_all(
+            request, recipe, folder, policy_names(request), _training_plants(request, recipe)
+        )
+    returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
     certified = certify.read_certified(recipe.parents["certified"])
     pd.DataFrame({**returns, "certified": certified.astype(int)}).to_csv(
         folder / "returns.csv", index_label="start", lineterminator="\n"
     )
-    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified)
+    reached = {name: trip.reached[None] for name, trip in trips.items()} or None
+    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, reached)
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
@@ -97,7 +105,10 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for key, starts in by_set.items()
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
-        "outside_recording": {name: outside_range(data.inputs, training) for name, data in visited.items()},
+        **(_success(trips, evaluate_goal.facing_away(request), by_set) if trips else {}),
+        "outside_recording": {
+            name: outside_range(_features(request, data)(data.inputs), training) for name, data in visited.items()
+        },
         "one_step": one_step["policy"],
         "one_step_random": one_step["random"],
         "rollout": rollout,
@@ -114,9 +125,31 @@ def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]
     return {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}, certified
 
 
+def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, BoolArray]) -> dict[str, Any]:
+    parts = {
+        part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
+        for part in ("reached", "steps", "path")
+    }
+    return success_by_set(AllTrips(**parts, behind=away), sets)
+
+
+def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
+    """What each policy was trained in, by its name."""
+    gp, found = recipe.parents["gp"].path, dict[str, Plant]()
+    found["Source"] = found["Domain randomisation"] = base_plant(request.config)
+    found["GP-Mean"] = train_gp_policy.corrected_plant(request.having(prediction="mean"), gp)
+    found["GP-Sample"] = train_gp_policy.corrected_plant(request.having(prediction="sample"), gp)
+    if "diagnosis" in recipe.parents:
+        named = request.having(correction="effects")
+        found["Effects"] = train_gp_policy.effects_plant(named, recipe.parents["diagnosis"])
+    found["Target"] = target_plant(request.config)
+    return found
+
+
 def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
     """Fresh target episodes driven by the policy of the parent `driver`, or at random."""
-    section, base, task = request.config["evaluate"], base_plant(request.config), make_task(request.config)
+    section, base = request.config["evaluate"], base_plant(request.config)
+    task = make_task(request.config).on_target()
     rng = generator(section["start_seed"], f"evaluate/one-step/{driver}")
     act: Act = random_actor(task, rng)
     if driver is not None:
@@ -130,9 +163,12 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
 
 
 def _one_step(request: Request, recipe: Recipe, data: Residuals) -> dict[str, Any]:
-    correction = train_gp_policy.corrected_plant(request, recipe.parents["gp"].path).correction
+    plant = train_gp_policy.corrected_plant(request, recipe.parents["gp"].path)
+    correction = plant.correction
     assert isinstance(correction, GpCorrection)
-    mean, variance = correction.predictor.mean_and_variance(correction.features(data.inputs))
+    inputs, late = arrived_inputs(plant, data)
+    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs))
+    mean = mean + late
     result = OneStep(data.values, mean, variance, correction.predictor.noise_variances, data.episode)
     rng = generator(request.config["evaluate"]["start_seed"], "evaluate/one-step/sample")
     return {
@@ -142,8 +178,15 @@ def _one_step(request: Request, recipe: Recipe, data: Residuals) -> dict[str, An
 
 
 def _training_inputs(request: Request, recipe: Recipe) -> FloatArray:
+    """(N, D): the GPs' own inputs on the rows that they were conditioned on."""
     residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
-    return residuals.inputs[residuals.training_rows(request.config["gp"]["n_train"])]
+    section, actions = request.config["gp"], len(base_plant(request.config).action)
+    rows = fit_gp.chosen_rows(residuals, actions, section["n_train"], section.get("settle", 0))
+    return _features(request, residuals)(residuals.inputs[rows])
+
+
+def _features(request: Request, data: Residuals) -> Features:
+    return Features.of(request.config["gp"]["inputs"], data.channels)
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
@@ -155,23 +198,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     rng = generator(section["start_seed"], "evaluate/rollouts")
     count = positive(section["rollouts"], "evaluate.rollouts")
     steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
-    start = task.start(count, rng).states
-    act = random_actor(task, rng)
-    chosen = [task.command(act(task.observe(start, np.empty((count, 0))))) for _ in range(steps)]
+    begin = task.start(count, rng)
+    start, act = begin.states, random_actor(task, rng)
+    chosen = [task.command(act(task.observe(start, begin.context))) for _ in range(steps)]
     actions = np.stack(chosen, axis=1)
-    plants: dict[str, Plant] = {
-        "Target": target,
-        "Source": base_plant(request.config),
-        "GP-Mean": train_gp_policy.corrected_plant(
-            request.having(prediction="mean"), recipe.parents["gp"].path
-        ),
-        "GP-Sample": train_gp_policy.corrected_plant(
-            request.having(prediction="sample"), recipe.parents["gp"].path
-        ),
-    }
-    if "diagnosis" in recipe.parents:
-        named = request.having(correction="effects")
-        plants["Effects"] = train_gp_policy.effects_plant(named, recipe.parents["diagnosis"])
+    trained = _training_plants(request, recipe)
+    order = ("Target", "Source", "GP-Mean", "GP-Sample", "Effects")
+    plants = {name: trained[name] for name in order if name in trained}
     paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}

@@ -15,10 +15,19 @@ from gpsim.artifacts import Artifact, Json, Recipe, write_json
 from gpsim.channels import FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
-from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice
+from gpsim.evaluation.trips import success_by_set
+from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
 from gpsim.reports.page import render
 from gpsim.reports.slices import residual_slices
-from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
+from gpsim.stages import (
+    build_residuals,
+    certify,
+    collect,
+    evaluate,
+    evaluate_goal,
+    fit_gp,
+    train_gp_policy,
+)
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage
@@ -70,13 +79,20 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     tables = [evaluate.read_returns(artifact) for artifact in evaluated.values()]
     certified = tables[0][1]
     returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
+    trips = _trips(request, list(evaluated.values()))
+    sets = start_sets(returns, certified, trips.reached if trips else None)
+    summary = summarise_seeds(evaluations, returns, sets, str(request.config["experiment"]))
+    if trips:
+        summary |= success_by_set(trips, sets)
     first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
     return LoopReport(
         experiment=str(request.config["experiment"]),
         seeds=seeds,
-        summary=summarise_seeds(evaluations, returns, certified, str(request.config["experiment"])),
+        summary=summary,
         returns=returns,
-        starts=start_sets(returns, certified),
+        trips=trips,
+        system=base.simulator.name,
+        starts=sets,
         best_return=float(task.max_steps),
         curves={
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
@@ -92,6 +108,26 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         settings=request.section(*SETTINGS),
         artifacts=[_made_by(role, seed, artifact) for role, seed, artifact in _artifacts(request, seeds)],
         command=_command(request, seeds),
+    )
+
+
+def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
+    """Every seed's trips, where the task has a goal; paths are the first seed's."""
+    task = evaluate_goal.goal_task(request)
+    if task is None:
+        return None
+    read = [evaluate_goal.read_trips(artifact) for artifact in evaluated]
+    parts = {
+        part: {name: np.stack([found[part][name] for found, _ in read]) for name in read[0][0][part]}
+        for part in ("reached", "steps", "path")
+    }
+    return TripReport(
+        **parts,
+        behind=read[0][1],
+        paths=evaluate_goal.read_paths(evaluated[0]),
+        goal_radius=task.goal_radius,
+        arena=task.arena,
+        floor=task.floor,
     )
 
 
