@@ -23,7 +23,7 @@ LONGEST_DELAY, SHORTEST_LAG, LONGEST_LAG = 1.0, 1e-3, 2.0
 
 @dataclass(frozen=True)
 class CommandFilter:
-    """u_a' = (u(t - delay) - u_a) / time_constant for each action; delay, time_constant (A,) s, commands held over dt s."""
+    """u_a' = (u(t - delay) - u_a) / time_constant for each action; delay, time_constant (A,) s, held for dt s."""
 
     delay: tuple[float, ...]
     time_constant: tuple[float, ...]
@@ -83,7 +83,7 @@ class CommandFilter:
 
 
 def mean_rates(plant: SimulatorPlant, states: FloatArray, actions: FloatArray) -> FloatArray:
-    """(N, R): the mean rates over a control step that a base simulator gives from states (N, S) under actions (N, A)."""
+    """(N, R): a base simulator's mean rates over a control step from states (N, S) under actions (N, A)."""
     after = plant.simulator.step(
         states, actions, plant.parameters, np.full(len(states), plant.dt), plant.integrator
     )
@@ -91,9 +91,13 @@ def mean_rates(plant: SimulatorPlant, states: FloatArray, actions: FloatArray) -
 
 
 def fit_filter(
-    actions: FloatArray, episode: IntArray, measured: FloatArray, rates_of: Callable[[FloatArray], FloatArray], dt: float
+    actions: FloatArray,
+    episode: IntArray,
+    measured: FloatArray,
+    rates_of: Callable[[FloatArray], FloatArray],
+    dt: float,
 ) -> CommandFilter:
-    """The delays and lags with which rates_of(arrived actions (N, A)) -> (N, R) comes nearest to the measured rates (N, R).
+    """The delays and lags with which rates_of(arrived actions (N, A)) comes nearest to the measured rates (N, R).
 
     Least squares, each rate on the scale of its spread; delay and lag of one action are told apart by the shape of the
     answer only, their sum is known much better.

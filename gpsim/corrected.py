@@ -96,7 +96,7 @@ class CorrectedPlant(SimulatorPlant):
 def arrived_inputs(plant: CorrectedPlant, data: Residuals) -> tuple[FloatArray, FloatArray]:
     """What the correction sees of recorded transitions, and what the filter alone changes of the rates.
 
-    Returns state and arrived action (N, S + A), and (N, R) the base's rates under what arrived minus under what was sent.
+    Returns state and arrived action (N, S + A), and the base's rates (N, R) under what arrived minus what was sent.
     """
     if plant.filter is None:
         return data.inputs, np.zeros_like(data.simulated)

@@ -58,7 +58,9 @@ class _Log:
         self._command_t.append(t)
         self._commands.append(command)
 
-    def step(self, t: float, state: FloatArray, command: FloatArray, memory: Memory) -> tuple[FloatArray, FloatArray]:
+    def step(
+        self, t: float, state: FloatArray, command: FloatArray, memory: Memory
+    ) -> tuple[FloatArray, FloatArray]:
         """Send the command and drive for a control step; returns the true pose (1, 3) and the measured one."""
         self.send(t, command)
         true = self._car.glimpses(state, command[None], memory)[0]
@@ -98,9 +100,7 @@ def drive_plan(car: Limo, plan: FloatArray, floor: float, rng: np.random.Generat
     return log.log(), returns
 
 
-def drive_policy(
-    car: Limo, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator
-) -> DriveLog:
+def drive_policy(car: Limo, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator) -> DriveLog:
     """Play a policy from one start (states (1, 3), goal (1, 2)) until it is over, as a node on the robot would."""
     log, t = _Log(car, rng), 0.0
     state, memory = start.states, car.begin(1, rng)

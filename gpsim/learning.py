@@ -54,7 +54,9 @@ class SacSettings:
     hidden: Sequence[int] = (64, 64)  # rectified units, for the actor and for each critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
     reward_scale: float = 1.0  # rewards are multiplied by it while training
-    checkpoint_every: int = 10_000  # steps between evaluations in the training simulator, the best of which is kept
+    checkpoint_every: int = (
+        10_000  # steps between evaluations in the training simulator, the best of which is kept
+    )
     checkpoint_episodes: int = 200
     checkpoint_gamma: float = 0.995  # an evaluation's score is the mean return discounted by this a step
 

@@ -115,7 +115,9 @@ def _squashed_actor(model: SAC, scale: NDArray[np.float32]) -> Policy:
         weights[f"layer.{i}.weight"] = state[f"{prefix}.weight"]
         weights[f"layer.{i}.bias"] = state[f"{prefix}.bias"]
     for part in ("weight", "bias"):
-        weights[f"layer.{len(hidden)}.{part}"] = np.concatenate([state[f"mu.{part}"], state[f"log_std.{part}"]])
+        weights[f"layer.{len(hidden)}.{part}"] = np.concatenate(
+            [state[f"mu.{part}"], state[f"log_std.{part}"]]
+        )
     space = model.action_space
     assert isinstance(space, Box)
     return Policy(weights, scale, np.stack([space.low, space.high]).astype(np.float32), "relu")
@@ -160,7 +162,12 @@ class _Judge(BaseCallback):
     best: Policy
 
     def __init__(
-        self, env: BatchedEnv, scale: NDArray[np.float32], settings: SacSettings, seed: int, progress: Progress
+        self,
+        env: BatchedEnv,
+        scale: NDArray[np.float32],
+        settings: SacSettings,
+        seed: int,
+        progress: Progress,
     ) -> None:
         super().__init__()
         self._plant, self._task = env.episodes.plant, env.episodes.task

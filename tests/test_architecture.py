@@ -14,7 +14,17 @@ LEVELS = [
     {"stages"},
     {"diagnosis", "evaluation", "policies", "trials", "reports"},
     {"corrected", "corrected_effects", "envs", "residuals", "collecting", "driving", "policy", "learning"},
-    {"gp", "effects", "tasks", "simulators", "targets", "recordings", "features", "settings", "command_filter"},
+    {
+        "gp",
+        "effects",
+        "tasks",
+        "simulators",
+        "targets",
+        "recordings",
+        "features",
+        "settings",
+        "command_filter",
+    },
     {"channels", "artifacts", "provenance"},
     {"errors"},
 ]

@@ -6,7 +6,7 @@ from gpsim.cli.configuration import as_yaml, resolve
 from gpsim.errors import UsageError
 from gpsim.learning import PpoSettings
 from gpsim.settings import build
-from gpsim.stages.building import base_plant, make_task, training_settings, target_plant
+from gpsim.stages.building import base_plant, make_task, target_plant, training_settings
 
 
 def test_the_thesis_is_the_default():

@@ -11,6 +11,7 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.evaluation.returns import summarise_all
 
 Json = dict[str, Any]
+NOTES = ("judged_on", "not_driven")
 AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout")
 
 
@@ -29,7 +30,10 @@ def start_sets(
 
 
 def summarise_seeds(
-    evaluations: Sequence[Json], returns: Mapping[str, FloatArray], sets: Mapping[str, BoolArray], experiment: str
+    evaluations: Sequence[Json],
+    returns: Mapping[str, FloatArray],
+    sets: Mapping[str, BoolArray],
+    experiment: str,
 ) -> Json:
     """The content of summary.json: returns on the three sets of starts, and the other layers averaged over seeds.
 
@@ -40,10 +44,8 @@ def summarise_seeds(
         "seeds": [evaluation["seed"] for evaluation in evaluations],
         **{key: summarise_all(returns, starts) for key, starts in sets.items()},
         "share": {key: float(starts.mean()) for key, starts in sets.items()},
-        **{
-            key: _mean([e[key] for e in evaluations])
-            for key in ("outside_recording", "one_step", "one_step_random", "rollout")
-        },
+        **{key: _mean([e[key] for e in evaluations]) for key in AVERAGED if key in evaluations[0]},
+        **{key: evaluations[0][key] for key in NOTES if key in evaluations[0]},
     }
 
 

@@ -31,9 +31,7 @@ class Trips:
     paths: FloatArray
 
 
-def take_trips(
-    plant: Plant, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator
-) -> Trips:
+def take_trips(plant: Plant, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator) -> Trips:
     """Drive from every start until the goal, the edge or the last step."""
     count = len(start.states)
     running = Episodes(plant, task, count, rng)
@@ -67,7 +65,7 @@ def behind(task: GoalReaching, start: Start) -> BoolArray:
 
 @dataclass(frozen=True)
 class AllTrips:
-    """Trips of every policy and seed. reached, steps, path: policy to (seeds, N); behind: (N,) starts that face away."""
+    """Trips of every policy and seed: reached, steps, path by policy (seeds, N); behind: (N,) starts that face away."""
 
     reached: Mapping[str, BoolArray]
     steps: Mapping[str, FloatArray]
@@ -78,7 +76,9 @@ class AllTrips:
 def success_by_set(trips: AllTrips, sets: Mapping[str, BoolArray]) -> dict[str, dict[str, Any]]:
     """success, success_all and success_certified, on the sets of starts keyed as the returns are: policy to summary."""
     return {
-        key.replace("returns", "success"): {name: summarise_trips(trips, name, starts) for name in trips.reached}
+        key.replace("returns", "success"): {
+            name: summarise_trips(trips, name, starts) for name in trips.reached
+        }
         for key, starts in sets.items()
     }
 

@@ -12,7 +12,9 @@ LEGS = np.arange(0.0, 2.01, 0.2)
 POINTS = np.linspace(0.0, 1.0, 13)
 
 
-def solvable(states: FloatArray, goals: FloatArray, radius: float, half_floor: float, longest: float) -> BoolArray:
+def solvable(
+    states: FloatArray, goals: FloatArray, radius: float, half_floor: float, longest: float
+) -> BoolArray:
     """(N,) True where a path of arc, straight, arc and straight, forwards, leads to the goal without crossing the edge.
 
     states (N, 3) poses, goals (N, 2); both arcs have the least radius [m], either way round; the floor is the square
@@ -61,8 +63,10 @@ def _within(pose: FloatArray, half: float) -> BoolArray:
 def _last_turn(
     pose: FloatArray, goal: FloatArray, side: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """How far to turn [rad] until the car faces the goal, and the distance then [m]; NaN for goals inside the circle."""
-    centre = pose[:, :2] + (side * radius)[:, None] * np.column_stack([-np.sin(pose[:, 2]), np.cos(pose[:, 2])])
+    """How far to turn [rad] until the car faces the goal, and how far it is then [m]; NaN: inside the circle."""
+    centre = pose[:, :2] + (side * radius)[:, None] * np.column_stack(
+        [-np.sin(pose[:, 2]), np.cos(pose[:, 2])]
+    )
     offset = goal - centre
     distance = np.hypot(*offset.T)
     with np.errstate(invalid="ignore"):

@@ -63,7 +63,9 @@ def write_ros2_bag(path: Path, log: DriveLog, topics: Topics) -> None:
             writer.write(connections[topic], stamp, types.serialize_cdr(message, kind))
 
 
-def _messages(log: DriveLog, topics: Topics, types: Typestore, ros: int) -> Iterator[tuple[int, str, str, Any]]:
+def _messages(
+    log: DriveLog, topics: Topics, types: Typestore, ros: int
+) -> Iterator[tuple[int, str, str, Any]]:
     """In order of time; at the same moment the pose comes first, because the command answers it."""
     stamps = np.concatenate([_nanoseconds(log.pose_t), _nanoseconds(log.command_t)])
     poses = len(log.pose_t)

@@ -60,7 +60,13 @@ def paragraph(report: LoopReport) -> str:
     starts = headline_starts(report)
     shown = cards(report)
     if starts is None or not shown:
-        return "No policy was evaluated on the target."
+        why = report.summary.get("not_driven")
+        said = (
+            f"No policy was evaluated on the target: {why}."
+            if why
+            else "No policy was evaluated on the target."
+        )
+        return said + _one_step(report)
     if report.trips is not None:
         return f"{_goals(report, starts, shown)} {_scope(report, starts)}{_one_step(report)}"
     best = f"{report.best_return:g}"
@@ -106,7 +112,8 @@ def _scope(report: LoopReport, starts: str) -> str:
     share = (report.summary.get("share") or {}).get(starts)
     seeds = f"{len(report.seeds)} seeds" if len(report.seeds) != 1 else f"one seed ({report.seeds[0]})"
     of = f", {whole_percent(share)} of all" if known(share) and starts != "returns_all" else ""
-    return f"{'Shares' if report.trips else 'Mean returns'} over {seeds} and the {START_SETS[starts].removeprefix('all ')}{of}."
+    what = "Shares" if report.trips else "Mean returns"
+    return f"{what} over {seeds} and the {START_SETS[starts].removeprefix('all ')}{of}."
 
 
 def _one_step(report: LoopReport) -> str:

@@ -57,7 +57,7 @@ class MadeBy:
 class TripReport(AllTrips):
     """What a task with a goal adds. paths: of one place with all its headings (H), of the first seed.
 
-    paths: goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3), NaN after the end; goal_radius, arena, floor [m].
+    paths: goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3), NaN after the end; the rest in m.
     """
 
     paths: Mapping[str, FloatArray] = field(default_factory=dict)

@@ -100,8 +100,9 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "trips": (
             figure_trips(report),
             "Paths to the goal on the target and in the simulator, a panel a policy",
-            "As the thesis's Figure 4.3: one place, all headings, the same goal (orange). Solid: on the target, coloured "
-            f"by the steps taken; dotted: in the simulator that the policy was trained in ({first}). "
+            "As the thesis's Figure 4.3: one place, all headings, the same goal (orange). "
+            "Solid: on the target, coloured by the steps taken; "
+            f" dotted: in the simulator that the policy was trained in ({first}). "
             "Dashed squares: the arena of training and the edge of the floor.",
         ),
         "steps": (

@@ -27,7 +27,16 @@ def stats(report: LoopReport, starts: str, policy: str) -> Mapping[str, Any]:
 
 def _sheet(report: LoopReport, starts: str) -> Sheet:
     several = len(report.seeds) > 1
-    columns = ["Policy", "Reached", "facing away", "facing the goal", "Steps", "of Target's", "Metres", "of Target's"]
+    columns = [
+        "Policy",
+        "Reached",
+        "facing away",
+        "facing the goal",
+        "Steps",
+        "of Target's",
+        "Metres",
+        "of Target's",
+    ]
     columns += [f"Seed {seed}" for seed in report.seeds] if several else []
     rows = []
     for policy in report.policies:

@@ -51,4 +51,4 @@ _LIMO = {
     "w": {"mean": OneStepFigure(Figure(15.3, 2.6)), "sample": OneStepFigure(Figure(15.4, 2.6))},
 }
 ONE_STEP |= _LIMO
-"""Table 4.5 for v and w. Table 4.3: `linear` is x_acc, `angular` theta_acc; the column (NRMSE in per cent) keeps the thesis's unit."""
+"""Table 4.3: `linear` is x_acc, `angular` theta_acc; Table 4.5: v and w. NRMSE is in per cent, the thesis's unit."""

@@ -1,6 +1,8 @@
-"""Figures of trips to a goal: in the policy's own simulator and on the target (Figure 4.3), and how many steps they took."""
+"""Figures of trips to a goal: in the policy's simulator and on the target (Figure 4.3), and the steps they took."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -80,7 +82,7 @@ def figure_steps(report: LoopReport) -> Figure | None:
 
 
 def draw_trips(axis: Axes, paths: FloatArray, goal: FloatArray, goal_radius: float, norm: Normalize) -> None:
-    """Paths (H, T + 1, >= 2) coloured by their number of steps, where they begin and which way they face, and the goal."""
+    """Paths (H, T + 1, >= 2) coloured by their number of steps, how they begin (an arrow), and the goal."""
     for path, steps in zip(paths, _steps(paths), strict=True):
         known = path[np.isfinite(path[:, 0])]
         line = LineCollection([known[:, :2]], cmap=COLOURS, norm=norm, linewidths=1.7, zorder=3)
@@ -116,5 +118,28 @@ def _reach(trips: TripReport, names: list[str]) -> float:
 
 def _square(axis: Axes, edge: float) -> None:
     axis.add_patch(
-        Rectangle((-edge / 2.0, -edge / 2.0), edge, edge, fill=False, color=FAINT, linewidth=0.9, linestyle="--")
+        Rectangle(
+            (-edge / 2.0, -edge / 2.0), edge, edge, fill=False, color=FAINT, linewidth=0.9, linestyle="--"
+        )
     )
+
+
+def figure_deployed(
+    paths: Sequence[FloatArray], goal: FloatArray, goal_radius: float, floor: float
+) -> Figure:
+    """Recorded trips (K_i + 1, >= 2), coloured by their number of steps."""
+    longest = max(len(path) for path in paths)
+    padded = np.full((len(paths), longest, paths[0].shape[1]), np.nan)
+    for i, path in enumerate(paths):
+        padded[i, : len(path)] = path
+    norm = Normalize(0.0, float(max(1, longest - 1)))
+    with style():
+        figure, axes = panels(1, 1, (6.2, 5.2))
+        axis = axes[0, 0]
+        draw_trips(axis, padded, goal, goal_radius, norm)
+        _square(axis, floor)
+        half = min(1.15 * max(float(np.nanmax(np.abs(padded[..., :2]))), 0.5), 1.05 * floor / 2.0)
+        axis.set(xlim=(-half, half), ylim=(-half, half), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        axis.set_title("Recorded deployments")
+        figure.colorbar(_mappable(norm), ax=axis, shrink=0.8).set_label("steps")
+        return figure

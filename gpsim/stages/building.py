@@ -36,7 +36,9 @@ def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
     base, spread = base_plant(config), config["randomise"]["spread"]
     of = choice(config["randomise"]["of"], RANDOMISED, "randomise.of")
     if of == "parameters" and not base.parameters:
-        raise UsageError(f"simulator {base.simulator.name} has no parameters to randomise: set randomise.of=actions")
+        raise UsageError(
+            f"simulator {base.simulator.name} has no parameters to randomise: set randomise.of=actions"
+        )
     if not isinstance(spread, int | float) or not 0 <= spread < 1:
         raise UsageError(f"randomise.spread: expected a number in [0, 1), got {spread!r}")
     return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread), of)  # type: ignore[arg-type]
@@ -66,7 +68,9 @@ def make_task(config: Mapping[str, Any]) -> Task:
 def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
     """The algorithm that trains policies, and its hyper-parameters."""
     section = config["policy"]
-    return build(ALGORITHMS[choice(section.get("name", "ppo"), tuple(ALGORITHMS), "policy.name")], section, "policy")
+    return build(
+        ALGORITHMS[choice(section.get("name", "ppo"), tuple(ALGORITHMS), "policy.name")], section, "policy"
+    )
 
 
 def _numbers(values: Mapping[str, Any], where: str) -> dict[str, float]:

@@ -76,7 +76,9 @@ def notes(artifact: Artifact) -> list[str]:
     table = pd.read_csv(artifact.path / "certified.csv")
     lines = [f"{int(table['certified'].sum())} of {len(table)} starts can be solved"]
     if "certified_in_arena" in table:
-        lines.append(f"{int(table['certified_in_arena'].sum())} if the edge of the training arena ended an episode")
+        lines.append(
+            f"{int(table['certified_in_arena'].sum())} if the edge of the training arena ended an episode"
+        )
     return lines
 
 
@@ -85,4 +87,6 @@ def read_certified(artifact: Artifact) -> BoolArray:
     return pd.read_csv(artifact.path / "certified.csv")["certified"].to_numpy(dtype=np.bool_)
 
 
-STAGE = Stage("certify", "Search which of the evaluation's starts can be solved at all.", recipe, write, notes)
+STAGE = Stage(
+    "certify", "Search which of the evaluation's starts can be solved at all.", recipe, write, notes
+)

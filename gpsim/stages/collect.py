@@ -27,7 +27,9 @@ def recipe(request: Request) -> Recipe:
         return _import_recipe(request)
     driver = choice(request.config["collect"]["policy"], DRIVERS, "collect.policy")
     parents = (
-        {} if driver in ("random", "sweep") else {"policy": train_source.STAGE.need(request.having(variant="source"))}
+        {}
+        if driver in ("random", "sweep")
+        else {"policy": train_source.STAGE.need(request.having(variant="source"))}
     )
     return Recipe(
         "collect", request.section("simulator", "target", "task", "collect"), parents, {"seed": request.seed}
@@ -43,7 +45,11 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     section: dict[str, Any] = request.config["collect"]
     if section["policy"] == "sweep":
         return run_sweep(request, folder)
-    task, plant, base = make_task(request.config).on_target(), target_plant(request.config), base_plant(request.config)
+    task, plant, base = (
+        make_task(request.config).on_target(),
+        target_plant(request.config),
+        base_plant(request.config),
+    )
     episodes = collect_episodes(
         plant,
         task,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,21 +13,28 @@ import pandas as pd
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
-from gpsim.corrected import GpCorrection, arrived_inputs
 from gpsim.errors import UsageError
-from gpsim.evaluation.one_step import OneStep, outside_range
+from gpsim.evaluation.one_step import outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
 from gpsim.evaluation.summary import start_sets
 from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
-from gpsim.features import Features
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive
 from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
-from gpsim.stages import certify, evaluate_goal, fit_gp, train_gp_policy, train_source
-from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages import (
+    certify,
+    evaluate_deployed,
+    evaluate_goal,
+    evaluate_recording,
+    fit_gp,
+    one_step,
+    train_gp_policy,
+    train_source,
+)
+from gpsim.stages.building import base_plant, drivable, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
@@ -53,11 +61,18 @@ def policy_names(request: Request) -> tuple[str, ...]:
         raise UsageError(
             f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}"
         )
-    return tuple(names)
+    return tuple(name for name in names if name != "Target" or drivable(request.config))
 
 
 def recipe(request: Request) -> Recipe:
-    """Target, simulator and task; parents are the policies, the GPs and the certified starts."""
+    """Target, simulator and task; parents are the policies, the GPs and the certified starts.
+
+    With `deployed` logs, or a target that is known by its logs alone, what there is to evaluate instead.
+    """
+    if request.config["deployed"] is not None:
+        return evaluate_deployed.recipe(request)
+    if not drivable(request.config):
+        return evaluate_recording.recipe(request, with_effects="Effects" in policy_names(request))
     parents = {
         "residuals": build_residuals_stage.STAGE.need(request),
         "gp": fit_gp.STAGE.need(request),
@@ -74,14 +89,20 @@ def recipe(request: Request) -> Recipe:
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Write evaluation.json, returns.csv and rollouts.safetensors."""
+    """Write evaluation.json, returns.csv and rollouts.safetensors; a task with a goal adds trips.csv and its paths."""
+    if request.config["deployed"] is not None:
+        return evaluate_deployed.write(request, recipe, folder)
+    if not drivable(request.config):
+        return evaluate_recording.write(request, recipe, folder)
     request.progress(0, 3, "one step")
     drivers = {"policy": "driver", "random": None} | (
         {"deployed": DEPLOYED} if DEPLOYED in recipe.parents else {}
     )
     visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
-    one_step = {name: _one_step(request, recipe, visited[name]) for name in ("policy", "random")}
-    training = _training_inputs(request, recipe)
+    gp = recipe.parents["gp"].path
+    scores = {name: one_step.scores(request, gp, visited[name]) for name in ("policy", "random")}
+    residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    training = one_step.training_inputs(request, residuals)
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
@@ -107,10 +128,11 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
         **(_success(trips, evaluate_goal.facing_away(request), by_set) if trips else {}),
         "outside_recording": {
-            name: outside_range(_features(request, data)(data.inputs), training) for name, data in visited.items()
+            name: outside_range(one_step.own_inputs(request, data), training)
+            for name, data in visited.items()
         },
-        "one_step": one_step["policy"],
-        "one_step_random": one_step["random"],
+        "one_step": scores["policy"],
+        "one_step_random": scores["random"],
         "rollout": rollout,
     }
     write_json(folder / "evaluation.json", evaluation)
@@ -135,15 +157,8 @@ def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, Boo
 
 def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
     """What each policy was trained in, by its name."""
-    gp, found = recipe.parents["gp"].path, dict[str, Plant]()
-    found["Source"] = found["Domain randomisation"] = base_plant(request.config)
-    found["GP-Mean"] = train_gp_policy.corrected_plant(request.having(prediction="mean"), gp)
-    found["GP-Sample"] = train_gp_policy.corrected_plant(request.having(prediction="sample"), gp)
-    if "diagnosis" in recipe.parents:
-        named = request.having(correction="effects")
-        found["Effects"] = train_gp_policy.effects_plant(named, recipe.parents["diagnosis"])
-    found["Target"] = target_plant(request.config)
-    return found
+    found = train_gp_policy.simulators_of(request, recipe.parents["gp"].path, recipe.parents.get("diagnosis"))
+    return {**found, "Domain randomisation": found["Source"], "Target": target_plant(request.config)}
 
 
 def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
@@ -160,33 +175,6 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
     return build_residuals(
         recording, base.simulator, base.parameters, base.integrator, test_fraction=0.0, rng=rng
     )
-
-
-def _one_step(request: Request, recipe: Recipe, data: Residuals) -> dict[str, Any]:
-    plant = train_gp_policy.corrected_plant(request, recipe.parents["gp"].path)
-    correction = plant.correction
-    assert isinstance(correction, GpCorrection)
-    inputs, late = arrived_inputs(plant, data)
-    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs))
-    mean = mean + late
-    result = OneStep(data.values, mean, variance, correction.predictor.noise_variances, data.episode)
-    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/one-step/sample")
-    return {
-        name: result.scores(i, rng, sample_noise=correction.sample_noise)
-        for i, name in enumerate(data.rate.names)
-    }
-
-
-def _training_inputs(request: Request, recipe: Recipe) -> FloatArray:
-    """(N, D): the GPs' own inputs on the rows that they were conditioned on."""
-    residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
-    section, actions = request.config["gp"], len(base_plant(request.config).action)
-    rows = fit_gp.chosen_rows(residuals, actions, section["n_train"], section.get("settle", 0))
-    return _features(request, residuals)(residuals.inputs[rows])
-
-
-def _features(request: Request, data: Residuals) -> Features:
-    return Features.of(request.config["gp"]["inputs"], data.channels)
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
@@ -230,6 +218,16 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
     }
 
 
+def notes(artifact: Artifact) -> list[str]:
+    """What was found of recorded deployments, or why layer 3 is missing."""
+    evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
+    if "deployed" in evaluation:
+        return evaluate_deployed.notes(artifact)
+    if "not_driven" in evaluation:
+        return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
+    return []
+
+
 STAGE = Stage(
-    "evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write
+    "evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write, notes
 )

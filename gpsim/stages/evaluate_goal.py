@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ def drive_all(
     """
     task, start = goal_task(request), certify.evaluation_starts(request)
     assert task is not None
+    endless = replace(task, ends_at_edge=False)  # in simulation nothing stops at the floor's edge
     rng = generator(request.config["evaluate"]["start_seed"], "evaluate/returns")
     target = target_plant(request.config)
     acts = {name: policy_actor(read_policy(recipe.parents[name].path)) for name in names}
@@ -48,9 +50,7 @@ def drive_all(
     paths: dict[str, FloatArray] = {"goal": shown.context}
     for name in names:
         paths[f"target/{name}"] = trips[name].paths[rows][:, :, :3]
-        paths[f"simulator/{name}"] = take_trips(
-            simulators[name], make_task(request.config), acts[name], shown, rng  # type: ignore[arg-type]
-        ).paths
+        paths[f"simulator/{name}"] = take_trips(simulators[name], endless, acts[name], shown, rng).paths
     write_arrays(folder / PATHS, paths)
     return trips
 
@@ -76,7 +76,7 @@ def read_trips(artifact: Artifact) -> tuple[dict[str, dict[str, np.ndarray]], Bo
 
 
 def read_paths(artifact: Artifact) -> dict[str, FloatArray]:
-    """goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3)."""
+    """Goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3)."""
     return dict(load_file(artifact.path / PATHS))
 
 

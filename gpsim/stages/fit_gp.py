@@ -34,11 +34,17 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
     count = positive(section.pop("n_train"), "gp.n_train")
     features = Features.of(section.pop("inputs"), residuals.channels)
-    base, settle, filtered = base_plant(request.config), section.pop("settle", 0), section.pop("filter", False)
+    base, settle, filtered = (
+        base_plant(request.config),
+        section.pop("settle", 0),
+        section.pop("filter", False),
+    )
     rows = chosen_rows(residuals, len(base.action), count, settle)
     if len(rows) < 10:
         late = f" whose action has stood for {settle} steps (gp.settle)" if settle else ""
-        raise UsageError(f"only {len(rows)} training transitions{late}: record more, or hold out fewer episodes")
+        raise UsageError(
+            f"only {len(rows)} training transitions{late}: record more, or hold out fewer episodes"
+        )
     settings = build(FitSettings, section, "gp")
     inputs, targets = features(residuals.inputs[rows]), residuals.values[rows]
     gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
@@ -71,7 +77,9 @@ def chosen_rows(residuals: Residuals, actions: int, count: int, settle: int) -> 
     return rows[settled_rows(residuals.inputs[:, -actions:], residuals.episode, settle)[rows]]
 
 
-def find_filter(residuals: Residuals, base: SimulatorPlant, predictor: Predictor, features: Features) -> CommandFilter:
+def find_filter(
+    residuals: Residuals, base: SimulatorPlant, predictor: Predictor, features: Features
+) -> CommandFilter:
     """Each action's delay and lag, given what the GPs say of actions that have arrived; from the training episodes."""
     rows = ~residuals.test
     split = len(base.state)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pandas as pd
 from safetensors.numpy import load_file
 
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
 from gpsim.evaluation.trips import success_by_set
@@ -28,7 +29,7 @@ from gpsim.stages import (
     fit_gp,
     train_gp_policy,
 )
-from gpsim.stages.building import base_plant, make_task
+from gpsim.stages.building import base_plant, drivable, make_task
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage
 
@@ -76,23 +77,20 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     requests = {seed: request.having(seed=seed) for seed in seeds}
     evaluated = {seed: evaluate.STAGE.need(r) for seed, r in requests.items()}
     evaluations = [_json(artifact, "evaluation.json") for artifact in evaluated.values()]
-    tables = [evaluate.read_returns(artifact) for artifact in evaluated.values()]
-    certified = tables[0][1]
-    returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
-    trips = _trips(request, list(evaluated.values()))
-    sets = start_sets(returns, certified, trips.reached if trips else None)
-    summary = summarise_seeds(evaluations, returns, sets, str(request.config["experiment"]))
-    if trips:
-        summary |= success_by_set(trips, sets)
+    experiment = str(request.config["experiment"])
+    driven = _driven(request, list(evaluated.values())) if drivable(request.config) else Driven()
+    summary = summarise_seeds(evaluations, driven.returns, driven.starts, experiment)
+    if driven.trips:
+        summary |= success_by_set(driven.trips, driven.starts)
     first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
     return LoopReport(
         experiment=str(request.config["experiment"]),
         seeds=seeds,
         summary=summary,
-        returns=returns,
-        trips=trips,
+        returns=driven.returns,
+        trips=driven.trips,
         system=base.simulator.name,
-        starts=sets,
+        starts=driven.starts,
         best_return=float(task.max_steps),
         curves={
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
@@ -109,6 +107,23 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         artifacts=[_made_by(role, seed, artifact) for role, seed, artifact in _artifacts(request, seeds)],
         command=_command(request, seeds),
     )
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Layer 3 of every seed; empty where the target cannot be driven."""
+
+    returns: Mapping[str, FloatArray] = field(default_factory=dict)
+    starts: Mapping[str, BoolArray] = field(default_factory=dict)
+    trips: TripReport | None = None
+
+
+def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
+    tables = [evaluate.read_returns(artifact) for artifact in evaluated]
+    certified = tables[0][1]
+    returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
+    trips = _trips(request, evaluated)
+    return Driven(returns, start_sets(returns, certified, trips.reached if trips else None), trips)
 
 
 def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
@@ -143,7 +158,8 @@ def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int 
             stage, settings = evaluate.TRAINED_BY[name]
             found.append((name, seed, stage.need(own.having(**settings))))
         found.append(("evaluate", seed, evaluate.STAGE.need(own)))
-    found.append(("certify", None, certify.STAGE.need(request)))
+    if drivable(request.config):
+        found.append(("certify", None, certify.STAGE.need(request)))
     return found
 
 

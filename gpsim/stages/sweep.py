@@ -44,10 +44,12 @@ def write_plan(config: Mapping[str, Any], path: Path) -> int:
 
 
 def run_sweep(request: Request, folder: Path) -> Json:
-    """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording imported from the first."""
+    """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording read from the first."""
     section, target, task = request.config["collect"], target_plant(request.config), _task(request.config)
     if not isinstance(target, Limo):
-        raise UsageError("collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy")
+        raise UsageError(
+            "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
+        )
     log, returns = drive_plan(
         target, _commands(request.config), task.floor, generator(request.seed, "collect/episodes")
     )

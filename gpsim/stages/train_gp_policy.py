@@ -67,6 +67,18 @@ def effects_plant(request: Request, diagnosis: Artifact) -> EffectsPlant:
     return replace(plant, correction=sampled)
 
 
+def simulators_of(request: Request, gp_folder: Path, diagnosis: Artifact | None) -> dict[str, Plant]:
+    """The base simulator and what corrects it, by the name of the policy that is trained there."""
+    found: dict[str, Plant] = {
+        "Source": base_plant(request.config),
+        "GP-Mean": corrected_plant(request.having(prediction="mean"), gp_folder),
+        "GP-Sample": corrected_plant(request.having(prediction="sample"), gp_folder),
+    }
+    if diagnosis is not None:
+        found["Effects"] = effects_plant(request.having(correction="effects"), diagnosis)
+    return found
+
+
 def _noise(request: Request) -> bool:
     noise = request.config["sample_noise"]
     if not isinstance(noise, bool):

@@ -1,7 +1,7 @@
 """An AgileX Limo in Ackermann mode on a floor: a stand-in for the robot, stepped finely and knowing nothing of effects.
 
 The maker's driver turns a commanded twist (v, w) into a steering angle atan(wheelbase w / v) and stops at an inner
-wheel angle of 28 degrees; the car then does what wheels do. Every figure is a field, its source in conf/target/limo.yaml.
+wheel angle of 28 degrees; the car then does what wheels do. The figures and their sources: conf/target/limo.yaml.
 """
 
 from __future__ import annotations
@@ -105,9 +105,9 @@ class Limo:
             steering, speed = 0.5 * (before[0] + memory["steering"]), 0.5 * (before[1] + memory["speed"])
             turn = speed * np.tan(steering) / self.wheelbase
             middle = state[:, 2] + 0.5 * h * turn
-            state = np.column_stack(
-                [state[:, 0] + h * speed * np.cos(middle), state[:, 1] + h * speed * np.sin(middle), state[:, 2] + h * turn]
-            )  # fmt: skip
+            ahead = h * speed
+            change = np.column_stack([ahead * np.cos(middle), ahead * np.sin(middle), h * turn])
+            state = state + change
             yield state
 
     def _steering(self, v: FloatArray, w: FloatArray, last: FloatArray) -> FloatArray:

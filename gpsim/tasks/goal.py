@@ -20,7 +20,7 @@ X, Y, YAW = 0, 1, 2
 class GoalReaching:
     """Drive the pose (x, y [m], yaw [rad]) to within goal_radius [m] of a goal; the context is the goal (x, y).
 
-    Training starts and goals are uniform in a square of edge `arena` [m] about the origin, agent_radius inside its edge;
+    Training starts and goals are uniform in a square of edge `arena` [m] about the origin, agent_radius from its edge;
     in simulation nothing stops at that edge. On the target the episode ends where the centre leaves the square of
     edge `floor` [m]. Evaluation starts lie within +-evaluation_spread of the centre, each with evaluation_headings
     headings, and share evaluation_goal, as in the thesis's Figure 4.3.
@@ -41,7 +41,9 @@ class GoalReaching:
 
     def __post_init__(self) -> None:
         if not self.arena > 2.0 * self.agent_radius:
-            raise ValueError(f"arena {self.arena:g} m has no room for an agent of radius {self.agent_radius:g} m")
+            raise ValueError(
+                f"arena {self.arena:g} m has no room for an agent of radius {self.agent_radius:g} m"
+            )
         if not (self.speed[0] < self.speed[1] and self.turn[0] < self.turn[1]):
             raise ValueError("speed and turn need a lower bound below the upper one")
 
@@ -62,7 +64,9 @@ class GoalReaching:
         places = rng.uniform(-half, half, (count, 4))
         while (close := self._distance(places[:, :2], places[:, 2:]) <= self.goal_radius).any():
             places[close, 2:] = rng.uniform(-half, half, (int(close.sum()), 2))
-        return Start(np.column_stack([places[:, :2], rng.uniform(-np.pi, np.pi, count)]), places[:, 2:].copy())
+        return Start(
+            np.column_stack([places[:, :2], rng.uniform(-np.pi, np.pi, count)]), places[:, 2:].copy()
+        )
 
     def evaluation_starts(self, count: int, rng: np.random.Generator) -> Start:
         """The first `count` of: drawn places, each with every heading, all with the one goal."""
@@ -90,7 +94,7 @@ class GoalReaching:
     ) -> FloatArray:
         """(4.14), what the turn towards the goal gained [rad], and goal_reward on reaching it."""
         turned = np.abs(self.bearing(states, context)) - np.abs(self.bearing(next_states, context))
-        return turned + self.goal_reward * self.reached(next_states, context)
+        return np.asarray(turned + self.goal_reward * self.reached(next_states, context))
 
     def terminated(self, states: FloatArray, context: FloatArray) -> BoolArray:
         """The goal is reached, the edge crossed where it counts, or the numbers have ceased to be finite."""
