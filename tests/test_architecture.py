@@ -13,7 +13,17 @@ LEVELS = [
     {"cli"},
     {"stages"},
     {"diagnosis", "evaluation", "policies", "trials", "reports"},
-    {"corrected", "corrected_effects", "envs", "residuals", "collecting", "driving", "policy", "learning"},
+    {
+        "corrected",
+        "corrected_effects",
+        "envs",
+        "residuals",
+        "collecting",
+        "driving",
+        "policy",
+        "policy_export",
+        "learning",
+    },
     {
         "gp",
         "effects",
@@ -74,6 +84,8 @@ SIDEWAYS = {
     ("collecting", "envs"),  # drives episodes
     ("collecting", "policy"),
     ("command_filter", "simulators"),  # has a memory, as a plant has
+    ("corrected", "residuals"),  # applies to what was recorded, too
+    ("policy_export", "policy"),
     ("driving", "collecting"),  # a policy at the wheel
     ("corrected_effects", "corrected"),  # both kinds of correction meet there
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
