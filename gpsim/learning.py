@@ -44,7 +44,8 @@ class SacSettings:
     batch_size: int = 256
     buffer_size: int = 300_000  # transitions
     learning_starts: int = 2000  # steps of random actions before the first update
-    learning_rate: float = 3e-4
+    learning_rate: float = 3e-4  # falls linearly to 0 if `anneal`
+    anneal: bool = True
     gamma: float = 0.99
     tau: float = 0.005  # share of the critic that the target critic takes over at each update
     n_step: int = 1  # decisions whose rewards count before the critic takes over

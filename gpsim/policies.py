@@ -51,7 +51,7 @@ def train_sac(
     model = SAC(
         "MlpPolicy",
         _StableBaselinesEnv(env, scale, settings.reward_scale),
-        learning_rate=settings.learning_rate,
+        learning_rate=_linear(settings.learning_rate, settings.anneal),
         buffer_size=min(settings.buffer_size, max(settings.total_steps, settings.n_envs)),
         learning_starts=settings.learning_starts,
         batch_size=settings.batch_size,

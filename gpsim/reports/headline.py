@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gpsim.reports.loop_report import START_SETS, LoopReport
-from gpsim.reports.model_sheets import DATA, rates, scores
+from gpsim.reports.model_sheets import data_of, rates, scores
 from gpsim.reports.sheets import fixed, known, percent, whole_percent
 from gpsim.reports.success_sheets import stats
 
@@ -118,7 +118,7 @@ def _scope(report: LoopReport, starts: str) -> str:
 
 def _one_step(report: LoopReport) -> str:
     said = []
-    for key, words in DATA.items():
+    for key, words in data_of(report).items():
         errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
         finite = [error for error in errors if known(error)]
         if finite:

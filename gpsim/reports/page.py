@@ -132,7 +132,7 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "rollouts": (
             figure_rollouts(report),
             "State over time under the same start and actions in the simulators and the target",
-            f"As the thesis's Figure 4.2: the same start and random actions in each; nothing terminates ({first}). "
+            f"As the thesis's Figure 4.2: the same start and {_actions(report)} actions in each; nothing terminates ({first}). "
             "Shaded: inside the task's limits.",
         ),
         "divergence": (
@@ -151,3 +151,7 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         for key, (figure, words, caption) in made.items()
         if figure is not None
     }
+
+
+def _actions(report: LoopReport) -> str:
+    return "recorded" if report.summary.get("judged_on") else "random"

@@ -32,6 +32,12 @@ def terminal_tables(report: LoopReport) -> list[Table]:
     return [_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
 
 
+def terminal_notes(report: LoopReport) -> list[str]:
+    """What the tables do not say by themselves: on what was judged, and why a layer is missing."""
+    found = (("judged_on", "judged on {}"), ("not_driven", "{}"))
+    return [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
+
+
 def _parts(sheet: Sheet) -> list[Sheet]:
     """A terminal is narrow: a sheet's tail becomes a table of its own."""
     if not sheet.tail:

@@ -89,7 +89,7 @@ def test_an_action_that_is_repeated_is_that_many_single_steps():
     _, rewards, ended, late, info = many.step(action)
     total, done, final = np.zeros(6), np.zeros(6, dtype=bool), np.zeros((6, 2))
     for _ in range(10):
-        seen, reward, over, _, more = one.step(action)
+        _, reward, over, _, more = one.step(action)
         total += np.where(done, 0.0, reward)
         fresh = over & ~done
         if fresh.any():
