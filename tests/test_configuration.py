@@ -58,7 +58,7 @@ def test_a_folder_of_ones_own(tmp_path):
     ("words", "message"),
     [
         (["experiment=cartpol"], "no 'cartpol' among the choices of experiment; there are: cartpole"),
-        (["gp=rau"], "no 'rau' among the choices of gp; there are: jump, raw"),
+        (["gp=rau"], "no 'rau' among the choices of gp; there are: arrived, jump, raw, sweep$"),
         (["gp.n_trian=5"], r"no setting 'gp.n_trian'; gp has: n_train, .*did you mean gp.n_train\?"),
         (["sed=3"], r"no setting 'sed'; the top level has: .*did you mean seed\?"),
         (["seed.x=3"], "no setting 'seed.x'"),

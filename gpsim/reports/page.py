@@ -132,7 +132,8 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "rollouts": (
             figure_rollouts(report),
             "State over time under the same start and actions in the simulators and the target",
-            f"As the thesis's Figure 4.2: the same start and {_actions(report)} actions in each; nothing terminates ({first}). "
+            f"As the thesis's Figure 4.2: the same start and {_actions(report)} actions in each; "
+            f"nothing terminates ({first}). "
             "Shaded: inside the task's limits.",
         ),
         "divergence": (
