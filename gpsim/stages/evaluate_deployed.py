@@ -29,6 +29,7 @@ def recipe(request: Request) -> Recipe:
     config = {
         "task": request.config["task"],
         "goal": _goal(request).tolist(),
+        "tolerance": _tolerance(request),
         "mapping": read_mapping(_mapping(request)),
         "changes": list(section["changes"]),
         "salvage": section["salvage"],
@@ -50,7 +51,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         )
     rows, paths = [], []
     for episode in recording.episodes:
-        path, reached = trip(episode, goal, task.goal_radius)
+        path, reached = trip(episode, goal, task.goal_radius + _tolerance(request))
         paths.append(path)
         rows.append(
             {
@@ -120,6 +121,13 @@ def _task(request: Request) -> GoalReaching:
     if not isinstance(task, GoalReaching):
         raise UsageError("deployed: only a task with a goal is scored from logs; choose experiment=limo")
     return task
+
+
+def _tolerance(request: Request) -> float:
+    given = request.config["deployed_tolerance"]
+    if isinstance(given, bool) or not isinstance(given, int | float) or not given >= 0:
+        raise UsageError(f"deployed_tolerance: expected a length of at least 0 m, got {given!r}")
+    return float(given)
 
 
 def _goal(request: Request) -> FloatArray:
