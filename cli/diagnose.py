@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import textwrap
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +31,7 @@ SimulatorName = Annotated[
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
 ]
+Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
 Explain = Annotated[bool, typer.Option("--explain", help="Print the whole ranking of explanations.")]
 
 
@@ -38,6 +40,7 @@ def diagnose_command(
     simulator: SimulatorName = None,
     out: Out = None,
     explain: Explain = False,
+    cores: Cores = None,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     recording, settings = _split(words or [])
@@ -52,7 +55,8 @@ def diagnose_command(
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
     stage = diagnose_loop.STAGE if recording is None else stage_for(Task(recording, simulator))
     with single_progress("diagnose") as progress:
-        artifact, existed = stage.make(Request(config, tuple(settings), progress, out))
+        request = Request(config, tuple(settings), progress, out, cores=cores or os.cpu_count() or 1)
+        artifact, existed = stage.make(request)
     report = read_diagnosis(artifact.path)
     typer.echo(f"Verdict: {report['verdict']}\n")
     for text in paragraphs(report):

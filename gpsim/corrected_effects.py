@@ -74,8 +74,11 @@ class EffectsPlant:
             extra = self.correction.rates(state, action, own, rng)
         step = np.full(count, self._step)
         for _ in range(round(self.dt / self._step)):
-            command = self.chain.command(action, state, values, effects, step, memory["clock"])
-            state = self.chain.advance(state, command, values, step, memory["clock"], extra)
+            now = memory["clock"]
+            command = self.chain.commands(
+                action[:, None], state[:, None], values, effects, step[:, None], now[:, None]
+            )[:, 0]
+            state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step
         return state
 

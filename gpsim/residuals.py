@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
+from gpsim.channels import BoolArray, Channel, Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, Transitions
 from gpsim.simulators import Integrator, Simulator
@@ -90,17 +90,23 @@ def build_residuals(
     )
 
 
-def check_match(recording: Recording, simulator: Simulator) -> None:
-    """The recording must hold the simulator's channels, in its units and order."""
+def check_match(recording: Recording, simulator: Simulator, *, hidden: Collection[str] = ()) -> None:
+    """The recording must hold the simulator's channels, in its units and order; `hidden` ones may be absent."""
+    expected = [channel for channel in simulator.state if channel.name not in hidden]
     for kind, has, needs in (
-        ("state", recording.state, simulator.state),
-        ("action", recording.action, simulator.action),
+        ("state", list(recording.state), expected),
+        ("action", list(recording.action), list(simulator.action)),
     ):
-        if has.units != needs.units or has.names != needs.names:
-            raise UsageError(
-                f"the recording's {kind} is {_listed(has)}, simulator {simulator.name} needs {_listed(needs)}; "
-                "import the log with a mapping to these channels"
-            )
+        if [(c.name, c.unit) for c in has] == [(c.name, c.unit) for c in needs]:
+            continue
+        absent = [c for c in needs if c.name not in {h.name for h in has}]
+        remedy = "import the log with a mapping to these channels"
+        if kind == "state" and absent and len(absent) < len(needs):
+            guesses = ", ".join(f'"{c.name}": VALUE' for c in absent)
+            remedy += f"; or, in a system of your own, guess what nobody measured: start = {{{guesses}}}"
+        raise UsageError(
+            f"the recording's {kind} is {_listed(has)}, simulator {simulator.name} needs {_listed(needs)}; {remedy}"
+        )
 
 
 def check_varies(recording: Recording) -> None:
@@ -114,8 +120,19 @@ def check_varies(recording: Recording) -> None:
         value = f"{rows[0, column] + 0.0:g}" if len(rows) else "absent"
         raise UsageError(
             f"channel {channels[column]} is constant ({value}) from episode {first}, row 0 to episode {last}, "
-            f"row {len(recording.episodes[-1])}: check the sensor, or record data in which it moves"
+            f"row {len(recording.episodes[-1])}: {_remedy(recording, column)}"
         )
+
+
+def _remedy(recording: Recording, column: int) -> str:
+    if column >= len(recording.state):
+        return (
+            "check the sensor, or record data in which it moves: a command that never changes teaches nothing"
+        )
+    return (
+        "check the sensor, or record data in which it moves; a part that is held still on purpose needs a simulator "
+        "without it (--simulator FILE.py:ClassName)"
+    )
 
 
 def held_out_rows(recording: Recording, transitions: Transitions, test_fraction: float) -> BoolArray:
@@ -155,5 +172,5 @@ def from_table(table: pd.DataFrame, channels: Channels, rate: Channels) -> Resid
     )
 
 
-def _listed(channels: Channels) -> str:
+def _listed(channels: Iterable[Channel]) -> str:
     return "(" + ", ".join(f"{channel.name} [{channel.unit}]" for channel in channels) + ")"

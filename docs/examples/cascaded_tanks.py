@@ -9,10 +9,11 @@ import numpy as np
 class CascadedTanks:
     state = {"upper": "V", "lower": "V"}
     action = {"pump": "V"}
-    parameters = {  # unit, default, low, high
+    start = {"upper": 5.0}  # nobody measures the upper tank: a guess to begin with
+    parameters = {  # unit, default, low, high; round guesses
         "outflow_upper": ("V^0.5/s", 0.05, 0.0, 10.0),
         "outflow_lower": ("V^0.5/s", 0.05, 0.0, 10.0),
-        "inflow": ("1/s", 0.04, 0.0, 10.0),
+        "inflow": ("1/s", 0.05, 0.0, 10.0),
     }
 
     def rates(self, state, action, p):

@@ -8,60 +8,94 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.hidden import smoothed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
+from gpsim.diagnosis.predicting import predicted, traced
 from gpsim.diagnosis.preparing import Question, held_out_mask
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.rolling import Model, rms, rollouts, typical
 from gpsim.diagnosis.search import LEAST_SHARE
-from gpsim.diagnosis.shooting import Problem, fit
-from gpsim.diagnosis.simulate import simulate
+from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import Windows, cut
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
 MOST, GP_ROWS, BLOCK, DRAWS = 3000, 250, 25, 400
-HORIZON = 1.0  # s
+LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
 KINDS = ("before", "tuned", "gp", "after", "after_gp", "noise_floor")
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors by rate (one_step) and by channel (rollout), and the two Gaussian processes that were fitted."""
+    """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
+
+    inputs: (N, S + A) state and action at training transitions; left_before, left_after: (N, R) their residual rates
+    under the base and under the effects.
+    """
 
     one_step: dict[str, dict[str, Any]]
     rollout: dict[str, Any]
     tuned: dict[str, float]
     gp: Predictor
     features: tuple[str, ...]
+    inputs: FloatArray
+    left_before: FloatArray
+    left_after: FloatArray
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Single transitions, to learn from and held out, completed by a hypothesis where channels are hidden."""
+
+    train: Windows
+    test: Windows
 
 
 def compare(
     question: Question, judgement: Judgement, offers: list[Candidate], rng: np.random.Generator
 ) -> Comparison:
     """Fit what has to be fitted on training data, and judge all of it on held-out data."""
-    recording, problem = question.recording, question.everything
-    steps = cut(recording, 1)
-    held = held_out_mask(recording, steps)
-    train, test = _some(steps.take(~held), MOST), _some(steps.take(held if held.any() else ~held), MOST)
-    base = Hypothesis(scheme=recording.integrator)  # type: ignore[arg-type]
-    tuned = _tuned(question, offers, base)
+    problem = question.everything
+    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
+    hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
+    steps = {kind: _steps(question, h) for kind, h in hypotheses.items()}
+    rates = {kind: _residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
     features = _features(problem)
-    gps = {name: _gp(problem, train, h, features, rng) for name, h in (("gp", base), ("after_gp", after))}
-    hypotheses = {"before": base, "tuned": tuned, "after": after}
-    rates = {name: _residual_rates(problem, test, h) for name, h in hypotheses.items()}
-    inputs = features(_inputs(test))
-    rates["gp"] = rates["before"] - gps["gp"].mean(inputs)
-    rates["after_gp"] = rates["after"] - gps["after_gp"].mean(inputs)
-    rates["noise_floor"] = _noise_rates(problem, test, after, judgement.noise, rng)
-    measured = _measured_rates(problem, test)
+    gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
+    gps["after_gp"] = _gp(problem, steps["after"].train, after, features, rng) if after.terms else gps["gp"]
+    rates["gp"] = rates["before"] - gps["gp"].mean(features(_inputs(steps["before"].test)))
+    rates["after_gp"] = rates["after"] - gps["after_gp"].mean(features(_inputs(steps["after"].test)))
+    noise = _sensor_noise(question, judgement)
+    rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
+    models = {
+        "before": Model(base),
+        "tuned": Model(hypotheses["tuned"]),
+        "gp": Model(base, _added(gps["gp"], features)),
+        "after_gp": Model(after, _added(gps["after_gp"], features)),
+        "after": Model(after),
+    }
     return Comparison(
-        _one_step(problem, rates, measured, rng),
-        _rollouts(question, hypotheses),
-        {p: float(t.values["ratio"]) for t in tuned.terms for p in [t.on]},
-        gps["after_gp"] if after.terms else gps["gp"],
+        _one_step(question, rates, _measured_rates(problem, steps["after"].test), rng),
+        rollouts(question, models, noise, rng),
+        {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
+        gps["after_gp"],
         features.names,
+        _inputs(steps["before"].train),
+        _residual_rates(problem, steps["before"].train, base),
+        _residual_rates(problem, steps["after"].train, after),
     )
+
+
+def _steps(question: Question, hypothesis: Hypothesis) -> _Steps:
+    recording = smoothed(question.everything, question.recording, hypothesis, question.hidden)
+    windows = cut(recording, 1, most=LOOKED_AT)
+    held = held_out_mask(recording, windows)
+    train, test = windows.take(~held), windows.take(held if held.any() else ~held)
+    return _Steps(_some(train, MOST), _some(test, MOST))
 
 
 def _some(windows: Windows, most: int) -> Windows:
@@ -85,36 +119,9 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     return found.hypothesis if bool((share[problem.observed] > LEAST_SHARE).any()) else base
 
 
-def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, S) true states whose measurement is what was measured; two rounds of a fixed point."""
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    measured = windows.measured[:, 0]
-    values = hypothesis.spread(hypothesis.theta[None], len(windows))
-    step = np.full(len(windows), problem.dt / problem.substeps)
-    state = measured
-    for _ in range(2):
-        memory = {}
-        if chain.watches:
-            slope = chain.slope(state, windows.before_actions[:, -1], values, windows.t[:, 0])
-            memory = chain.watchers(state, slope, step)
-        state = state + difference(
-            measured, chain.measure(state, values, memory, step), problem.simulator.state
-        )
-    return state
-
-
-def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, L + 1, S) what the sensors would say, from the measured start."""
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    starts = _starts(problem, windows, hypothesis)[None]
-    return np.asarray(
-        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
-    )
-
-
 def _residual_rates(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, R) measured minus simulated mean rates of single transitions."""
-    said = _said(problem, windows, hypothesis)
+    """(W, R) measured minus simulated rates of single transitions."""
+    said = predicted(problem, windows, hypothesis)
     dt = np.diff(windows.t, axis=1)[:, 0]
     simulated = problem.simulator.measured_rates(windows.measured[:, 0], said[:, 1], dt)
     return np.asarray(_measured_rates(problem, windows) - simulated)
@@ -125,18 +132,33 @@ def _measured_rates(problem: Problem, windows: Windows) -> FloatArray:
     return problem.simulator.measured_rates(windows.measured[:, 0], windows.measured[:, 1], dt)
 
 
+def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
+    """(S,) standard deviation of every recorded channel's noise, 0 of hidden ones.
+
+    What the recording states, else what second differences of the leader's residual show: a smooth error of the
+    model does not move them.
+    """
+    problem = question.everything
+    names = problem.simulator.state.names
+    stated = np.array([question.recording.noise.get(name, 0.0) for name in names])
+    residual = problem.windows.measured - traced(problem, judgement.leader)
+    second = np.diff(residual, n=2, axis=1)[problem.windows.valid[:, 2:]].T / np.sqrt(6.0)
+    jumps = np.array([typical(column) or rms(column) for column in second])  # quantised: the median may be 0
+    hidden = np.array([name in question.hidden for name in names])
+    return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
+
+
 def _noise_rates(
     problem: Problem, windows: Windows, hypothesis: Hypothesis, noise: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """(W, R) what the sensors' noise alone does to the rates' residual, drawn once."""
-    sd = np.where(problem.observed, noise, 0.0)
+    """(W, R) what the sensors' noise (S,) alone does to the rates' residual, drawn once."""
     shape = windows.measured[:, 0].shape
-    before, after = windows.measured[:, 0], _said(problem, windows, hypothesis)[:, 1]
-    noisy = replace(windows, measured=windows.measured + (rng.normal(size=shape) * sd)[:, None])
-    disturbed = _said(problem, noisy, hypothesis)[:, 1]
+    before, after = windows.measured[:, 0], predicted(problem, windows, hypothesis)[:, 1]
+    noisy = replace(windows, measured=windows.measured + (rng.normal(size=shape) * noise)[:, None])
+    disturbed = predicted(problem, noisy, hypothesis)[:, 1]
     dt = np.diff(windows.t, axis=1)[:, 0]
     clean = problem.simulator.measured_rates(before, after, dt)
-    seen = problem.simulator.measured_rates(noisy.measured[:, 0], after + rng.normal(size=shape) * sd, dt)
+    seen = problem.simulator.measured_rates(noisy.measured[:, 0], after + rng.normal(size=shape) * noise, dt)
     simulated = problem.simulator.measured_rates(noisy.measured[:, 0], disturbed, dt)
     return np.asarray((seen - clean) - (simulated - clean))
 
@@ -163,24 +185,46 @@ def _gp(
     return Predictor(fit_outputs(features(_inputs(chosen)), targets, settings, rng))
 
 
+def _added(gp: Predictor, features: Features) -> Extra:
+    """The Gaussian process's mean as rates that are added."""
+    return lambda state, action: gp.mean(features(np.hstack([state, action])))
+
+
 def _one_step(
-    problem: Problem, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
+    question: Question, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
 ) -> dict[str, dict[str, Any]]:
+    """The contract's `one_step` of every rate that was measured; `typical` from the median beside the RMS."""
     out: dict[str, dict[str, Any]] = {}
     blocks = np.arange(len(measured)) // BLOCK
-    for i, channel in enumerate(problem.simulator.rate):
+    shown = _shown_rates(question)
+    for i, channel in enumerate(question.everything.simulator.rate):
+        if not shown[i]:
+            continue
         spread = max(float(measured[:, i].std()), 1e-300)
-        errors = {kind: float(np.sqrt(np.mean(rates[kind][:, i] ** 2))) for kind in KINDS}
+        errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
         low, high = _paired(rates["before"][:, i], rates["after"][:, i], blocks, rng)
         out[channel.name] = {
             **errors,
             "unit": channel.unit,
             "nrmse": {kind: value / spread for kind, value in errors.items()},
+            "typical": {kind: typical(rates[kind][:, i]) for kind in KINDS},
             "after_over_before": {
                 "value": errors["after"] / max(errors["before"], 1e-300), "low": low, "high": high
             },
         }  # fmt: skip
     return out
+
+
+def _shown_rates(question: Question) -> BoolArray:
+    """(R,) which rates follow from recorded channels alone: a hidden one's was not measured."""
+    simulator = question.everything.simulator
+    state = question.everything.windows.measured[:1, 0]
+    shown = np.ones(len(simulator.rate), dtype=np.bool_)
+    for name in question.hidden:
+        moved = np.array(state)
+        moved[:, simulator.state.index(name)] += 1.0
+        shown &= simulator.measured_rates(state, moved, np.ones(1))[0] == 0.0
+    return shown
 
 
 def _paired(
@@ -196,25 +240,3 @@ def _paired(
     ratio = np.sqrt(totals[1] / np.maximum(totals[0], 1e-300))
     low, high = np.quantile(ratio, [0.05, 0.95])
     return float(low), float(high)
-
-
-def _rollouts(question: Question, hypotheses: Mapping[str, Hypothesis]) -> dict[str, Any]:
-    """Root mean square error after the horizon, from measured starts of held-out data."""
-    recording, problem = question.recording, question.everything
-    length = max(2, min(round(HORIZON / recording.dt), 200, max(len(e) for e in recording.episodes)))
-    windows = cut(recording, length)
-    held = held_out_mask(recording, windows)
-    windows = _some(windows.take(held if held.any() else ~held), 400)
-    windows = windows.take(windows.valid[:, -1])
-    out: dict[str, Any] = {"horizon_s": length * recording.dt}
-    if not len(windows):
-        return out
-    said = {kind: _said(problem, windows, h)[:, -1] for kind, h in hypotheses.items()}
-    for i, channel in enumerate(problem.simulator.state):
-        errors = {
-            k: difference(windows.measured[:, -1], v, problem.simulator.state)[:, i] for k, v in said.items()
-        }
-        out[channel.name] = {kind: float(np.sqrt(np.mean(e**2))) for kind, e in errors.items()} | {
-            "unit": channel.unit
-        }
-    return out

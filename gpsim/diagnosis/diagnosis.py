@@ -18,9 +18,11 @@ from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.judging import Judgement, judge
 from gpsim.diagnosis.locating import depends_on, locate
 from gpsim.diagnosis.preparing import Question, prepare
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
+from gpsim.effects import effect_of
 from gpsim.effects.chain import Scheme
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
@@ -49,11 +51,15 @@ def diagnose(
     """Locate, name, model and judge; raises UsageError where nothing can be said."""
     note(0, 100, "cutting windows")
     question = prepare(recording, simulator, parameters)
-    offers = candidates(recording, simulator, parameters)
+    offers = [
+        c
+        for c in candidates(question.recording, simulator, parameters)
+        if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
+    ]
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
-    judgement = judge(question, found)
+    judgement = judge(question, found, offers)
     note(80, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
     report = _report(question, judgement, comparison)
@@ -79,7 +85,7 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
     return {
         "schema": SCHEMA,
         "verdict": judgement.verdict,
-        "location": locate(problem, judgement, comparison),
+        "location": locate(problem.simulator, judgement, comparison),
         "effects": _effects(question, judgement, leader, judgement.probabilities[0]),
         "alternatives": [
             {"effects": _effects(question, judgement, rival, p), "probability": p}
@@ -89,11 +95,13 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
         "fit": {"held_out": held, "one_step": comparison.one_step, "rollout": comparison.rollout},
         "remainder": {
             "structured": structured,
-            "depends_on": depends_on(problem, leader) if structured else [],
+            "depends_on": _remaining(problem, comparison) if structured else [],
             "p_value": judgement.p_value,
         },
         "integration": leader.hypothesis.scheme,
         "tuned": comparison.tuned,
+        "thinned": question.thinned,
+        "not_measured": list(question.hidden),
         "ranking": [
             {
                 "nats_behind": round(-nats, 2),
@@ -103,6 +111,10 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
             for nats, h in judgement.ranking[:40]
         ],
     }
+
+
+def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
+    return depends_on(problem.simulator, comparison, comparison.left_after)
 
 
 def _effects(
@@ -119,7 +131,9 @@ def _effects(
         parameters: dict[str, dict[str, Any]] = {}
         for i, p in enumerate(declared):
             low, high = (float(v) for v in bounds[at + i])
-            parameters[p.name] = {"value": term.values[p.name], "low": low, "high": high, "unit": p.unit}
+            value = term.values[p.name]
+            parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
+            parameters[p.name] |= {"at_bound": value in (p.low, p.high)}
         at += len(declared)
         parameters |= _in_other_words(question, found, term.on, parameters)
         without = _without(question, judgement, found, index)
@@ -169,7 +183,10 @@ def _in_other_words(
     other = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}.get(name)
     if other is None:
         return {}
-    return {other[0]: {key: given[key] * other[1] for key in ("value", "low", "high")} | {"unit": other[2]}}
+    return {
+        other[0]: {key: given[key] * other[1] for key in ("value", "low", "high")}
+        | {"unit": other[2], "at_bound": given["at_bound"]}
+    }
 
 
 def _mean_load(problem: Any, hypothesis: Hypothesis, on: str) -> float | None:

@@ -11,7 +11,9 @@ import numpy as np
 from scipy.stats import norm
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.shooting import Fit, Problem, state_jacobian
+from gpsim.diagnosis.linearised import state_jacobian
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
 
 LONGEST_LAG = 12
 MOST_PROJECTED = 60  # windows over which the start states' share is averaged
@@ -91,8 +93,12 @@ def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
         power = float((fit.residuals[..., channel] ** 2).sum()) / max(problem.counts[channel], 1.0)
         if power <= (1.01 * problem.floor[channel]) ** 2:
             continue  # the floor (known noise, numerical error) is all there is
+        # In units of the window's own power: one loud window must not drown what all others say.
+        freedom = problem.counts[channel] / len(windows)
+        own = (fit.residuals[..., channel] ** 2).sum(axis=1) / freedom
+        own = np.maximum(own, max(float(problem.floor[channel]) ** 2, 1e-300))
         for lag in range(lags):
-            products = _lag_products(fit.residuals[..., channel], lag + 1) + power * expected[place, lag]
+            products = _lag_products(fit.residuals[..., channel], lag + 1) / own + expected[place, lag]
             z = float(products.mean()) / max(float(products.std()) / np.sqrt(len(products)), 1e-300)
             p = float(norm.sf(z))
             if p < worst:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import EffectParameter, Place, Term, effect_of
+from gpsim.effects import EffectParameter, Gate, Place, Term, effect_of
 from gpsim.effects.chain import Chain, Scheme
 from gpsim.simulators import Simulator
 
@@ -39,6 +39,14 @@ class Hypothesis:
         """Family and place of every term."""
         return frozenset(term.identity for term in self.terms)
 
+    @property
+    def idle(self) -> bool:
+        """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
+        return not self.terms or any(
+            group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
+            for term, group in zip(self.terms, self.declared, strict=True)
+        )
+
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""
         terms, at = [], 0
@@ -58,6 +66,12 @@ class Hypothesis:
         return replace(
             self, terms=tuple(self.terms[i] for i in keep), declared=tuple(self.declared[i] for i in keep)
         )
+
+    def gated(self, index: int, gate: Gate) -> Hypothesis:
+        """One term behind another gate."""
+        terms = list(self.terms)
+        terms[index] = replace(terms[index], gate=gate)
+        return replace(self, terms=tuple(terms))
 
     def frozen(self) -> Hypothesis:
         """The same terms with nothing left to fit."""
@@ -94,8 +108,8 @@ class Candidate:
 
     @property
     def gateable(self) -> bool:
-        """Whether a region or an onset may limit it; effects with one parameter only."""
-        return effect_of(self.family).gated and len(self.declared) == 1 and self.variant == ""
+        """Whether a region or an onset may limit it."""
+        return effect_of(self.family).gated and self.variant == ""
 
     @property
     def only_gated(self) -> bool:

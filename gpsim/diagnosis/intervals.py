@@ -14,7 +14,8 @@ from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import correlation_time
-from gpsim.diagnosis.shooting import Fit, Problem, gradient_at
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit, gradient_at
 from gpsim.diagnosis.shooting import fit as shoot
 
 LEVEL = 0.90

@@ -10,10 +10,13 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.preparing import Question
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Found, pays
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
 REFITTED, WITHIN = (
@@ -21,7 +24,10 @@ REFITTED, WITHIN = (
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
 TIE = 3.0  # nats: rivals this near (odds of 20) cannot be ruled out
-UNEXPLAINED = 0.15  # share of the excess over noise that makes a partial account
+UNEXPLAINED = {
+    1e-2: 0.15,
+    1e-3: 0.03,
+}  # whiteness: share of the excess over noise that makes a partial account
 
 
 @dataclass(frozen=True)
@@ -39,14 +45,16 @@ class Judgement:
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
 
 
-def judge(question: Question, found: Found) -> Judgement:
-    """Refit the best on all training windows and decide."""
+def judge(question: Question, found: Found, offers: Sequence[Candidate]) -> Judgement:
+    """Refit the best on all training windows, go on from there with all data, and decide."""
     problem = question.everything
     near = _near(question.searched, found)
     null = fit(problem, Hypothesis(scheme=found.scheme), problem.windows.measured[:, 0], iterations=12)
-    fits = [_again(problem, f.hypothesis) for f in near if f.hypothesis.terms]
+    fits = _again(problem, [f.hypothesis for f in near if f.hypothesis.terms])
     leader = _leader(question, [null, *fits], null)
+    leader, tried = improved(problem, leader, offers)
     leader = _pruned(question, leader)
+    fits += tried
     nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]
     null = nulls[-1] if nulls else null
     rivals = _rivals(problem, leader, fits)
@@ -54,10 +62,9 @@ def judge(question: Question, found: Found) -> Judgement:
     weights = np.exp(odds - odds.max())
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
-    structured = p_value < STRUCTURED
     ranking_nats = scores(question.searched, found.fits)
     return Judgement(
-        _verdict(leader, rivals, structured, unexplained),
+        _verdict(leader, rivals, p_value, unexplained),
         leader,
         null,
         rivals,
@@ -80,9 +87,12 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
     return found.objective
 
 
-def _verdict(leader: Fit, rivals: Sequence[Fit], structured: bool, unexplained: FloatArray) -> Verdict:
-    partial = structured and float(np.max(unexplained)) > UNEXPLAINED
-    if partial:
+def _verdict(leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray) -> Verdict:
+    left = float(np.max(unexplained))
+    limits = (
+        UNEXPLAINED if leader.hypothesis.terms else {p: s for p, s in UNEXPLAINED.items() if p < STRUCTURED}
+    )
+    if any(p_value < p and left > share for p, share in limits.items()):
         return "unknown"
     if not leader.hypothesis.terms:
         return "none"
@@ -95,8 +105,9 @@ def _near(problem: Problem, found: Found) -> list[Fit]:
     return [found.fits[i] for i in order[:REFITTED]]
 
 
-def _again(problem: Problem, hypothesis: Hypothesis) -> Fit:
-    return fit(problem, hypothesis, problem.windows.measured[:, 0], iterations=25)
+def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
+    starts = problem.windows.measured[:, 0]
+    return fit_all(problem, [Order(hypothesis, starts, 25, 0.02) for hypothesis in hypotheses])
 
 
 def _null_of(problem: Problem, leader: Fit) -> Fit:
@@ -127,8 +138,9 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
 def _pruned(question: Question, leader: Fit) -> Fit:
     """Terms that do not pay, or do not help on held-out windows, are taken out."""
     problem = question.everything
-    while len(leader.hypothesis.terms) > 1:
-        reduced = [_again(problem, leader.hypothesis.without(i)) for i in range(len(leader.hypothesis.terms))]
+    while leader.hypothesis.terms:
+        parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+        reduced = _again(problem, parts)
         weakest = min(reduced, key=lambda f: f.objective)
         keeps = pays(problem, leader, weakest)
         if keeps and len(question.held_out.windows):
@@ -145,14 +157,14 @@ def _rivals(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     claims = leader.hypothesis.claims
     if not claims:
         return []
-    others = [f for f in fits if not claims <= f.hypothesis.claims and f.hypothesis.terms]
+    others = [f for f in fits if not claims <= f.hypothesis.claims and not f.hypothesis.idle]
     if not others:
         return []
     nats = scores(problem, [leader, *others])
     out: list[Fit] = []
     for i in np.argsort(-nats[1:]):
         near = nats[0] - nats[1 + int(i)] < TIE
-        fresh = all(o.hypothesis.claims != others[int(i)].hypothesis.claims for o in out)
+        fresh = not any(o.hypothesis.claims <= others[int(i)].hypothesis.claims for o in out)
         if near and fresh:
             out.append(others[int(i)])
     return out
@@ -172,7 +184,7 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
     floor = problem.floor**2
     if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
         floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
-    noise = np.maximum(floor, np.where(known_noise(problem), floor, jumps(leader)))
+    noise = np.maximum(floor, np.where(problem.stated, floor, jumps(leader)))
     excess = np.maximum(null.variance - noise, 0.0)
     left = np.maximum(leader.variance - 1.1 * noise, 0.0)
     worth = problem.observed & (null.variance > 1.2 * noise)
@@ -180,8 +192,3 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
     if not leader.hypothesis.terms:
         share = np.where(worth, 1.0, 0.0)
     return np.sqrt(noise), np.asarray(share)
-
-
-def known_noise(problem: Problem) -> FloatArray:
-    """(S,) whether the recording says how noisy a channel is (its floor is then more than rounding)."""
-    return np.asarray(problem.floor > 1e-5 * problem.scale)

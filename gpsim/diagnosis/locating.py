@@ -9,12 +9,13 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.comparing import Comparison
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.shooting import Fit, Problem
+from gpsim.simulators import Simulator
 
 BINS, DEPENDS = 8, 0.05
+GLITCH = 8.0  # times the typical residual: more is taken for a leap of the sensor
 
 
-def locate(problem: Problem, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
+def locate(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
     """The contract's `location`."""
     channels = {}
     for name, errors in comparison.one_step.items():
@@ -29,24 +30,28 @@ def locate(problem: Problem, judgement: Judgement, comparison: Comparison) -> di
         "channels": channels,
         "region": region,
         "since": since,
-        "depends_on": depends_on(problem, judgement.null) if differs else [],
+        "depends_on": depends_on(simulator, comparison, comparison.left_before) if differs else [],
     }
 
 
-def depends_on(problem: Problem, fit: Fit) -> list[str]:
-    """Inputs that explain more than a twentieth of the residual's steps when it is averaged in bins of them."""
-    windows = problem.windows
-    steps = np.diff(fit.residuals, axis=1)[..., problem.observed]
-    valid = windows.valid[:, 1:]
-    sd = np.maximum(steps[valid].std(axis=0), 1e-300)
-    targets = (steps[valid] / sd).reshape(int(valid.sum()), -1)
-    columns = {
-        **{n: windows.measured[:, :-1, i][valid] for i, n in enumerate(problem.simulator.state.names)},
-        **{n: windows.actions[..., i][valid] for i, n in enumerate(problem.simulator.action.names)},
+def depends_on(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> list[str]:
+    """Inputs that explain more than a twentieth of a residual rate (N, R) when it is averaged in bins of them."""
+    names = (*simulator.state.names, *simulator.action.names)
+    shown = [i for i, channel in enumerate(simulator.rate) if channel.name in comparison.one_step]
+    targets = _without_glitches(residual[:, shown])
+    shares = {
+        name: _explained(values, targets) for name, values in zip(names, comparison.inputs.T, strict=True)
     }
-    shares = {name: _explained(values, targets) for name, values in columns.items()}
     found = [name for name, share in shares.items() if share > DEPENDS]
     return sorted(found, key=lambda name: -shares[name])
+
+
+def _without_glitches(targets: FloatArray) -> FloatArray:
+    """Clipped where the sensor's rare leaps would make up the variance."""
+    middle = np.median(targets, axis=0)
+    typical = 1.4826 * np.median(np.abs(targets - middle), axis=0)
+    reach = np.where(typical > 0, GLITCH * typical, np.inf)
+    return np.asarray(np.clip(targets, middle - reach, middle + reach))
 
 
 def _explained(values: FloatArray, targets: FloatArray) -> float:

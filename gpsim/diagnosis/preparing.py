@@ -8,9 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
+from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.shooting import Fit, Problem, fit
-from gpsim.diagnosis.windows import LENGTH, Windows, cut
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.thinning import PACE, thinned
+from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.residuals import check_match, check_varies
@@ -18,51 +21,102 @@ from gpsim.simulators import Simulator
 from gpsim.simulators.simulator import INTEGRATORS
 
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
-LONGEST_SUBSTEP = 0.0125  # s
 FEWEST_WINDOWS = 4
+SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
+USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
+USUAL_MOST = 6  # substeps that this may ask for
+SLOW = 0.5  # s: transitions longer than this belong to systems for which seconds are no guide
+NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (or a third of the known noise)
 
 
 @dataclass(frozen=True)
 class Question:
-    """The problem on all training windows, on those that the search uses, and on the held-out ones."""
+    """The problem on all training windows, on those that the search uses, and on the held-out ones.
+
+    recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator.
+    """
 
     recording: Recording
     everything: Problem
     searched: Problem
     held_out: Problem
     base_scheme: str
+    thinned: int = 1
+    hidden: tuple[str, ...] = ()
 
 
 def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> Question:
-    """Cut, split and measure; raises UsageError when recording and simulator do not match or it is too short."""
-    check_match(recording, simulator)
+    """Thin, complete, cut, split and measure; raises UsageError when it does not match or is too short."""
+    hidden = hidden_channels(recording, simulator)
+    check_match(recording, simulator, hidden=hidden)
     check_varies(recording)
     if recording.integrator not in INTEGRATORS:
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
+    seen, every = thinned(recording)
+    seen = guessed(seen, simulator)
+    training, held = _split(seen)
+    problem = _problem(seen, simulator, parameters, training, hidden)
+    if hidden:
+        seen = smoothed(problem, seen, Hypothesis(), hidden)
+        training, held = _split(seen)
+        problem = _problem(seen, simulator, parameters, training, hidden)
+    problem = _fine_enough(problem)
+    return Question(
+        seen,
+        problem.on(spread_out(training, FITTED)),
+        problem.on(spread_out(training, SEARCHED)),
+        problem.on(spread_out(held, FITTED)),
+        recording.integrator,
+        every,
+        hidden,
+    )
+
+
+def _split(recording: Recording) -> tuple[Windows, Windows]:
+    """Windows to learn from and held-out ones."""
     windows = cut(recording, _length(recording))
     held = held_out_mask(recording, windows)
     training = windows.take(~held)
     if len(training) < FEWEST_WINDOWS:
         raise UsageError(
             f"too short to judge: {recording.transition_count} transitions make {len(training)} windows of "
-            f"{LENGTH} to learn from, {FEWEST_WINDOWS} are needed; record more, or hold out less"
+            f"{windows.length} to learn from, {FEWEST_WINDOWS} are needed; record more, or hold out less"
         )
-    observed = np.array([_observed(recording, simulator, name) for name in simulator.state.names])
-    scale = np.maximum(windows.measured[windows.valid].std(axis=0), 1e-9)
-    known = np.array([recording.noise.get(name, 0.0) for name in simulator.state.names])
+    return training, windows.take(held)
+
+
+def _problem(
+    recording: Recording,
+    simulator: Simulator,
+    parameters: Mapping[str, float],
+    training: Windows,
+    hidden: tuple[str, ...],
+) -> Problem:
+    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
+    names = simulator.state.names
+    observed = np.array([name not in hidden and _observed(recording, simulator, name) for name in names])
+    guess = np.array([abs(simulator.start.get(n, 0.0)) or 1.0 if n in hidden else 0.0 for n in names])
+    scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(0.1 * guess, 1e-9))
+    known = np.array([recording.noise.get(name, 0.0) for name in names])
     floor = np.sqrt(known**2 + (1e-8 * scale) ** 2)
-    substeps = int(np.clip(np.ceil(recording.dt / LONGEST_SUBSTEP), 2, 6))
-    problem = Problem(simulator, parameters, recording.dt, training, observed, floor, scale, substeps)
-    problem = replace(problem, floor=np.hypot(floor, numerical_error(problem.on(spread_out(training, 40)))))
-    return Question(
-        recording,
-        problem.on(spread_out(training, FITTED)),
-        problem.on(spread_out(training, SEARCHED)),
-        problem.on(spread_out(windows.take(held), FITTED)),
-        recording.integrator,
-    )
+    usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), SUBSTEPS[0], USUAL_MOST))
+    return Problem(simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, usual)
+
+
+def _fine_enough(problem: Problem) -> Problem:
+    """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
+    sample = problem.on(spread_out(problem.windows, 40))
+    stands = any(problem.simulator.coordinates) and problem.dt <= SLOW  # friction may hold something at rest
+    fewest = problem.substeps if stands else SUBSTEPS[0]
+    tolerated = np.maximum(NUMERICAL * problem.scale, problem.floor / 3)[problem.observed]
+    for substeps in (n for n in SUBSTEPS if n >= fewest):
+        error = numerical_error(replace(sample, substeps=substeps))
+        chosen = replace(problem, substeps=substeps, floor=np.hypot(problem.floor, error))
+        if (error[problem.observed] <= tolerated).all():
+            break
+    return chosen
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
@@ -100,8 +154,10 @@ def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
 
 
 def _length(recording: Recording) -> int:
+    """Transitions a window: the usual number, more where a clock stayed fast because thinning would hide commands."""
     longest = max(len(episode) for episode in recording.episodes)
-    return min(LENGTH, max(longest, 3))
+    usual = int(np.clip(round(LENGTH * PACE / recording.dt), LENGTH, LONGEST))
+    return min(usual, max(longest, 3))
 
 
 def _observed(recording: Recording, simulator: Simulator, name: str) -> bool:

@@ -3,45 +3,76 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.shooting import Fit, Problem, state_jacobian
+from gpsim.diagnosis.linearised import state_jacobian
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
+
+MOST = 1e4  # standard deviations that a direction is clipped to
+
+
+class Directions:
+    """How hypotheses around a fitted parent change its residual, start states projected out.
+
+    In standard deviations of the parent's residual, observed channels only: a vector has shape (W, M).
+    """
+
+    def __init__(self, problem: Problem, parent: Fit) -> None:
+        self.problem, self.parent = problem, parent
+        self._sd = np.sqrt(parent.variance[problem.observed])
+        slopes = state_jacobian(problem, parent.hypothesis, parent.starts, parent.residuals)
+        count = len(parent.starts)
+        js = (slopes[:, :, problem.observed] / self._sd[:, None]).reshape(count, -1, slopes.shape[-1])
+        self._basis = np.linalg.qr(js + 1e-12)[0]
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(W, M): the parent's residual, what start states can explain taken off."""
+        return self._without(self._flat(self.parent.residuals))
+
+    def of(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
+        """(C, W, M): what each of thetas (C, P) takes off the residual."""
+        starts = np.broadcast_to(self.parent.starts, (len(thetas), *self.parent.starts.shape))
+        moved = self.problem.residuals(hypothesis, thetas, starts)
+        changes = [np.clip(self._flat(self.parent.residuals - m), -MOST, MOST) for m in moved]
+        return np.stack([self._without(change) for change in changes])
+
+    def gains(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
+        """(C,) nats: what the best multiple of each direction takes off half the parent's sum of squares."""
+        changes = self.of(hypothesis, thetas).reshape(len(thetas), -1)
+        size = (changes**2).sum(axis=1)
+        pull = changes @ self.rest.ravel()
+        return np.asarray(np.divide(0.5 * pull**2, size, out=np.zeros_like(size), where=size > 1e-12))
+
+    def _flat(self, residual: FloatArray) -> FloatArray:
+        scaled = residual[..., self.problem.observed] / self._sd
+        return np.asarray(scaled.reshape(len(residual), -1))
+
+    def _without(self, vectors: FloatArray) -> FloatArray:
+        """(W, M) vectors with what the start states can explain taken off."""
+        explained = self._basis @ (self._basis.transpose(0, 2, 1) @ vectors[..., None])
+        return np.asarray(vectors - explained[..., 0])
 
 
 def screened(
-    problem: Problem, parent: Fit, offers: Sequence[Candidate]
+    directions: Directions, offers: Sequence[Candidate]
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
-    """(nats, candidate, start values) of each offer's best start, best first.
-
-    The change that a term makes to the residual is a direction; the gain is what the best multiple of it, with the
-    start states following, takes off the parent's sum of squares (a score test along a secant).
-    """
-    seen = problem.observed
-    sd = np.sqrt(parent.variance[seen])
-    count = len(parent.starts)
-    slopes = state_jacobian(problem, parent.hypothesis, parent.starts, parent.residuals)
-    js = (slopes[:, :, seen] / sd[:, None]).reshape(count, -1, slopes.shape[-1])
-    residual = (parent.residuals[..., seen] / sd).reshape(count, -1)
-    basis = np.linalg.qr(js + 1e-12)[0]
-    rest = _without(basis, residual)
+    """(nats, candidate, start values) of each offer's best start, best first: a score test along a secant."""
+    parent = directions.parent.hypothesis
     out = []
     for candidate in offers:
-        best = -1.0
-        at: tuple[float, ...] = ()
-        for start in starts_of(candidate):
-            child = parent.hypothesis.plus(candidate.term(start), candidate.declared)
-            moved = problem.residuals(child, child.theta[None], parent.starts[None])[0]
-            change = (moved - parent.residuals)[..., seen] / sd
-            change = _without(basis, np.clip(change, -1e4, 1e4).reshape(count, -1))
-            size = float((change**2).sum())
-            worth = 0.5 * float((change * rest).sum()) ** 2 / size if size > 1e-12 else 0.0
-            if worth > best:
-                best, at = worth, start
-        out.append((best, candidate, at))
+        starts = starts_of(candidate)
+        child = child_of(parent, candidate, starts[0])
+        thetas = np.array([[*parent.theta, *start] for start in starts])
+        gains = directions.gains(child, thetas)
+        best = int(np.argmax(gains))
+        out.append((float(gains[best]), candidate, starts[best]))
     return sorted(out, key=lambda item: -item[0])
 
 
@@ -53,8 +84,3 @@ def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
 def child_of(parent: Hypothesis, candidate: Candidate, start: Sequence[float]) -> Hypothesis:
     """The parent with one term more."""
     return parent.plus(candidate.term(start), candidate.declared)
-
-
-def _without(basis: FloatArray, vectors: FloatArray) -> FloatArray:
-    """(W, M) vectors with what the start states can explain taken off."""
-    return np.asarray(vectors - (basis @ (basis.transpose(0, 2, 1) @ vectors[..., None]))[..., 0])

@@ -10,18 +10,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis.evidence import gain, scores, whiteness
-from gpsim.diagnosis.gates import gated, region_channels
+from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.screening import child_of, screened
-from gpsim.diagnosis.shooting import Fit, Problem, fit
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.screening import Directions, child_of, screened
+from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
-GATED = 4
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
-LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
+LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
+LEAST_SHARE = 0.003  # of the variance left over in some channel that it must remove
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
@@ -51,19 +53,16 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     for depth in range(DEPTH):
         children: list[Fit] = []
         for parent in beam:
-            plain = _grown(problem, parent, offers, FITTED[depth])
+            directions = Directions(problem, parent)
+            plain = grown(problem, directions, offers, FITTED[depth])
             children += plain
+            if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
+                children += gated_children(problem, directions, plain, offers)
             done += FITTED[depth]
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {_named(best)}")
         children = _distinct(children)
         fits += children
-        if depth < 2 and _structured(problem, fits):
-            gates = [
-                _with_gates(problem, parent, _offspring(parent, children), offers) for parent in beam[:1]
-            ]
-            fits += [f for found in gates for f in found]
-            children += [f for found in gates for f in found]
         if not children or not _structured(problem, fits):
             break
         beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
@@ -80,76 +79,26 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     return bool((share[problem.observed] > LEAST_SHARE).any())
 
 
-def _grown(problem: Problem, parent: Fit, offers: Sequence[Candidate], count: int) -> list[Fit]:
+def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
+    """The parent with each of the `count` most promising terms.
+
+    All are fitted a little, the better half to the end (successive halving).
+    """
+    parent = directions.parent
     taken = parent.hypothesis.claims
-    open_offers = [c for c in offers if c.identity not in taken and not c.only_gated]
-    chosen = screened(problem, parent, open_offers)[:count]
-    return [
-        fit(
-            problem,
-            child_of(parent.hypothesis, candidate, start),
-            parent.starts,
-            iterations=12,
-            tolerance=0.5,
-        )
-        for worth, candidate, start in chosen
-        if worth > 1.0
-    ]
-
-
-def _with_gates(
-    problem: Problem, parent: Fit, plain: Sequence[Fit], offers: Sequence[Candidate]
-) -> list[Fit]:
-    """The most promising terms once more, each in the best region or since the best moment."""
-    best = sorted(plain, key=lambda f: f.objective)
-    if not best or whiteness(problem, best[0])[0] > STRUCTURED:
-        return []
-    of = {f.hypothesis.terms[-1].identity: f for f in reversed(best)}
-    dry = {c.place.on: ("coulomb_friction", c.place.on) for c in offers if c.only_gated}
-    out: list[Fit] = []
-    for candidate in sorted((c for c in offers if c.gateable), key=lambda c: _rank(c, best)):
-        key = dry[candidate.place.on] if candidate.only_gated else candidate.identity
-        if key not in of or len(out) >= GATED:
-            continue
-        start = tuple(of[key].hypothesis.theta[-1:])
-        for channel in region_channels(problem):
-            if (candidate.only_gated and channel != candidate.place.on) or _patch_twice(candidate, channel):
-                continue
-            found = gated(problem, parent, of[key], candidate, start, channel)
-            if found is not None:
-                out.append(found)
-    return out
-
-
-def _rank(candidate: Candidate, best: Sequence[Fit]) -> int:
-    """How well the candidate did everywhere; a patch counts as the Coulomb friction that it is."""
-    family = "coulomb_friction" if candidate.only_gated else candidate.family
-    names = [f.hypothesis.terms[-1].identity for f in best]
-    key = (family, candidate.place.on)
-    return names.index(key) if key in names else len(names)
-
-
-def _patch_twice(candidate: Candidate, channel: str | None) -> bool:
-    """Coulomb friction in a region of its own coordinate is a patch, which has its own family."""
-    return candidate.family == "coulomb_friction" and channel == candidate.place.on
+    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+    least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
+    children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
+    begun = fit_all(problem, [Order(child, parent.starts, 6) for child in children])
+    begun.sort(key=lambda f: f.objective)
+    better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
+    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 8) for f in better])
+    return [*ended, *(f for f in begun if not any(f is b for b in better))]
 
 
 def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
     """Whether the leader leaves something to explain."""
     return whiteness(problem, _ranked(problem, fits)[0])[0] < STRUCTURED
-
-
-def _offspring(parent: Fit, children: Sequence[Fit]) -> list[Fit]:
-    """The children with exactly the parent's terms and one more."""
-    before = parent.hypothesis.claims
-    count = len(parent.hypothesis.terms)
-    return [
-        c
-        for c in children
-        if c.hypothesis.scheme == parent.hypothesis.scheme
-        and before <= c.hypothesis.claims
-        and len(c.hypothesis.terms) == count + 1
-    ]
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:
@@ -175,10 +124,8 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     """Backward elimination: the best hypothesis with each of its terms left out."""
     if len(best.hypothesis.terms) < 2:
         return []
-    return [
-        fit(problem, best.hypothesis.without(i), best.starts, iterations=12, tolerance=0.5)
-        for i in range(len(best.hypothesis.terms))
-    ]
+    parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
+    return fit_all(problem, [Order(part, best.starts, 12) for part in parts])
 
 
 def _named(found: Fit) -> str:

@@ -6,17 +6,27 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray
+from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
+Drive = Callable[[int, int], FloatArray]
+"""What reaches the simulator (B, A) at transition k, substep j; transitions before the window are -1, -2, ..."""
+Extra = Callable[[FloatArray, FloatArray], FloatArray]
+"""State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
 
 
 def simulate(
-    chain: Chain, windows: Windows, starts: FloatArray, spread: Spread, thetas: FloatArray, substeps: int
+    chain: Chain,
+    windows: Windows,
+    starts: FloatArray,
+    spread: Spread,
+    thetas: FloatArray,
+    substeps: int,
+    extra: Extra | None = None,
 ) -> FloatArray:
     """(C, W, L + 1, S): what the sensors would say.
 
@@ -25,31 +35,49 @@ def simulate(
     """
     copies, count = starts.shape[:2]
     n = 1 if chain.scheme != "fine" else substeps
-    rows = np.tile(np.arange(count), copies)
+    rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
     with np.errstate(all="ignore"):
-        # What an actuator remembers does not depend on the start state: once for every distinct theta.
-        distinct, inverse = np.unique(thetas, axis=0, return_inverse=True)
-        every = np.tile(np.arange(count), len(distinct))
-        memory = _pre_roll(chain, windows, every, spread(distinct, count), n)
-        which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
-        memory = {key: values[which] for key, values in memory.items()}
-        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), spread(thetas, count), n, memory)
+        drive = (
+            _precomputed(chain, windows, spread, thetas, n) if chain.actuates else _as_recorded(windows, rows)
+        )
+        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, n, drive, extra)
     return out.reshape(copies, count, windows.length + 1, -1)
 
 
-def _pre_roll(
-    chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values], n: int
-) -> dict[str, FloatArray]:
-    """The actuators' memory at the windows' starts, from the commands before them."""
-    dt = np.diff(windows.before_t, axis=1)
-    memory = chain.rest(len(rows), float(np.median(dt)) / n if dt.size else chain.dt / n)
-    if not memory:
-        return memory
-    for k in range(windows.before_actions.shape[1]):
-        action, state, step = windows.before_actions[rows, k], windows.before_states[rows, k], dt[rows, k] / n
-        for j in range(n):
-            chain.command(action, state, values, memory, step, windows.before_t[rows, k] + j * step)
-    return memory
+def _as_recorded(windows: Windows, rows: IntArray) -> Drive:
+    def drive(k: int, j: int) -> FloatArray:
+        return np.asarray(windows.actions[rows, k] if k >= 0 else windows.before_actions[rows, k])
+
+    return drive
+
+
+def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int) -> Drive:
+    """All commands at once: they do not depend on the simulated state, nor on parameters of other sites."""
+    count = len(windows)
+    single = [np.stack(list(v.values()), axis=1) for i, v in enumerate(spread(thetas, 1)) if chain.acts(i)]
+    _, first, inverse = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
+    values = spread(thetas[first], count)
+    rows = np.tile(np.arange(count), len(first))
+    actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
+    begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
+    steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
+    t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)
+    memory = chain.rest(len(rows), float(np.median(steps)))
+    step = np.repeat(steps, n, axis=1)
+    states = _measured_between(windows, n, chain.simulator.state)[rows]
+    acted = chain.commands(np.repeat(actions, n, axis=1)[rows], states, values, memory, step[rows], t[rows])
+    before = n * windows.before_actions.shape[1]
+    by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
+    which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
+    return lambda k, j: by_time[before + n * k + j][which]
+
+
+def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:
+    """(W, K, S) the measured states at all substeps, before and in the window: where the gates of actuators look."""
+    states = np.concatenate([windows.before_states, windows.measured], axis=1)
+    share = np.arange(n)[:, None] / n
+    between = states[:, :-1, None] + share * difference(states[:, 1:], states[:, :-1], channels)[:, :, None]
+    return np.asarray(between.reshape(len(states), -1, states.shape[2]))
 
 
 def _run(
@@ -59,24 +87,45 @@ def _run(
     starts: FloatArray,
     values: Sequence[Values],
     n: int,
-    memory: dict[str, FloatArray],
+    drive: Drive,
+    extra: Extra | None,
 ) -> FloatArray:
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     state, step = starts, (windows.t[rows, 1] - windows.t[rows, 0]) / n
     watching = chain.watches
     seen = {}
     if watching:
-        slope = chain.slope(state, windows.before_actions[rows, -1], values, windows.t[rows, 0])
-        seen = chain.watchers(state, slope, step)
+        seen = chain.watchers(_history(chain, windows, rows, starts, values, n, drive))
     out[:, 0] = chain.measure(state, values, seen, step)
     for k in range(windows.length):
-        action, t = windows.actions[rows, k], windows.t[rows, k]
+        t = windows.t[rows, k]
         step = (windows.t[rows, k + 1] - t) / n
+        added = extra(state, windows.actions[rows, k]) if extra is not None else None
         for j in range(n):
-            command = chain.command(action, state, values, memory, step, t + j * step)
-            state = chain.advance(state, command, values, step, t + j * step)
+            state = chain.advance(state, drive(k, j), values, step, t + j * step, added)
             if watching:
                 chain.watch(state, seen)
         state = np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)
         out[:, k + 1] = chain.measure(state, values, seen, step)
     return out
+
+
+def _history(
+    chain: Chain,
+    windows: Windows,
+    rows: IntArray,
+    starts: FloatArray,
+    values: Sequence[Values],
+    n: int,
+    drive: Drive,
+) -> FloatArray:
+    """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began."""
+    step = (windows.before_t[rows, -1] - windows.before_t[rows, -2]) / n
+    fresh, state = windows.fresh[rows, None], starts
+    past = [starts]
+    for back in range(1, min(chain.reach(values, step), n * windows.before_actions.shape[1] + 1)):
+        k, j = divmod(-back, n)
+        state = chain.advance(state, drive(k, j), values, -step, windows.t[rows, 0] - (back - 1) * step)
+        state = np.where(fresh, starts, np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR))
+        past.append(state)
+    return np.stack(past[::-1], axis=1)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 Report = Mapping[str, Any]
+GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
 
 
 def paragraphs(report: Report) -> list[str]:
@@ -25,7 +26,10 @@ def _where(report: Report) -> str:
     location = report["location"]
     shares = sorted(location["channels"].items(), key=lambda item: -item[1])
     if report["verdict"] == "none":
-        return "Where: nowhere. Simulator and recording differ by no more than noise and numerical error."
+        return (
+            "Where: nowhere. Simulator and recording differ by no more than noise and numerical error."
+            + _looked_at(report)
+        )
     parts = ", ".join(f"{100 * share:.0f} % of {name}'s residual" for name, share in shares if share > 0.01)
     text = f"Where: beyond noise lies {parts or 'a small part of the residual'}"
     if location["depends_on"]:
@@ -34,7 +38,18 @@ def _where(report: Report) -> str:
         text += f"; it acts for {name} in [{low:.3g}, {high:.3g}]"
     if location["since"] is not None:
         text += f"; since t = {location['since']:.3g} s"
-    return text + "."
+    return f"{text}.{_looked_at(report)}"
+
+
+def _looked_at(report: Report) -> str:
+    """What a reader must know of the data that were looked at."""
+    text = ""
+    if report["thinned"] > 1:
+        text += f" The clock is fast: every {_ordinal(report['thinned'])} sample was read, commands averaged between."
+    if report["not_measured"]:
+        names = ", ".join(report["not_measured"])
+        text += f" Nobody measured {names}: it is what each model's own windows say."
+    return text
 
 
 def _what(report: Report) -> str:
@@ -53,7 +68,8 @@ def _what(report: Report) -> str:
 
 def _how_much(report: Report) -> str:
     numbers = [
-        f"{effect['family']} on {effect['on']}: {name} = {p['value']:.4g} [{p['low']:.4g}, {p['high']:.4g}] {p['unit']}"
+        f"{effect['family']} on {effect['on']}: {name} = {p['value']:.4g} [{p['low']:.4g}, {p['high']:.4g}] "
+        f"{p['unit']}{' (AT ITS BOUND: do not trust it)' if p['at_bound'] else ''}"
         for effect in report["effects"]
         for name, p in effect["parameters"].items()
     ]
@@ -64,13 +80,34 @@ def _how_much(report: Report) -> str:
 
 
 def _better(report: Report) -> str:
-    parts = []
-    for name, e in report["fit"]["one_step"].items():
-        parts.append(
-            f"{name} {e['before']:.3g} before, {e['tuned']:.3g} tuned, {e['gp']:.3g} with a GP, {e['after']:.3g} after "
-            f"(noise floor {e['noise_floor']:.3g} {e['unit']})"
+    steps = [f"{name} {_step_errors(e)}" for name, e in report["fit"]["one_step"].items()]
+    rollout = report["fit"]["rollout"]
+    runs = [f"{name} {_run_errors(e)}" for name, e in rollout.items() if name != "horizon_s"]
+    text = "Is the fit better, one step ahead on held-out data: " + "; ".join(steps) + "."
+    return text + (f" After {rollout['horizon_s']:.3g} s: {'; '.join(runs)}." if runs else "")
+
+
+def _step_errors(errors: Mapping[str, Any]) -> str:
+    """RMS errors; where rare glitches make most of them, what is typical too."""
+    text = (
+        f"{errors['before']:.3g} before, {errors['tuned']:.3g} tuned, {errors['gp']:.3g} with a GP, "
+        f"{errors['after']:.3g} after, {errors['after_gp']:.3g} after with a GP "
+        f"(noise floor {errors['noise_floor']:.3g} {errors['unit']}"
+    )
+    usual = errors["typical"]
+    if errors["after"] > GLITCHES * usual["after"]:
+        text += (
+            f"; rare glitches dominate, typically {usual['before']:.3g} before and {usual['after']:.3g} after"
         )
-    return "Is the fit better, one step ahead on held-out data: " + "; ".join(parts) + "."
+    return text + ")"
+
+
+def _run_errors(errors: Mapping[str, Any]) -> str:
+    return f"{errors['before']:.3g} before, {errors['gp']:.3g} with a GP, {errors['after']:.3g} after {errors['unit']}"
+
+
+def _ordinal(number: int) -> str:
+    return f"{number}{ {2: 'nd', 3: 'rd'}.get(number, 'th') }"
 
 
 def _terms(effects: list[list[str]]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.shooting import Problem
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.simulate import simulate
 from gpsim.diagnosis.windows import PRE_ROLL, Windows
 

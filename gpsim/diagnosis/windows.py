@@ -11,6 +11,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
+LONGEST = 100  # transitions a window at most, where a clock is fast
 LONGEST_GAP = 1.8  # in steps: a longer one may hide commands, no window crosses it
 PRE_ROLL = 80  # transitions before a window that an actuator may remember
 
@@ -47,14 +48,20 @@ class Windows:
         return Windows(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
-def cut(recording: Recording, length: int = LENGTH) -> Windows:
-    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out."""
-    parts = [
-        _window(recording, index, episode, low, high, length)
+def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> Windows:
+    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out.
+
+    most: evenly spread ones are taken where there are more.
+    """
+    places = [
+        (index, episode, low, high)
         for index, episode in enumerate(recording.episodes)
         for first, last in _pieces(episode, recording.dt)
         for low, high in _slices(first, last, length)
     ]
+    if most is not None and len(places) > most:
+        places = [places[i] for i in np.linspace(0, len(places) - 1, most).round().astype(np.int64)]
+    parts = [_window(recording, *place, length) for place in places]
     return (
         Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))
         if parts
@@ -94,6 +101,7 @@ def _window(
     back = max(0, low - PRE_ROLL)
     missing = PRE_ROLL - (low - back)
     before_states = np.concatenate([np.repeat(episode.states[:1], missing, axis=0), episode.states[back:low]])
+    _unwrap(recording, before_states, measured)
     before_actions = np.concatenate(
         [np.zeros((missing, episode.actions.shape[1])), episode.actions[back:low]]
     )
@@ -110,6 +118,15 @@ def _window(
         np.int64(index),
         np.bool_(low == 0),
     )
+
+
+def _unwrap(recording: Recording, before: FloatArray, measured: FloatArray) -> None:
+    """Let angles run on, in place, as the simulated ones do; the window's first sample stays as it was recorded."""
+    for i, channel in enumerate(recording.state):
+        if channel.wraps or channel.unit == "rad":
+            angle = np.unwrap(np.concatenate([before[:, i], measured[:, i]]))
+            angle += measured[0, i] - angle[len(before)]
+            before[:, i], measured[:, i] = angle[: len(before)], angle[len(before) :]
 
 
 def _none(recording: Recording, length: int) -> Windows:

@@ -26,10 +26,10 @@ class ActuatorAsymmetry(ActuatorEffect):
         )
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """Each direction with its own gain."""
-        return np.where(command > 0, values["gain_positive"], values["gain_negative"]) * command
+        return np.where(commands > 0, values["gain_positive"], values["gain_negative"]) * commands
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -35,12 +35,14 @@ class ActuatorBacklash(ActuatorEffect):
         return {"level": np.zeros(count)}
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """The output, dragged along by the ends of the gap."""
-        half = values["half_width"]
-        memory["level"][:] = np.clip(memory["level"], command - half, command + half)
-        return np.array(memory["level"])
+        half, level, out = values["half_width"][:, 0], memory["level"], np.empty_like(commands)
+        for k, command in enumerate(commands.T):
+            level[:] = np.clip(level, command - half, command + half)
+            out[:, k] = level
+        return out
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -24,10 +24,10 @@ class ActuatorBias(ActuatorEffect):
         return (EffectParameter("bias", place.unit, -5 * span, 5 * span, (0.1 * span,), 0.1 * span),)
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """Command + bias."""
-        return np.asarray(command + values["bias"])
+        return np.asarray(commands + values["bias"])
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

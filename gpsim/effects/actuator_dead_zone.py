@@ -25,10 +25,10 @@ class ActuatorDeadZone(ActuatorEffect):
         return (EffectParameter("width", place.unit, 0.0, span, starts, 0.1 * span, step=0.02 * span),)
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """0 inside |command| < width."""
-        return np.where(np.abs(command) < values["width"], 0.0, command)
+        """0 inside |commands| < width."""
+        return np.where(np.abs(commands) < values["width"], 0.0, commands)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

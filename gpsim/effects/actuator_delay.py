@@ -24,23 +24,22 @@ class ActuatorDelay(ActuatorEffect):
         return (EffectParameter("delay", "s", 0.0, 12 * dt, (0.7 * dt, 2.3 * dt, 5.3 * dt), dt),)
 
     def begin(self, count: int, longest: float, step: float) -> Memory:
-        """The commands of the last `longest` seconds: none yet."""
-        depth = max(int(np.ceil(longest / step)) + 2, 2)
-        return {"past": np.zeros((count, depth)), "head": np.zeros(count)}
+        """The commands of the last `longest` seconds, the newest last: none yet."""
+        return {"past": np.zeros((count, max(int(np.ceil(longest / step)) + 2, 2)))}
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """What was commanded a delay ago, between two substeps their weighted mean."""
-        past, rows = memory["past"], np.arange(len(command))
-        depth = past.shape[1]
-        head = memory["head"].astype(np.int64)
-        past[rows, head] = command
-        memory["head"][:] = (head + 1) % depth
-        back = np.minimum(values["delay"] / step, depth - 2.0)
+        past = memory["past"]
+        depth, count = past.shape[1], commands.shape[1]
+        line = np.concatenate([past, commands], axis=1)
+        back = np.minimum(values["delay"] / step, depth - 1.0)
         whole = back.astype(np.int64)
-        near, far = past[rows, (head - whole) % depth], past[rows, (head - whole - 1) % depth]
-        return np.asarray(near + (back - whole) * (far - near))
+        near = depth + np.arange(count) - whole
+        recent, earlier = np.take_along_axis(line, near, axis=1), np.take_along_axis(line, near - 1, axis=1)
+        past[:] = line[:, count:]
+        return np.asarray(recent + (back - whole) * (earlier - recent))
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -23,10 +23,10 @@ class ActuatorGain(ActuatorEffect):
         return (EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0),)
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """Gain * command."""
-        return np.asarray(values["gain"] * command)
+        """Gain * commands."""
+        return np.asarray(values["gain"] * commands)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -28,13 +28,17 @@ class ActuatorLag(ActuatorEffect):
         return {"level": np.zeros(count)}
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """The mean over the substep of the exponential approach to the command."""
+        """The mean over each substep of the exponential approach to the command."""
         ratio = step / np.maximum(values["time_constant"], 1e-9)
-        gap = memory["level"] - command
-        memory["level"][:] = command + gap * np.exp(-ratio)
-        return np.asarray(command - gap * np.expm1(-ratio) / ratio)
+        decay, share = np.exp(-ratio), -np.expm1(-ratio) / ratio
+        level, out = memory["level"], np.empty_like(commands)
+        for k, command in enumerate(commands.T):
+            gap = level - command
+            out[:, k] = command + gap * share[:, k]
+            level[:] = command + gap * decay[:, k]
+        return out
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

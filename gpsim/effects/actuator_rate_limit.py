@@ -30,18 +30,19 @@ class ActuatorRateLimit(ActuatorEffect):
         return {"level": np.zeros(count)}
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """The mean over the substep of a level that moves towards the command no faster than the rate."""
-        gap = command - memory["level"]
-        size = np.abs(gap)
-        reach = values["rate"] * step
-        share = np.minimum(1.0, size / np.maximum(reach, 1e-300))  # of the substep that is spent moving
-        mean = command - np.sign(gap) * (size * share - reach * share**2 / 2)
-        slow = memory["level"] + np.sign(gap) * reach / 2
-        mean = np.where(size >= reach, slow, mean)
-        memory["level"][:] += np.clip(gap, -reach, reach)
-        return np.asarray(mean)
+        """The mean over each substep of a level that moves towards the command no faster than the rate."""
+        level, out = memory["level"], np.empty_like(commands)
+        furthest = values["rate"] * step
+        for k, command in enumerate(commands.T):
+            gap, reach = command - level, furthest[:, k]
+            size = np.abs(gap)
+            share = np.minimum(1.0, size / np.maximum(reach, 1e-300))  # of the substep that is spent moving
+            mean = command - np.sign(gap) * (size * share - reach * share**2 / 2)
+            out[:, k] = np.where(size >= reach, level + np.sign(gap) * reach / 2, mean)
+            level += np.clip(gap, -reach, reach)
+        return out
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -28,10 +28,10 @@ class ActuatorSaturation(ActuatorEffect):
         )
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """The command, no larger than the limit."""
-        return np.clip(command, -values["limit"], values["limit"])
+        """The commands, no larger than the limit."""
+        return np.clip(commands, -values["limit"], values["limit"])
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

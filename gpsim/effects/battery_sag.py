@@ -24,10 +24,10 @@ class BatterySag(ActuatorEffect):
         return (EffectParameter("loss_per_second", "1/s", 0.0, 2 * typical, (0.2 * typical,), 0.2 * typical),)
 
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """The command times what is left at time t."""
-        return np.asarray(command * np.maximum(1.0 - values["loss_per_second"] * t, 0.0))
+        """The commands times what is left at time t."""
+        return np.asarray(commands * np.maximum(1.0 - values["loss_per_second"] * t, 0.0))
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

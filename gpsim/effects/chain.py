@@ -12,13 +12,13 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects.effect import (
     ActuatorEffect,
-    ForceEffect,
     ParameterEffect,
     SensorEffect,
     Values,
     VehicleEffect,
     columns_of,
 )
+from gpsim.effects.forces import Forces, Instant
 from gpsim.effects.term import Term
 from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory
@@ -51,26 +51,41 @@ class Chain:
             memory |= {f"{i}/{key}": values for key, values in part.items()}
         return memory
 
-    def command(
+    def commands(
         self,
-        action: FloatArray,
-        state: FloatArray,
+        actions: FloatArray,
+        states: FloatArray,
         values: Sequence[Values],
         memory: Memory,
         step: FloatArray,
         t: FloatArray,
     ) -> FloatArray:
-        """(B, A): what reaches the simulator during a substep that starts at t; memory moves on."""
-        if not self._actuators:
-            return action
-        out = np.array(action)
+        """(B, K, A): what reaches the simulator during K substeps; memory moves on.
+
+        actions: (B, K, A); states: (B, K, S), at which gates look; step: (B, K) s each; t: (B, K) s, when they begin.
+        """
+        if not self.actuates:
+            return actions
+        out = np.array(actions)
         for i, effect, column in self._actuators:
+            columns = {name: value[:, None] for name, value in values[i].items()}
+            acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
-            acted = effect.actuate(out[:, column], values[i], _part(memory, i), step, t)
-            out[:, column] = (
-                np.where(gate.open(state, action, t, self.channels), acted, out[:, column]) if gate else acted
-            )
+            if gate:
+                acted = np.where(
+                    gate.open(states, actions, t, self.channels, columns), acted, out[:, :, column]
+                )
+            out[:, :, column] = acted
         return out
+
+    @cached_property
+    def actuates(self) -> bool:
+        """Whether anything happens to the commands."""
+        return bool(self._actuators)
+
+    def acts(self, term: int) -> bool:
+        """Whether a term changes commands."""
+        return isinstance(self.terms[term].effect, ActuatorEffect)
 
     def advance(
         self,
@@ -81,7 +96,7 @@ class Chain:
         t: FloatArray,
         extra: FloatArray | None = None,
     ) -> FloatArray:
-        """(B, S) after a substep; `action` is what `command` returned, `extra` (B, R) is added to the rates."""
+        """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
         parameters = self._corrected(state, action, values, t)
         if self.scheme != "fine":
             return self.simulator.integrate(
@@ -103,12 +118,16 @@ class Chain:
         parameters = self._corrected(state, action, values, t)
         return self.simulator.derivative(state, self._rates(state, action, parameters, values, t, None))
 
-    def watchers(self, state: FloatArray, slope: FloatArray, step: FloatArray) -> Memory:
-        """The sensors' memory at the start of a batch."""
+    def reach(self, values: Sequence[Values], step: FloatArray) -> int:
+        """How many substeps of `step` (B,) [s] back the sensors look."""
+        longest = max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
+        return int(np.ceil(longest / float(np.min(step)))) + 2
+
+    def watchers(self, history: FloatArray) -> Memory:
+        """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last."""
         memory: Memory = {}
         for i, effect, _ in self._sensors:
-            part = effect.begin(state, slope, LONGEST_DELAY * self.dt, step)
-            memory |= {f"{i}/{key}": values for key, values in part.items()}
+            memory |= {f"{i}/{key}": values for key, values in effect.begin(history).items()}
         return memory
 
     def watch(self, state: FloatArray, memory: Memory) -> None:
@@ -140,13 +159,8 @@ class Chain:
         return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
-    def _forces(self) -> list[tuple[int, ForceEffect, int]]:
-        names = [c.name for c in self.simulator.coordinates]
-        return [
-            (i, term.effect, names.index(term.on))
-            for i, term in enumerate(self.terms)
-            if isinstance(term.effect, ForceEffect)
-        ]
+    def _forces(self) -> Forces:
+        return Forces(self.simulator, self.terms, self.channels)
 
     @cached_property
     def _parameter_terms(self) -> list[tuple[int, ParameterEffect]]:
@@ -169,15 +183,6 @@ class Chain:
         rate = self.simulator.rate
         return rate.index("v"), rate.index("v_lateral"), rate.index("w")
 
-    @cached_property
-    def _coordinate_columns(self) -> list[tuple[int, int, int]]:
-        """Position, velocity and rate column of every coordinate."""
-        state, rate = self.simulator.state, self.simulator.rate
-        return [
-            (state.index(c.name), state.index(c.velocity), rate.index(c.rate))
-            for c in self.simulator.coordinates
-        ]
-
     def _corrected(
         self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
     ) -> dict[str, float | FloatArray]:
@@ -187,7 +192,7 @@ class Chain:
             believed = np.asarray(out[term.on] + 0.0 * t)
             value = effect.corrected(believed, values[i])
             if term.gate:
-                value = np.where(term.gate.open(state, action, t, self.channels), value, believed)
+                value = np.where(term.gate.open(state, action, t, self.channels, values[i]), value, believed)
             out[term.on] = value
         return out
 
@@ -201,90 +206,10 @@ class Chain:
         substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
         """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
-        if not self._forces:
-            rates = self.simulator.rates(state, action, parameters)
-            return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
-        smooth, dry = self._applied(state, action, values, t)
-        rates = self.simulator.rates(state, action, parameters, smooth)
-        for coordinate in dry:
-            unit = np.zeros_like(smooth)
-            unit[:, coordinate] = 1.0
-            mobility = self.simulator.rates(state, action, parameters, smooth + unit) - rates
-            friction = self._dry_friction(
-                coordinate, state, rates, mobility, action, parameters, values, t, substep
-            )
-            rates = rates + mobility * friction[:, None]
-            smooth[:, coordinate] += friction
-        return rates
-
-    def _applied(
-        self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
-    ) -> tuple[FloatArray, list[int]]:
-        """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
-        smooth = np.zeros((len(state), len(self._coordinate_columns)))
-        dry: list[int] = []
-        for i, effect, coordinate in self._forces:
-            position, velocity, _ = self._coordinate_columns[coordinate]
-            force = effect.force(state[:, position], state[:, velocity], values[i])
-            if force is None:
-                dry += [coordinate] if coordinate not in dry else []
-                continue
-            gate = self.terms[i].gate
-            smooth[:, coordinate] += force * gate.open(state, action, t, self.channels) if gate else force
-        return smooth, dry
-
-    def _dry_friction(
-        self,
-        coordinate: int,
-        state: FloatArray,
-        rates: FloatArray,
-        mobility: FloatArray,
-        action: FloatArray,
-        parameters: Mapping[str, float | FloatArray],
-        values: Sequence[Values],
-        t: FloatArray,
-        substep: tuple[FloatArray, FloatArray] | None,
-    ) -> FloatArray:
-        """(B,) the friction force, a mean over the substep. Rates are affine in it: rates + mobility * force.
-
-        A body that would reverse within the substep stops on the way, after a share of it; for the rest it is held,
-        as far as the grip allows, or starts the other way.
-        """
-        position, velocity, rate = self._coordinate_columns[coordinate]
-        name = self.simulator.coordinates[coordinate].name
-        speed = state[:, velocity] if substep is None else substep[0][:, velocity]
-        free = -rates[:, rate] / mobility[:, rate]  # the force that would leave no acceleration
-        sign = np.where(speed != 0, -np.sign(speed), np.sign(free) if substep is not None else 0.0)
-        load = self.simulator.normal_force(state, rates, parameters).get(name)
-        change = None
-        if load is not None:
-            change = self.simulator.normal_force(state, rates + mobility, parameters)[name] - load
-
-        def grip(at: FloatArray | None) -> FloatArray:
-            total = np.zeros(len(state))
-            for i, effect, on in self._forces:
-                if on != coordinate:
-                    continue
-                most = effect.grip(state[:, position], state[:, velocity], values[i], at)
-                if most is not None:
-                    gate = self.terms[i].gate
-                    total += most * gate.open(state, action, t, self.channels) if gate else most
-            return total
-
-        most = grip(load)
-        if load is not None and change is not None:
-            # The load depends on the friction and the friction on the load, both affinely: m = m0 + k m.
-            slope = grip(load + change * sign * most) - most
-            share = np.divide(slope, most, out=np.zeros_like(most), where=most > 0)
-            most = most / np.maximum(1.0 - share, 0.1)
-        sliding = sign * most
-        if substep is None:
-            return np.asarray(sliding)
-        after = speed + substep[1] * (rates[:, rate] + mobility[:, rate] * sliding)
-        crosses = speed * after <= 0
-        gap = np.where(speed == after, 1.0, speed - after)
-        share = np.where(crosses, speed / gap, 1.0)
-        return np.asarray(share * sliding + (1.0 - share) * np.clip(free, -most, most))
+        if self._forces:
+            return self._forces.rates(Instant(state, action, parameters, t, substep), values)
+        rates = self.simulator.rates(state, action, parameters)
+        return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
 
     def _twisted(
         self,
@@ -300,7 +225,11 @@ class Chain:
             new = np.array(rates)
             new[:, columns] = np.stack(effect.twist(v, lateral, w, values[i]), axis=1)
             gate = self.terms[i].gate
-            rates = np.where(gate.open(state, action, t, self.channels)[:, None], new, rates) if gate else new
+            rates = (
+                np.where(gate.open(state, action, t, self.channels, values[i])[:, None], new, rates)
+                if gate
+                else new
+            )
         return rates
 
 

@@ -126,9 +126,13 @@ class ActuatorEffect(Effect):
 
     @abstractmethod
     def actuate(
-        self, command: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """(B,) what the simulator gets during the next `step` (B,) s; t (B,) s is the recording's clock."""
+        """(B, K) what the simulator gets during K substeps of `step` (B, K) s, a mean over each.
+
+        commands: (B, K), held over each substep; values: (B, 1) each; t: (B, K) s, when the substeps begin on the
+        recording's clock. memory is left as it is after the last one.
+        """
 
 
 class ParameterEffect(Effect):
@@ -171,8 +175,12 @@ class SensorEffect(Effect):
         """Every measured channel."""
         return simulator.state.names
 
-    def begin(self, state: FloatArray, slope: FloatArray, longest: float, step: FloatArray) -> Memory:
-        """Memory of a batch whose states (B, S) change by slope (B, S) per second."""
+    def reach(self, values: Values) -> float:
+        """How far back [s] it looks."""
+        return 0.0
+
+    def begin(self, history: FloatArray) -> Memory:
+        """Memory of a batch with the true states of the last substeps (B, K, S), the newest last."""
         return {}
 
     def watch(self, state: FloatArray, column: int, memory: Memory) -> None:

@@ -22,11 +22,13 @@ class SensorDelay(SensorEffect):
         dt = place.dt
         return (EffectParameter("delay", "s", 0.0, 12 * dt, (0.7 * dt, 2.3 * dt), dt),)
 
-    def begin(self, state: FloatArray, slope: FloatArray, longest: float, step: FloatArray) -> Memory:
-        """The last `longest` seconds, as a straight line into the past."""
-        depth = max(int(np.ceil(longest / float(np.min(step)))) + 2, 2)
-        back = np.arange(depth - 1, -1, -1)[None, :, None] * step[:, None, None]
-        return {"past": state[:, None, :] - back * slope[:, None, :], "head": np.zeros(len(state))}
+    def reach(self, values: Values) -> float:
+        """The longest delay [s]."""
+        return float(np.max(values["delay"], initial=0.0))
+
+    def begin(self, history: FloatArray) -> Memory:
+        """The last states in a ring, and where the oldest lies."""
+        return {"past": np.array(history), "head": np.zeros(len(history))}
 
     def watch(self, state: FloatArray, column: int, memory: Memory) -> None:
         """Remember the newest state."""
@@ -44,10 +46,8 @@ class SensorDelay(SensorEffect):
         newest = (memory["head"].astype(np.int64) - 1) % depth
         back = np.minimum(values["delay"] / step, depth - 2.0)
         whole = back.astype(np.int64)
-        near, far = (
-            past[rows, (newest - whole) % depth, column],
-            past[rows, (newest - whole - 1) % depth, column],
-        )
+        near = past[rows, (newest - whole) % depth, column]
+        far = past[rows, (newest - whole - 1) % depth, column]
         late = near + (back - whole) * (far - near)
         return changed(measured, column, measured[:, column] - past[rows, newest, column] + late)
 

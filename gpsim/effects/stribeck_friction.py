@@ -34,9 +34,9 @@ class StribeckFriction(ForceEffect):
     def grip(
         self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
     ) -> FloatArray | None:
-        """The sliding force, which grows to the static one as the speed falls."""
+        """The sliding force, which grows to the static one, where that is larger, as the speed falls."""
         fall = np.exp(-((speed / values["stribeck_velocity"]) ** 2))
-        return values["force"] + (values["static_force"] - values["force"]) * fall
+        return np.asarray(values["force"] + np.maximum(values["static_force"] - values["force"], 0.0) * fall)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

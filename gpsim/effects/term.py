@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, Channels, FloatArray
-from gpsim.effects.effect import Effect
+from gpsim.effects.effect import Effect, Values
 from gpsim.effects.registry import effect_of
 from gpsim.errors import UsageError
+
+FROM, TO = "from", "to"
 
 
 @dataclass(frozen=True)
@@ -25,18 +27,23 @@ class Gate:
     def __bool__(self) -> bool:
         return bool(self.region) or self.since is not None
 
-    def open(self, state: FloatArray, action: FloatArray, t: FloatArray, channels: Channels) -> BoolArray:
-        """(B,) where it acts; `channels` are the columns of state and action together."""
-        mask = np.ones(len(t), dtype=np.bool_)
+    def open(
+        self, state: FloatArray, action: FloatArray, t: FloatArray, channels: Channels, values: Values
+    ) -> BoolArray:
+        """Where it acts: `t` (...), state (..., S), action (..., A); `channels` are the columns of both together.
+
+        values: a search gives every row of the batch edges of its own as the values FROM and TO.
+        """
+        mask = np.ones(t.shape, dtype=np.bool_)
         for name, (low, high) in self.region.items():
             column = channels.index(name)
-            width = state.shape[1]
-            values = state[:, column] if column < width else action[:, column - width]
-            mask &= (values >= low) & (values <= high)
+            width = state.shape[-1]
+            at = state[..., column] if column < width else action[..., column - width]
+            mask &= (at >= values.get(FROM, low)) & (at <= values.get(TO, high))
         if self.since is not None:
-            mask &= t >= self.since
+            mask &= t >= values.get(FROM, self.since)
         if self.until is not None:
-            mask &= t < self.until
+            mask &= t < values.get(TO, self.until)
         return mask
 
 

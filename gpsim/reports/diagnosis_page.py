@@ -11,6 +11,10 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gpsim.diagnosis.diagnosis import Diagnosis
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.predicting import traced
+from gpsim.diagnosis.preparing import spread_out
+from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.telling import paragraphs, ranking
 from gpsim.reports.canvas import panels, png, style
 
@@ -21,28 +25,40 @@ body { font-family: system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; 
 h1 { font-size: 1.5rem; } .verdict { font-size: 1.2rem; font-weight: 600; }
 table { border-collapse: collapse; margin: 1rem 0; } td, th { padding: .25rem .8rem; text-align: right; }
 td:first-child, th:first-child { text-align: left; } tr { border-bottom: 1px solid #e5e7eb; }
+.typical td { color: #6b7280; font-size: .9rem; }
 img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: auto; }
 </style></head><body>
 <h1>Diagnosis of {{ name }}</h1>
 <p class="verdict">Verdict: {{ report.verdict }}</p>
 {% for text in paragraphs %}<p>{{ text }}</p>
 {% endfor %}
-<h2>One step ahead on held-out data</h2>
-<table><tr><th>rate</th>{% for kind in kinds %}<th>{{ kind }}</th>{% endfor %}<th>unit</th></tr>
-{% for rate, errors in report.fit.one_step.items() %}<tr><td>{{ rate }}</td>
-{% for kind in kinds %}<td>{{ "%.4g"|format(errors[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% for title, rows in tables.items() %}<h2>{{ title }}</h2>
+<table><tr><th>error (RMS)</th>{% for kind in kinds.values() %}<th>{{ kind }}</th>{% endfor %}<th>unit</th></tr>
+{% for name, errors in rows.items() %}<tr><td>{{ name }}</td>
+{% for kind in kinds %}<td>{{ "%.3g"|format(errors[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+<tr class="typical"><td>typical (from the median)</td>
+{% for kind in kinds %}<td>{{ "%.3g"|format(errors.typical[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
 {% endfor %}</table>
+{% endfor %}
 {% for title, source in pictures.items() %}<h2>{{ title }}</h2><img alt="{{ title }}" src="{{ source }}">
 {% endfor %}
 <h2>All hypotheses that were fitted</h2><pre>{{ ranking }}</pre>
 <h2>diagnosis.json</h2><pre>{{ text }}</pre>
 </body></html>
 """
-KINDS = ("before", "tuned", "gp", "after", "after_gp", "noise_floor")
+KINDS = {
+    "before": "base",
+    "tuned": "base tuned",
+    "gp": "base + GP",
+    "after": "base + effects",
+    "after_gp": "base + effects + GP",
+    "noise_floor": "noise floor",
+}
+SHOWN = 100  # held-out windows among which the median and the worst are looked for
 TITLES = {
     "residual_inputs": "Residual against its two most telling inputs",
     "residual_time": "Residual over time, before and after",
-    "traces": "Measured and simulated: the median and the worst window",
+    "traces": "Measured and simulated: the median and the worst held-out window",
 }
 
 
@@ -58,9 +74,19 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, bytes], name: str) ->
         report=report,
         paragraphs=paragraphs(report),
         kinds=KINDS,
+        tables=_tables(report["fit"]),
         pictures=sources,
         ranking="\n".join(ranking(report)),
         text=json.dumps(short, indent=2),
+    )
+
+
+def _tables(fit: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Title -> rows of errors."""
+    rollout = {name: errors for name, errors in fit["rollout"].items() if name != "horizon_s"}
+    tables = {"One step ahead on held-out data": fit["one_step"]}
+    return tables | (
+        {f"After {fit['rollout']['horizon_s']:.3g} s on held-out data": rollout} if rollout else {}
     )
 
 
@@ -75,18 +101,30 @@ def figures(found: Diagnosis) -> dict[str, bytes]:
 
 
 def _inputs(found: Diagnosis) -> bytes:
-    problem, null = found.question.everything, found.judgement.null
-    windows, simulator = problem.windows, problem.simulator
-    names = (*simulator.state.names, *simulator.action.names)
-    values = np.concatenate([windows.measured[:, :-1], windows.actions], axis=2)
-    telling = [n for n in found.report["location"]["depends_on"] if n in names][:2] or list(names[:2])
-    channel = int(np.argmax(np.where(problem.observed, null.variance / problem.floor**2, 0.0)))
-    steps = np.diff(null.residuals, axis=1)[..., channel]
-    figure, axes = panels(1, len(telling), (9.0, 3.4))
+    """The rate that stands out most against what it depends on most, before and after."""
+    comparison, simulator = found.comparison, found.question.everything.simulator
+    channels = (*simulator.state, *simulator.action)
+    names = [channel.name for channel in channels]
+    ratio = {n: e["before"] / max(e["noise_floor"], 1e-300) for n, e in comparison.one_step.items()}
+    rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
+    telling = [n for n in found.report["location"]["depends_on"] if n in names][:2] or names[:2]
+    before, after = comparison.left_before[:, rate], comparison.left_after[:, rate]
+    low, high = np.quantile(before, [0.002, 0.998])
+    margin = 0.15 * (high - low) + 1e-12
+    outside = float(np.mean((before < low - margin) | (before > high + margin)))
+    figure, axes = panels(1, len(telling), (9.0, 3.6))
     for axis, name in zip(axes[0], telling, strict=True):
-        axis.plot(values[..., names.index(name)].ravel(), steps.ravel(), ".", markersize=2, alpha=0.4)
-        axis.set_xlabel(name)
-        axis.set_ylabel(f"step of {simulator.state.names[channel]}'s residual")
+        column = names.index(name)
+        for values, label in ((before, "base"), (after, "base + effects")):
+            axis.plot(comparison.inputs[:, column], values, ".", markersize=2.5, alpha=0.4, label=label)
+        axis.set_xlabel(f"{name} [{channels[column].unit}]")
+        axis.set_ylim(
+            low - margin, high + margin
+        )  # a sensor's leaps would flatten the rest: they are counted
+    axes[0, 0].set_ylabel(f"residual of {simulator.rate.names[rate]} [{simulator.rate.items[rate].unit}]")
+    if outside > 0:
+        axes[0, -1].set_title(f"{100 * outside:.2g} % lie outside", fontsize=9)
+    axes[0, 0].legend(fontsize=8, markerscale=4)
     return png(figure)
 
 
@@ -95,33 +133,45 @@ def _time(found: Diagnosis) -> bytes:
     channel = int(
         np.argmax(np.where(problem.observed, found.judgement.null.variance / problem.floor**2, 0.0))
     )
+    unit = problem.simulator.state.items[channel].unit
+    clock = problem.windows.t[:, 0]
+    session = bool((np.diff(clock) > 0).all())
     figure, axes = panels(1, 1, (9.0, 3.2))
-    for fit, label in ((found.judgement.null, "base"), (found.judgement.leader, "base + effects")):
-        size = np.sqrt(np.mean(fit.residuals[..., channel] ** 2, axis=1))
-        axes[0, 0].semilogy(np.arange(len(size)), np.maximum(size, 1e-12), ".", markersize=4, label=label)
-    axes[0, 0].set_xlabel("window, in the order of the recording")
-    axes[0, 0].set_ylabel(f"RMS residual of {problem.simulator.state.names[channel]}")
+    for one, label in ((found.judgement.null, "base"), (found.judgement.leader, "base + effects")):
+        size = np.sqrt(np.mean(one.residuals[..., channel] ** 2, axis=1))
+        at = clock if session else np.arange(len(size))
+        axes[0, 0].semilogy(at, np.maximum(size, 1e-12), ".", markersize=4, label=label)
+    axes[0, 0].set_xlabel("t [s]" if session else "window, in the order of the recording")
+    axes[0, 0].set_ylabel(f"RMS residual of {problem.simulator.state.names[channel]} [{unit}]")
     axes[0, 0].legend()
     return png(figure)
 
 
 def _traces(found: Diagnosis) -> bytes:
-    problem = found.question.everything
+    """The median and the worst held-out window (of all, where nothing was held out), start states fitted."""
+    question, leader = found.question, found.judgement.leader.hypothesis
+    problem = question.held_out if len(question.held_out.windows) else question.everything
+    problem = problem.on(spread_out(problem.windows, SHOWN))
     windows, simulator = problem.windows, problem.simulator
-    null, leader = found.judgement.null, found.judgement.leader
-    size = ((leader.residuals / problem.scale) ** 2).sum(axis=(1, 2))
-    order = np.argsort(size)
+    fits = [
+        fit(problem, h.frozen(), windows.measured[:, 0], iterations=8)
+        for h in (Hypothesis(scheme=leader.scheme), leader)
+    ]
+    base, corrected = (traced(problem, f) for f in fits)
+    order = np.argsort(((fits[1].residuals / problem.scale) ** 2).sum(axis=(1, 2)))
     figure, axes = panels(len(simulator.state), 2, (9.0, 1.9 * len(simulator.state)))
     for column, (row, label) in enumerate(((order[len(order) // 2], "median"), (order[-1], "worst"))):
         t = windows.t[row][windows.valid[row]]
         for i, channel in enumerate(simulator.state):
-            measured = windows.measured[row, : len(t), i]
             axis = axes[i, column]
-            axis.plot(t, measured, "k.", markersize=3, label="measured")
-            axis.plot(t, measured - null.residuals[row, : len(t), i], "--", label="base")
-            axis.plot(t, measured - leader.residuals[row, : len(t), i], label="base + effects")
+            if channel.name not in question.hidden:
+                axis.plot(t, windows.measured[row, : len(t), i], "k.", markersize=3, label="measured")
+            axis.plot(t, base[row, : len(t), i], "--", label="base")
+            axis.plot(t, corrected[row, : len(t), i], label="base + effects")
+            axis.ticklabel_format(useOffset=False)
             axis.set_ylabel(f"{channel.name} [{channel.unit}]")
             if i == 0:
                 axis.set_title(f"{label} window")
-    axes[0, 0].legend(fontsize=8)
+        axes[-1, column].set_xlabel("t [s]")
+    axes[-1, 0].legend(fontsize=8)
     return png(figure)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -53,6 +54,9 @@ class Simulator(ABC):
     rate: ClassVar[Channels]
     parameters: ClassVar[Mapping[str, Parameter]]
     coordinates: ClassVar[tuple[Coordinate, ...]] = ()
+    start: Mapping[str, float] = MappingProxyType(
+        {}
+    )  # a guess for every state channel that may go unmeasured
 
     @abstractmethod
     def rates(

@@ -16,6 +16,7 @@ A class that derives from gpsim.simulators.Simulator is taken as it is.
 
 from __future__ import annotations
 
+import copyreg
 import importlib.util
 import inspect
 import sys
@@ -48,8 +49,15 @@ def load_user_simulator(reference: str) -> Simulator:
             f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
         ) from error
     simulator = instance if isinstance(instance, Simulator) else UserSimulator(instance, reference)
+    # Copies in other processes come from the file, which is no importable module.
+    copyreg.pickle(type(simulator), lambda known: (load_user_simulator, (_reference(known, reference),)))
     _try(simulator, reference)
     return simulator
+
+
+def _reference(simulator: Simulator, reference: str) -> str:
+    """Where it came from: plain classes share the adapter, which knows; a Simulator has a name of its own."""
+    return simulator.name if isinstance(simulator, UserSimulator) else reference
 
 
 class UserSimulator(Simulator):

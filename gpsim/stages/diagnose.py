@@ -14,6 +14,7 @@ from gpsim.artifacts import Artifact, Json, Recipe, file_digest, read_artifact, 
 from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.recordings import Episode, Recording, read_recording
@@ -105,7 +106,8 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
     parameters = simulator.defaults(recording.parameters)
     rng = generator(request.seed, "diagnose")
-    found = diagnose(recording, simulator, parameters, rng, request.progress)
+    with cores(request.cores):
+        found = diagnose(recording, simulator, parameters, rng, request.progress)
     report = _plain(found.report)
     write_json(folder / "diagnosis.json", report)
     write_json(folder / "corrected.json", describe(found.plant, gp=True))

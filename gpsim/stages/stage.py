@@ -25,7 +25,8 @@ def silent(done: int, total: int, note: str) -> None:
 class Request:
     """A resolved configuration and where artifacts live.
 
-    words: the overrides as the user typed them, for messages; number: the version to take if it is free.
+    words: the overrides as the user typed them, for messages; number: the version to take if it is free; cores:
+    processes that one stage may use.
     """
 
     config: Mapping[str, Any]
@@ -33,6 +34,7 @@ class Request:
     progress: Progress = silent
     out: Path | None = None
     number: int | None = None
+    cores: int = 1
 
     @property
     def store(self) -> Store:

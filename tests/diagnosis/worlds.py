@@ -182,8 +182,12 @@ def record(
     integrator: str = "euler",
     session: bool = False,
     euler_truth: bool = False,
+    hold: int | None = None,
 ) -> Recording:
-    """Drive the world and write down what the sensors said. noise 1 is a decent sensor, 0 a perfect one."""
+    """Drive the world and write down what the sensors said. noise 1 is a decent sensor, 0 a perfect one.
+
+    hold: steps for which a random command is held, 4 to 8 without it.
+    """
     rng = np.random.default_rng(seed)
     vehicle = world.system in ("unicycle", "ackermann")
     dt = dt or (0.1 if vehicle else 0.02)
@@ -195,14 +199,15 @@ def record(
     if vehicle:
         sigma = {"m": 0.003, "rad": 0.005}
     sd = noise * np.array([sigma[unit] for unit in channels.units.values()])
-    n_fine = round(dt / (dt if euler_truth else H))
+    n_fine = max(1, round(dt / (dt if euler_truth else H)))
     h = dt / n_fine
     state = rng.normal(size=(episodes, len(channels))) * (0.3 if not vehicle else 1.0)
     if world.system == "cartpole":
         state *= np.array([1.0, 1.0, 0.3, 0.5])
     memory: dict = {}
     fine, commands, previous = [state], [], {}
-    hold = int(rng.integers(4, 9))
+    drawn = int(rng.integers(4, 9))  # drawn in any case, so that the rest of the world does not depend on it
+    hold = drawn if hold is None else hold
     step = vehicle_step if vehicle else mechanical_step
     offset = np.arange(episodes) * steps * dt if session else np.zeros(episodes)
     for k in range(steps):

@@ -14,17 +14,18 @@ H = 0.005
 
 
 def actuate(family, commands, h=H, **values):
-    """What an actuator effect makes of a sequence of commands, each held for h."""
+    """What an actuator effect makes of a sequence of commands, each held for h: at once and one by one the same."""
     effect = FAMILIES[family]
-    arrays = {k: np.array([v]) for k, v in values.items()}
+    columns = {k: np.array([[v]]) for k, v in values.items()}
+    u = np.asarray(commands, dtype=float)[None]
+    t, step = h * np.arange(u.shape[1])[None], np.full(u.shape, h)
+    at_once = effect.actuate(u, columns, effect.begin(1, 0.5, h), step, t)[0]
     memory = effect.begin(1, 0.5, h)
-    step = np.array([h])
-    return np.array(
-        [
-            effect.actuate(np.array([u]), arrays, memory, step, np.array([i * h]))[0]
-            for i, u in enumerate(commands)
-        ]
-    )
+    one_by_one = [
+        effect.actuate(u[:, [i]], columns, memory, step[:, [i]], t[:, [i]])[0, 0] for i in range(u.shape[1])
+    ]
+    np.testing.assert_allclose(one_by_one, at_once, rtol=0, atol=1e-14)
+    return at_once
 
 
 def slide(family, values, state, force=0.0, seconds=1.0, mass=2.0, h=H, gate=None, on="q"):

@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gpsim.diagnosis.preparing import prepare
+from gpsim.errors import UsageError
+from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs
 
 SETS = {
@@ -69,3 +72,27 @@ def test_the_cart_pole_falls_the_way_its_mapping_says(real):
     fit = np.linalg.lstsq(np.concatenate(rows), np.concatenate(accelerations), rcond=None)[0]
     assert fit[0] == pytest.approx(37.2, rel=0.2)
     assert fit[1] < -1.0
+
+
+@pytest.mark.parametrize("mapping", SETS)
+def test_every_set_can_be_put_as_a_question(real, tmp_path, mapping):
+    source, _ = SETS[mapping]
+    recording = import_log([real / source], tmp_path / "out", mapping).recording
+    tanks = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
+    simulator = make_simulator(f"{tanks}:CascadedTanks" if mapping == "cascaded_tanks" else recording.system)
+    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+    assert question.thinned == (10 if mapping == "emps" else 1)
+    assert question.hidden == (("upper",) if mapping == "cascaded_tanks" else ())
+    assert question.everything.substeps <= 4
+    measured = question.everything.windows.measured
+    assert np.isfinite(measured).all()
+    angles = [i for i, c in enumerate(recording.state) if c.wraps]
+    assert (np.abs(np.diff(measured[..., angles], axis=1)) < np.pi).all()
+
+
+def test_a_cart_that_is_held_still_is_refused_with_what_to_do(real, tmp_path):
+    source = real / "physical_cartpole" / "free_swing"
+    recording = import_log([source], tmp_path / "out", "physical_cartpole").recording
+    simulator = make_simulator("cartpole")
+    with pytest.raises(UsageError, match="channel x is constant.*needs a simulator without it"):
+        prepare(recording, simulator, simulator.defaults(recording.parameters))

@@ -1,0 +1,166 @@
+"""What the diagnosis says of recordings of real machines, with the base simulators of data/README.md and no hints.
+
+    GPSIM_RECORDINGS=... python benchmarks/real_recordings.py --out runs/real_recordings
+
+imports every set by its shipped mapping, diagnoses it, and writes OUT/summary.md: verdict, effects with 90 % intervals,
+rivals, held-out errors and processor seconds (which do not depend on what else the machine does). The diagnoses
+themselves (report.html, figures) lie beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = Path(os.environ.get("GPSIM_RECORDINGS", ROOT.parent / "shared" / "recordings"))
+GPSIM = Path(sys.executable).with_name("gpsim")
+TANKS = f"{ROOT / 'docs' / 'examples' / 'cascaded_tanks.py'}:CascadedTanks"
+KINDS = {
+    "before": "base", "tuned": "tuned", "gp": "GP", "after": "effects", "after_gp": "effects + GP",
+    "noise_floor": "floor",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Set:
+    """A public recording: where it lies, the mapping that imports it, and a simulator of one's own where needed."""
+
+    name: str
+    source: str
+    mapping: str
+    simulator: str | None = None
+
+
+SETS = (
+    Set("EMPS slide", "emps/DATA_EMPS.mat", "emps"),
+    Set("cart-pole rig, balancing", "physical_cartpole/balancing", "physical_cartpole"),
+    Set("cart-pole rig, cart held", "physical_cartpole/free_swing", "physical_cartpole"),
+    Set("DART car", "dart_jetracer/bags/4_sept_random_driving_slow.bag", "dart_jetracer"),
+    Set("F1TENTH car", "f1tenth_track", "f1tenth_track"),
+    Set("torque-limited pendulum", "simple_pendulum", "simple_pendulum"),
+    Set("cascaded tanks", "cascaded_tanks/dataBenchmark.csv", "cascaded_tanks", TANKS),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What the tool said of a set: its diagnosis, or the one line with which it refused."""
+
+    set: Set
+    seconds: float
+    report: Mapping[str, Any] | None
+    refusal: str
+
+
+def run(words: Sequence[str]) -> tuple[float, int, str]:
+    """Processor seconds, exit code and the last line of a gpsim command."""
+    started = processor_seconds()
+    done = subprocess.run([str(GPSIM), *words], capture_output=True, text=True, check=False)
+    lines = (done.stderr or done.stdout).strip().splitlines()
+    return processor_seconds() - started, done.returncode, lines[-1] if lines else ""
+
+
+def processor_seconds() -> float:
+    """What all commands have used so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def diagnosed(which: Set, out: Path) -> Outcome:
+    """Import and diagnose one set."""
+    recording, folder = out / "recordings" / which.source, out / which.source
+    _, code, said = run(
+        ["import", str(FOLDER / which.source), "--mapping", which.mapping, "--out", str(recording)]
+    )
+    if code:
+        return Outcome(which, 0.0, None, said)
+    own = ["--simulator", which.simulator] if which.simulator else []
+    seconds, code, said = run(["diagnose", str(recording), *own, "--out", str(folder)])
+    if code:
+        return Outcome(which, seconds, None, said)
+    return Outcome(which, seconds, json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")), "")
+
+
+def told(outcomes: Sequence[Outcome]) -> list[str]:
+    """The table of verdicts."""
+    lines = ["| set | verdict | what was left out, with 90 % intervals | processor s |", "|---|---|---|---|"]
+    for outcome in outcomes:
+        if outcome.report is None:
+            lines.append(f"| {outcome.set.name} | refused | {outcome.refusal} | {outcome.seconds:.0f} |")
+            continue
+        report = outcome.report
+        said = spoken(report["effects"]) or "nothing"
+        for rival in report["alternatives"]:
+            said += f"; or ({rival['probability']:.2f}): {spoken(rival['effects'])}"
+        lines.append(f"| {outcome.set.name} | {report['verdict']} | {said} | {outcome.seconds:.0f} |")
+    return lines
+
+
+def spoken(effects: Sequence[Mapping[str, Any]]) -> str:
+    """Effects with their numbers."""
+    return " + ".join(
+        f"{e['family']} on {e['on']} ("
+        + ", ".join(
+            f"{name} {p['value']:.3g} [{p['low']:.3g}, {p['high']:.3g}] {p['unit']}".removesuffix(" 1")
+            + (" AT ITS BOUND" if p["at_bound"] else "")
+            for name, p in e["parameters"].items()
+        )
+        + ")"
+        for e in effects
+    )
+
+
+def errors(outcomes: Sequence[Outcome]) -> list[str]:
+    """The table of held-out errors: one step, then rollouts."""
+    head = " | ".join(KINDS.values())
+    lines = [f"| set | error of | {head} | unit |", "|---" * (len(KINDS) + 3) + "|"]
+    for outcome in outcomes:
+        if outcome.report is None:
+            continue
+        fit = outcome.report["fit"]
+        horizon = fit["rollout"].get("horizon_s", 0.0)
+        runs = {
+            f"{name} after {horizon:.3g} s": e for name, e in fit["rollout"].items() if name != "horizon_s"
+        }
+        for name, e in {**fit["one_step"], **runs}.items():
+            values = " | ".join(f"{e[kind]:.3g}" for kind in KINDS)
+            lines.append(f"| {outcome.set.name} | {name} | {values} | {e['unit']} |")
+    return lines
+
+
+def main() -> None:
+    """Diagnose every set and write the summary."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("runs/real_recordings"), help="a folder that is new")
+    parser.add_argument("--only", nargs="*", default=[], help="mappings to look at, all by default")
+    given = parser.parse_args()
+    if not FOLDER.is_dir():
+        parser.error(f"no recordings at {FOLDER}: set GPSIM_RECORDINGS, see data/README.md")
+    if given.out.exists():
+        parser.error(f"{given.out} exists: the summary is of one run; name a new folder with --out")
+    outcomes = []
+    for which in SETS:
+        if given.only and which.mapping not in given.only:
+            continue
+        outcomes.append(diagnosed(which, given.out))
+        print("\n".join(told(outcomes[-1:])[2:]), flush=True)
+    text = "\n".join([*told(outcomes), "", *errors(outcomes), ""])
+    given.out.mkdir(parents=True, exist_ok=True)
+    (given.out / "summary.md").write_text(text, encoding="utf-8")
+    print("\n".join(["", *errors(outcomes)]))
+    print(f"\n{given.out / 'summary.md'}")
+
+
+if __name__ == "__main__":
+    main()

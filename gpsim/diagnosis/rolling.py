@@ -1,0 +1,83 @@
+"""Rollouts on held-out data: how far every model has drifted from the measurement after the horizon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray, difference
+from gpsim.diagnosis.hidden import smoothed
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.predicting import predicted
+from gpsim.diagnosis.preparing import Question, held_out_mask
+from gpsim.diagnosis.simulate import Extra
+from gpsim.diagnosis.windows import LENGTH, Windows, cut
+
+HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
+TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
+
+
+@dataclass(frozen=True)
+class Model:
+    """A hypothesis, and rates that are added to it."""
+
+    hypothesis: Hypothesis
+    extra: Extra | None = None
+
+
+def rollouts(
+    question: Question, models: Mapping[str, Model], noise: FloatArray, rng: np.random.Generator
+) -> dict[str, Any]:
+    """The contract's `rollout`: root mean square error of every measured channel after the horizon.
+
+    noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
+    `typical` holds the same from the median, which rare glitches of a sensor do not move.
+    """
+    problem, dt = question.everything, question.recording.dt
+    longest = max(len(e) for e in question.recording.episodes)
+    length = max(2, min(max(round(HORIZON / dt), LENGTH), LONGEST, longest))
+    errors, last = {}, None
+    for kind, model in models.items():
+        windows = _held_out(question, model.hypothesis, length)
+        if not len(windows):
+            return {"horizon_s": length * dt}
+        last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
+        errors[kind] = difference(windows.measured[:, -1], last, problem.simulator.state)
+    assert last is not None
+    start, end = (rng.normal(size=last.shape) * noise for _ in range(2))
+    noisy = replace(windows, measured=windows.measured + start[:, None])
+    disturbed = predicted(problem, noisy, model.hypothesis, model.extra)[:, -1]
+    errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
+    out: dict[str, Any] = {"horizon_s": length * dt}
+    for i, channel in enumerate(problem.simulator.state):
+        if channel.name not in question.hidden:
+            out[channel.name] = {kind: rms(e[:, i]) for kind, e in errors.items()} | {
+                "unit": channel.unit,
+                "typical": {kind: typical(e[:, i]) for kind, e in errors.items()},
+            }
+    return out
+
+
+def rms(errors: FloatArray) -> float:
+    """Root mean square of errors (N,)."""
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def typical(errors: FloatArray) -> float:
+    """The same of normal errors (N,), from the median."""
+    return float(TYPICAL * np.median(np.abs(errors)))
+
+
+def _held_out(question: Question, hypothesis: Hypothesis, length: int) -> Windows:
+    """Whole windows of the held-out part (of everything where nothing is held out), evenly spread."""
+    recording = smoothed(question.everything, question.recording, hypothesis, question.hidden)
+    windows = cut(recording, length)
+    held = held_out_mask(recording, windows)
+    windows = windows.take(held if held.any() else ~held)
+    windows = windows.take(windows.valid[:, -1])
+    if len(windows) > MOST:
+        windows = windows.take(np.linspace(0, len(windows) - 1, MOST).round().astype(np.int64))
+    return windows

@@ -1,0 +1,150 @@
+"""Generalised forces of force effects, and dry friction that sticks instead of chattering."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.effects.effect import ForceEffect, Values
+from gpsim.effects.term import Term
+from gpsim.simulators import Simulator
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What laws may look at: state (B, S), command (B, A), parameters and time t (B,) [s].
+
+    substep: (state at the start of the substep (B, S), its step (B,)), with which dry friction sticks; None where the
+    base simulator's own step is taken and friction is -m sgn(v).
+    """
+
+    state: FloatArray
+    action: FloatArray
+    parameters: Mapping[str, float | FloatArray]
+    t: FloatArray
+    substep: tuple[FloatArray, FloatArray] | None
+
+
+@dataclass(frozen=True)
+class Forces:
+    """The force terms among `terms`, on a simulator's coordinates."""
+
+    simulator: Simulator
+    terms: tuple[Term, ...]
+    channels: Channels
+
+    def __bool__(self) -> bool:
+        return bool(self._effects)
+
+    def rates(self, at: Instant, values: Sequence[Values]) -> FloatArray:
+        """(B, R) rates under all force terms."""
+        smooth, dry = self._applied(at, values)
+        rates = self.simulator.rates(at.state, at.action, at.parameters, smooth)
+        for coordinate in dry:
+            unit = np.zeros_like(smooth)
+            unit[:, coordinate] = 1.0
+            mobility = self.simulator.rates(at.state, at.action, at.parameters, smooth + unit) - rates
+            friction = self._dry_friction(coordinate, at, rates, mobility, values)
+            rates = rates + mobility * friction[:, None]
+            smooth[:, coordinate] += friction
+        return rates
+
+    @cached_property
+    def _effects(self) -> list[tuple[int, ForceEffect, int]]:
+        """Index of the term, its effect, its coordinate."""
+        names = [c.name for c in self.simulator.coordinates]
+        return [
+            (i, term.effect, names.index(term.on))
+            for i, term in enumerate(self.terms)
+            if isinstance(term.effect, ForceEffect)
+        ]
+
+    @cached_property
+    def _columns(self) -> list[tuple[int, int, int]]:
+        """Position, velocity and rate column of every coordinate."""
+        state, rate = self.simulator.state, self.simulator.rate
+        return [
+            (state.index(c.name), state.index(c.velocity), rate.index(c.rate))
+            for c in self.simulator.coordinates
+        ]
+
+    def _gated(self, term: int, force: FloatArray, at: Instant, values: Values) -> FloatArray:
+        gate = self.terms[term].gate
+        return force * gate.open(at.state, at.action, at.t, self.channels, values) if gate else force
+
+    def _applied(self, at: Instant, values: Sequence[Values]) -> tuple[FloatArray, list[int]]:
+        """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
+        smooth = np.zeros((len(at.state), len(self._columns)))
+        dry: list[int] = []
+        for i, effect, coordinate in self._effects:
+            position, velocity, _ = self._columns[coordinate]
+            force = effect.force(at.state[:, position], at.state[:, velocity], values[i])
+            if force is not None:
+                smooth[:, coordinate] += self._gated(i, force, at, values[i])
+            elif coordinate not in dry:
+                dry.append(coordinate)
+        return smooth, dry
+
+    def _grip(
+        self, coordinate: int, at: Instant, values: Sequence[Values], load: FloatArray | None
+    ) -> FloatArray:
+        """(B,) the most that dry friction can hold under a normal force `load`."""
+        position, velocity, _ = self._columns[coordinate]
+        total = np.zeros(len(at.state))
+        for i, effect, on in self._effects:
+            if on == coordinate:
+                most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], load)
+                if most is not None:
+                    total += self._gated(i, most, at, values[i])
+        return total
+
+    def _most(
+        self,
+        coordinate: int,
+        at: Instant,
+        values: Sequence[Values],
+        rates: FloatArray,
+        mobility: FloatArray,
+        sign: FloatArray,
+    ) -> FloatArray:
+        """(B,) the sliding friction's size; load and friction depend on each other, both affinely: m = m0 + k m."""
+        name = self.simulator.coordinates[coordinate].name
+        load = self.simulator.normal_force(at.state, rates, at.parameters).get(name)
+        most = self._grip(coordinate, at, values, load)
+        if load is None:
+            return most
+        change = self.simulator.normal_force(at.state, rates + mobility, at.parameters)[name] - load
+        slope = self._grip(coordinate, at, values, load + change * sign * most) - most
+        share = np.divide(slope, most, out=np.zeros_like(most), where=most > 0)
+        return np.asarray(most / np.maximum(1.0 - share, 0.1))
+
+    def _dry_friction(
+        self,
+        coordinate: int,
+        at: Instant,
+        rates: FloatArray,
+        mobility: FloatArray,
+        values: Sequence[Values],
+    ) -> FloatArray:
+        """(B,) the friction force, a mean over the substep. Rates are affine in it: rates + mobility * force.
+
+        A body that would reverse within the substep stops on the way, after a share of it; for the rest it is held,
+        as far as the grip allows, or starts the other way.
+        """
+        _, velocity, rate = self._columns[coordinate]
+        speed = at.state[:, velocity] if at.substep is None else at.substep[0][:, velocity]
+        free = -rates[:, rate] / mobility[:, rate]  # the force that would leave no acceleration
+        sign = np.where(speed != 0, -np.sign(speed), np.sign(free) if at.substep is not None else 0.0)
+        most = self._most(coordinate, at, values, rates, mobility, sign)
+        sliding = sign * most
+        if at.substep is None:
+            return np.asarray(sliding)
+        after = speed + at.substep[1] * (rates[:, rate] + mobility[:, rate] * sliding)
+        crosses = speed * after <= 0
+        gap = np.where(speed == after, 1.0, speed - after)
+        share = np.where(crosses, speed / gap, 1.0)
+        return np.asarray(share * sliding + (1.0 - share) * np.clip(free, -most, most))

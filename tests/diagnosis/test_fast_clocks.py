@@ -1,0 +1,61 @@
+"""Recordings at 1 kHz are read every 10 ms, unless that would hide what was commanded."""
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.telling import paragraphs
+from gpsim.diagnosis.thinning import thinned
+from gpsim.simulators import make_simulator
+
+from .truths import mechanical
+from .worlds import World, record
+
+FRICTION = next(t for t in mechanical("slider") if t.family == "coulomb_friction")
+
+
+def test_blocks_are_samples_and_mean_commands():
+    recording = record(World("slider"), episodes=2, steps=205, dt=0.001, hold=50)
+    slow, every = thinned(recording)
+    assert every == 10
+    assert slow.dt == pytest.approx(0.01)
+    for before, after in zip(recording.episodes, slow.episodes, strict=True):
+        assert len(after) == 20
+        np.testing.assert_array_equal(after.t, before.t[:201:10])
+        np.testing.assert_array_equal(after.states, before.states[:201:10])
+        np.testing.assert_allclose(after.actions, before.actions[:200].reshape(20, 10, 1).mean(axis=1))
+
+
+def test_an_uneven_clock_weighs_commands_by_time():
+    recording = record(World("slider"), episodes=1, steps=100, dt=0.001, hold=50)
+    (episode,) = recording.episodes
+    episode.t[1:] += 0.004  # the first command stands for 5 ms
+    (slow,) = thinned(recording)[0].episodes
+    u = episode.actions[:10, 0]
+    assert slow.actions[0, 0] == pytest.approx((5 * u[0] + u[1:].sum()) / 14)
+
+
+@pytest.mark.parametrize(("dt", "hold"), [(0.001, 1), (0.02, 8), (0.01, 50)])
+def test_nothing_is_thinned_where_commands_switch_at_every_sample_or_the_clock_is_slow(dt, hold):
+    recording = record(World("slider"), episodes=2, steps=400, dt=dt, hold=hold)
+    same, every = thinned(recording)
+    assert every == 1
+    assert same is recording
+
+
+def test_friction_is_named_from_a_recording_at_1_khz():
+    recording = record(FRICTION.world, seed=4, episodes=6, steps=2500, dt=0.001, hold=120)
+    simulator = make_simulator("slider")
+    found = diagnose(recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0))
+    report = found.report
+    assert report["thinned"] == 10
+    assert "every 10th sample" in paragraphs(report)[0]
+    assert found.plant.dt == pytest.approx(0.001)  # the corrected simulator keeps the command's pace
+    assert report["verdict"] == "named"
+    (effect,) = report["effects"]
+    assert (effect["family"], effect["on"]) == ("coulomb_friction", "q")
+    got = effect["parameters"]["force"]
+    assert not got["at_bound"]
+    assert abs(got["value"] - FRICTION.values["force"]) < 0.03 * FRICTION.values["force"]
+    held_out = report["fit"]["rollout"]["q"]
+    assert held_out["after"] < 0.2 * held_out["before"]
