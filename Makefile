@@ -8,7 +8,7 @@ ARGS ?=
 STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
-.PHONY: help install run smoke prove report $(STAGES) test test-slow lint format types bench wheel clean
+.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow lint format types bench wheel clean
 
 help:            ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
@@ -31,8 +31,12 @@ prove: install   ## Concealed worlds, diagnosed blind: ARGS="--trials 40 --seed 
 run: install     ## The full CartPole loop: train, collect, learn the residual, train again, evaluate, report
 	$(GPSIM) run full-loop experiment=cartpole $(ARGS)
 
-smoke: install   ## The whole loop on a tiny budget, under a minute
+run-limo: install  ## The full Limo loop: a car's bag, its corrected simulators, policies that reach a goal
+	$(GPSIM) run full-loop experiment=limo $(ARGS)
+
+smoke: install   ## Both whole loops on a tiny budget, under a minute each
 	$(GPSIM) run full-loop experiment=cartpole budget=smoke $(ARGS)
+	$(GPSIM) run full-loop experiment=limo budget=smoke $(ARGS)
 
 report: install  ## Tables and HTML page of a finished loop
 	$(GPSIM) report experiment=cartpole $(ARGS)
@@ -61,6 +65,7 @@ bench: install   ## Speed, side by side with other libraries
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[benchmark]'
 	$(BIN)/python benchmarks/gp_speed.py
 	$(BIN)/python benchmarks/training_speed.py
+	$(BIN)/python benchmarks/sac_speed.py
 
 wheel: install   ## Build the wheel into dist/
 	$(BIN)/python -m build --wheel

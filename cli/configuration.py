@@ -46,7 +46,11 @@ def as_yaml(config: dict[str, Any]) -> str:
 
 def _one_line(error: Exception, words: Sequence[str]) -> str:
     text = str(error)
-    choices = re.search(r"Could not find '([^']+)'.*?Available options in '([^']+)':\s*(.*)", text, re.DOTALL)
+    choices = re.search(
+        r"Could not find '([^']+)'.*?Available options in '([^']+)':\s*(.*?)(?:Config search path|\Z)",
+        text,
+        re.DOTALL,
+    )
     if choices:
         options = ", ".join(choices.group(3).split())
         return f"no '{choices.group(1).split('/')[-1]}' among the choices of {choices.group(2)}; there are: {options}"

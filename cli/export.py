@@ -33,3 +33,20 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
     typer.echo(f"export: {out}")
     for line in notes:
         typer.echo(f"  {line}")
+
+
+Policy = Annotated[
+    Path, typer.Argument(metavar="PATH", help="An artifact of train-source or train-gp-policy.")
+]
+OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it must not exist.")]
+
+
+@export_app.command("policy")
+def policy_command(path: Policy, out: OutFolder) -> None:
+    """A trained policy as ONNX and, for a vehicle with a goal, a short ROS node that plays it."""
+    from gpsim.stages.export_policy import export_policy
+
+    notes = export_policy(path, out)
+    typer.echo(f"export: {out}")
+    for line in notes:
+        typer.echo(f"  {line}")

@@ -38,7 +38,7 @@ def full_loop(
         typer.echo(as_yaml(config), nl=False)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.tables import terminal_tables
+    from gpsim.reports.tables import terminal_notes, terminal_tables
     from gpsim.stages import full_loop as loop
     from gpsim.stages import report
     from gpsim.stages.stage import Request
@@ -56,12 +56,13 @@ def full_loop(
         chosen = tuple(request.seed + i for i in range(seeds))
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
-        tables = terminal_tables(report.gather(request, chosen))
+        gathered = report.gather(request, chosen)
+        tables, notes = terminal_tables(gathered), terminal_notes(gathered)
     console.print(f"finished in {time.monotonic() - started:.0f} s", highlight=False)
-    show(artifact.path, tables)
+    show(artifact.path, tables, notes)
 
 
-def show(folder: Path, tables: list[Table]) -> None:
+def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
     """Print the tables, then where the page and the summary lie."""
     console = Console()
     if not console.is_terminal:
@@ -69,6 +70,8 @@ def show(folder: Path, tables: list[Table]) -> None:
     for table in tables:
         console.print(table)
         console.print()
+    for note in notes:
+        typer.echo(note)
     typer.echo(f"report: {folder / 'report.html'}")
     typer.echo(folder / "summary.json")  # the path alone on the last line, for programs
 
@@ -81,11 +84,12 @@ def report_command(
     if show_config:
         typer.echo(as_yaml(config), nl=False)
         return
-    from gpsim.reports.tables import terminal_tables
+    from gpsim.reports.tables import terminal_notes, terminal_tables
     from gpsim.stages import report
     from gpsim.stages.stage import Request
 
     request = Request(config, tuple(words or ()))
     chosen = tuple(request.seed + i for i in range(seeds))
     artifact, _ = report.stage_for(chosen).make(request)
-    show(artifact.path, terminal_tables(report.gather(request, chosen)))
+    gathered = report.gather(request, chosen)
+    show(artifact.path, terminal_tables(gathered), terminal_notes(gathered))

@@ -19,9 +19,9 @@ ShowConfig = Annotated[bool, typer.Option("--show-config", help="Print the resol
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/<stage>/vNNNN.")
 ]
+PANEL = "Stages, in order"
 STAGES = {
     "train-source": "Train a policy in the base simulator (variant=source|randomised|target).",
-    "collect": "Record episodes of the target, or import logs of it (collect.source=my.bag).",
     "build-residuals": "Subtract the simulator's prediction from the recording, rate by rate.",
     "fit-gp": "Fit one Gaussian process per rate to the residuals.",
     "train-gp-policy": "Train a policy in the corrected simulator (prediction=mean|sample).",
@@ -32,8 +32,12 @@ STAGES = {
 
 def add_stages(app: typer.Typer) -> None:
     """One command a stage, in the order of the loop."""
+    from .collect import collect_command  # it shares this module's options
+
     for name, text in STAGES.items():
-        app.command(name, help=text, rich_help_panel="Stages, in order")(_command(name))
+        app.command(name, help=text, rich_help_panel=PANEL)(_command(name))
+        if name == "train-source":
+            app.command("collect", rich_help_panel=PANEL)(collect_command)
 
 
 def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the signature of the inner function
@@ -44,14 +48,15 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
         if show_config:
             typer.echo(as_yaml(config), nl=False)
             return
-        _run(name, config, tuple(words or ()), config_dir, out)
+        run_stage(name, config, tuple(words or ()), config_dir, out)
 
     return command
 
 
-def _run(
+def run_stage(
     name: str, config: dict[str, object], words: tuple[str, ...], config_dir: Path | None, out: Path | None
 ) -> None:
+    """Make a stage's artifact and print where it lies."""
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
     from gpsim.stages import registry
     from gpsim.stages.stage import Request

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
 from gpsim.envs import Episodes
@@ -14,6 +15,7 @@ from gpsim.simulators.plant import Plant
 from gpsim.tasks import Start, Task
 from gpsim.tasks.task import Actions
 
+HOLD_CHANGE = 0.1
 Act = Callable[[NDArray[np.float32]], Actions]
 """act(observations (B, O)) -> actions of the batch."""
 
@@ -24,9 +26,25 @@ def policy_actor(policy: Policy, rng: np.random.Generator | None = None) -> Act:
 
 
 def random_actor(task: Task, rng: np.random.Generator) -> Act:
-    """Uniform random actions of a discrete action space."""
-    choices = int(task.action_space.n)  # type: ignore[attr-defined]
-    return lambda observations: rng.integers(0, choices, len(observations))
+    """Uniform random actions; continuous ones are held, with a chance of HOLD_CHANGE a step to be drawn anew.
+
+    A command that changes ten times a second would average to its middle before any machine could follow it.
+    """
+    space = task.action_space
+    if isinstance(space, Discrete):
+        choices = int(space.n)
+        return lambda observations: rng.integers(0, choices, len(observations))
+    assert isinstance(space, Box)
+    held: list[Actions] = []
+
+    def act(observations: NDArray[np.float32]) -> Actions:
+        shape = (len(observations), *space.shape)
+        fresh = rng.uniform(space.low, space.high, shape)
+        again = rng.random(len(observations)) < HOLD_CHANGE
+        held[:] = [np.where(again[:, None], fresh, held[0]) if held else fresh]
+        return held[0]
+
+    return act
 
 
 def dithered_actor(actor: Act, task: Task, share: float, rng: np.random.Generator) -> Act:
@@ -35,7 +53,8 @@ def dithered_actor(actor: Act, task: Task, share: float, rng: np.random.Generato
 
     def act(observations: NDArray[np.float32]) -> Actions:
         mixed = rng.random(len(observations)) < share
-        return np.where(mixed, random(observations), actor(observations))
+        drawn, chosen = random(observations), actor(observations)
+        return np.where(mixed.reshape(-1, *[1] * (drawn.ndim - 1)), drawn, chosen)
 
     return act
 

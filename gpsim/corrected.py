@@ -8,8 +8,10 @@ from typing import Literal, Protocol
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.command_filter import CommandFilter, mean_rates
 from gpsim.features import Features
 from gpsim.gp import Predictor
+from gpsim.residuals import Residuals
 from gpsim.simulators.plant import Memory, SimulatorPlant
 
 Prediction = Literal["mean", "sample"]
@@ -61,19 +63,27 @@ class GpCorrection:
 class CorrectedPlant(SimulatorPlant):
     """A simulator whose rates are corrected; the correction is taken at the step's start and held over it.
 
-    That is how residuals are defined: mean rates over a step at the state and action it starts from.
+    That is how residuals are defined: mean rates over a step at the state and action it starts from. With a filter,
+    simulator and correction get the command that arrives, not the one that was sent.
     """
 
     correction: RateCorrection
+    filter: CommandFilter | None = None
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
-        """The correction's memory."""
-        return self.correction.begin(count, rng)
+        """The correction's memory and the filter's."""
+        memory = self.correction.begin(count, rng)
+        if self.filter is not None:
+            memory = memory | {f"filter/{k}": v for k, v in self.filter.begin(count).items()}
+        return memory
 
     def step(
         self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
     ) -> FloatArray:
         """One control step with action and correction held."""
+        if self.filter is not None:
+            own = {k.removeprefix("filter/"): v for k, v in memory.items() if k.startswith("filter/")}
+            action = self.filter.step(action, own)
         extra = self.correction.rates(state, action, memory, rng)
         return self.simulator.integrate(
             state,
@@ -81,3 +91,15 @@ class CorrectedPlant(SimulatorPlant):
             np.full(len(state), self.dt),
             self.integrator,
         )
+
+
+def arrived_inputs(plant: CorrectedPlant, data: Residuals) -> tuple[FloatArray, FloatArray]:
+    """What the correction sees of recorded transitions, and what the filter alone changes of the rates.
+
+    Returns state and arrived action (N, S + A), and the base's rates (N, R) under what arrived minus what was sent.
+    """
+    if plant.filter is None:
+        return data.inputs, np.zeros_like(data.simulated)
+    states, actions = np.split(data.inputs, [len(plant.state)], axis=1)
+    arrived = plant.filter.arrived(actions, data.episode)
+    return np.hstack([states, arrived]), mean_rates(plant, states, arrived) - data.simulated

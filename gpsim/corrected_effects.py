@@ -82,8 +82,8 @@ class EffectsPlant:
             memory["clock"] += step
         return state
 
-    def measure(self, state: FloatArray) -> FloatArray:
-        """(B, S): what the sensors say, their delays left out."""
+    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what the corrected sensors say, their delays and noise left out."""
         still = Chain(
             self.simulator,
             self.parameters,

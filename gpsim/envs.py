@@ -32,7 +32,7 @@ class Episodes:
         self.states, self.context = start.states.copy(), start.context.copy()
         self.memory = self.plant.begin(self.count, self.rng)
         self.steps = np.zeros(self.count, dtype=np.int64)
-        return self.task.observe(self.states, self.context)
+        return self.observe()
 
     def step(self, actions: Actions) -> tuple[FloatArray, BoolArray, BoolArray]:
         """One control step; returns rewards, terminated and truncated, each (B,); does not restart anything."""
@@ -44,8 +44,8 @@ class Episodes:
         return rewards, terminated, (self.steps >= self.task.max_steps) & ~terminated
 
     def observe(self) -> NDArray[np.float32]:
-        """(B, O): what the policy sees now."""
-        return self.task.observe(self.states, self.context)
+        """(B, O): what the policy sees now, of the measured states."""
+        return self.task.observe(self.plant.measure(self.states, self.rng), self.context)
 
     def restart(self, rows: BoolArray) -> None:
         """Begin new episodes in the masked rows."""
@@ -57,10 +57,13 @@ class Episodes:
 
 
 class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, Any]):
-    """A Gymnasium VectorEnv whose episodes step as one NumPy batch and restart within the same step."""
+    """A Gymnasium VectorEnv whose episodes step as one NumPy batch and restart within the same step.
 
-    def __init__(self, plant: Plant, task: Task, count: int, seed: int) -> None:
-        self.num_envs = count
+    An action is played for `repeat` control steps, their rewards added up; an episode that ends on the way stays there.
+    """
+
+    def __init__(self, plant: Plant, task: Task, count: int, seed: int, repeat: int = 1) -> None:
+        self.num_envs, self.repeat = count, repeat
         self.single_observation_space = task.observation_space
         self.single_action_space = task.action_space
         self.observation_space = batch_space(task.observation_space, count)
@@ -79,8 +82,15 @@ class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, Any]):
     def step(
         self, actions: Actions
     ) -> tuple[NDArray[np.float32], FloatArray, BoolArray, BoolArray, dict[str, Any]]:
-        """One control step of every episode; ended ones restart, their last observation is in `final_obs`."""
+        """Play the actions in every episode; ended ones restart, their last observation is in `final_obs`."""
         rewards, terminated, truncated = self.episodes.step(actions)
+        for _ in range(self.repeat - 1):
+            over, states = terminated | truncated, self.episodes.states
+            more, ended, late = self.episodes.step(actions)
+            self.episodes.states[over] = states[over]
+            rewards += np.where(over, 0.0, more)
+            terminated |= ended & ~over
+            truncated |= late & ~over
         observations = self.episodes.observe()
         done = terminated | truncated
         info: dict[str, Any] = {}

@@ -35,6 +35,47 @@ class PpoSettings:
 
 
 @dataclass(frozen=True)
+class SacSettings:
+    """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905) as stable-baselines3 runs it, on many environments."""
+
+    total_steps: int = 400_000  # environment steps over all environments
+    n_envs: int = 64  # parallel environments
+    gradient_steps: int = 8  # updates after each step of all environments
+    batch_size: int = 256
+    buffer_size: int = 300_000  # transitions
+    learning_starts: int = 2000  # steps of random actions before the first update
+    learning_rate: float = 3e-4  # falls linearly to 0 if `anneal`
+    anneal: bool = True
+    gamma: float = 0.99
+    tau: float = 0.005  # share of the critic that the target critic takes over at each update
+    n_step: int = 1  # decisions whose rewards count before the critic takes over
+    action_repeat: int = 5  # control steps that an action is held while training; it is deployed at every one
+    initial_entropy: float = 0.1  # first value of the entropy coefficient, which then adapts
+    target_entropy: float = -2.0  # what it adapts to, for all actions together
+    hidden: Sequence[int] = (64, 64)  # rectified units, for the actor and for each critic
+    observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
+    reward_scale: float = 1.0  # rewards are multiplied by it while training
+    checkpoint_every: int = (
+        10_000  # steps between evaluations in the training simulator, the best of which is kept
+    )
+    checkpoint_episodes: int = 200
+    checkpoint_gamma: float = 0.995  # an evaluation's score is the mean return discounted by this a step
+
+
+@dataclass(frozen=True)
+class Checkpoints:
+    """Evaluations of the most probable actions in the training simulator. All (evaluations,).
+
+    score: mean discounted return; success: share of episodes that ended before the limit of steps; length: mean steps.
+    """
+
+    steps: NDArray[np.int64]
+    score: NDArray[np.float64]
+    success: NDArray[np.float64]
+    length: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
 class LearningCurve:
     """Training returns: mean over the episodes that ended in each update. All (updates,)."""
 

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import torch
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from gpsim.envs import BatchedEnv
-from gpsim.learning import LearningCurve, PpoSettings, Progress
+from gpsim.envs import BatchedEnv, Episodes
+from gpsim.learning import Checkpoints, LearningCurve, PpoSettings, Progress, SacSettings
 from gpsim.policy import Policy
 
 
@@ -24,8 +25,7 @@ def train_ppo(
 ) -> tuple[Policy, LearningCurve]:
     """Train on one torch thread (two are no faster for networks of this size) and return plain arrays."""
     torch.set_num_threads(1)
-    size = env.single_observation_space.shape[0]  # type: ignore[index]
-    scale = np.asarray(settings.observation_scale or np.ones(size), dtype=np.float32)
+    scale = _observation_scale(env, settings.observation_scale)
     watcher = _Watcher(settings.total_steps, progress)
     # A rollout longer than the whole budget would overshoot it (tiny budgets).
     n_steps = min(settings.n_steps, max(settings.total_steps // settings.n_envs, 2))
@@ -35,6 +35,45 @@ def train_ppo(
         model = _ppo(env, scale, settings, n_steps, seed)
     model.learn(settings.total_steps, callback=watcher)
     return _actor(model, scale), watcher.curve()
+
+
+def train_sac(
+    env: BatchedEnv, settings: SacSettings, seed: int, progress: Progress
+) -> tuple[Policy, LearningCurve, Checkpoints]:
+    """Train on one torch thread; returns the checkpoint that did best in the training simulator, and all their scores.
+
+    Every `checkpoint_every` steps the most probable actions are tried there, at every control step, on starts of
+    their own that are the same each time.
+    """
+    torch.set_num_threads(1)
+    scale = _observation_scale(env, settings.observation_scale)
+    judge = _Judge(env, scale, settings, seed, progress)
+    model = SAC(
+        "MlpPolicy",
+        _StableBaselinesEnv(env, scale, settings.reward_scale),
+        learning_rate=_linear(settings.learning_rate, settings.anneal),
+        buffer_size=min(settings.buffer_size, max(settings.total_steps, settings.n_envs)),
+        learning_starts=settings.learning_starts,
+        batch_size=settings.batch_size,
+        tau=settings.tau,
+        gamma=settings.gamma,
+        train_freq=1,
+        gradient_steps=settings.gradient_steps,
+        n_steps=settings.n_step,
+        ent_coef=f"auto_{settings.initial_entropy}",
+        target_entropy=settings.target_entropy,
+        policy_kwargs={"net_arch": list(settings.hidden)},
+        seed=seed,
+        device="cpu",
+    )
+    model.learn(settings.total_steps, callback=judge)
+    judge.judge()
+    return judge.best, judge.curve(), judge.checkpoints()
+
+
+def _observation_scale(env: BatchedEnv, given: Sequence[float]) -> NDArray[np.float32]:
+    size = env.single_observation_space.shape[0]  # type: ignore[index]
+    return np.asarray(given or np.ones(size), dtype=np.float32)
 
 
 def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_steps: int, seed: int) -> PPO:
@@ -60,13 +99,38 @@ def _linear(start: float, anneal: bool) -> float | Callable[[float], float]:
 
 
 def _actor(model: PPO, scale: NDArray[np.float32]) -> Policy:
-    state = {k: v.detach().cpu().numpy().copy() for k, v in model.policy.state_dict().items()}
-    hidden = sorted({k.rsplit(".", 1)[0] for k in state if k.startswith("mlp_extractor.policy_net.")})
+    state = _arrays(model.policy)
     weights = {}
-    for i, prefix in enumerate([*hidden, "action_net"]):
+    for i, prefix in enumerate([*_hidden(state, "mlp_extractor.policy_net."), "action_net"]):
         weights[f"layer.{i}.weight"] = state[f"{prefix}.weight"]
         weights[f"layer.{i}.bias"] = state[f"{prefix}.bias"]
     return Policy(weights, scale)
+
+
+def _squashed_actor(model: SAC, scale: NDArray[np.float32]) -> Policy:
+    """The last layer holds the mean's rows above the log spread's."""
+    state, weights = _arrays(model.actor), {}
+    hidden = _hidden(state, "latent_pi.")
+    for i, prefix in enumerate(hidden):
+        weights[f"layer.{i}.weight"] = state[f"{prefix}.weight"]
+        weights[f"layer.{i}.bias"] = state[f"{prefix}.bias"]
+    for part in ("weight", "bias"):
+        weights[f"layer.{len(hidden)}.{part}"] = np.concatenate(
+            [state[f"mu.{part}"], state[f"log_std.{part}"]]
+        )
+    space = model.action_space
+    assert isinstance(space, Box)
+    return Policy(weights, scale, np.stack([space.low, space.high]).astype(np.float32), "relu")
+
+
+def _arrays(module: torch.nn.Module) -> dict[str, NDArray[np.float32]]:
+    return {k: v.detach().cpu().numpy().copy() for k, v in module.state_dict().items()}
+
+
+def _hidden(state: Mapping[str, NDArray[np.float32]], start: str) -> list[str]:
+    """The names of the hidden layers below `start`, in order."""
+    names = {k.rsplit(".", 1)[0] for k in state if k.startswith(start)}
+    return sorted(names, key=lambda name: int(name.rsplit(".", 1)[1]))
 
 
 class _Watcher(BaseCallback):
@@ -87,8 +151,76 @@ class _Watcher(BaseCallback):
         self._progress(min(self.num_timesteps, self._total), self._total, f"return {mean:.0f}")
 
     def curve(self) -> LearningCurve:
+        """Everything so far."""
         columns = list(zip(*self._rows, strict=True))
         return LearningCurve(np.array(columns[0]), np.array(columns[1]), np.array(columns[2]))
+
+
+class _Judge(BaseCallback):
+    """Evaluates in the training simulator now and then and keeps the best policy."""
+
+    best: Policy
+
+    def __init__(
+        self,
+        env: BatchedEnv,
+        scale: NDArray[np.float32],
+        settings: SacSettings,
+        seed: int,
+        progress: Progress,
+    ) -> None:
+        super().__init__()
+        self._plant, self._task = env.episodes.plant, env.episodes.task
+        self._scale, self._settings, self._seed, self._progress = scale, settings, seed, progress
+        self._rows: list[tuple[int, float, float, float]] = []
+        self._returns: list[tuple[int, float, int]] = []
+
+    def _on_step(self) -> bool:
+        if self.num_timesteps >= (len(self._rows) + 1) * self._settings.checkpoint_every:
+            self.judge()
+        return True
+
+    def judge(self) -> None:
+        """Try the policy as it is now."""
+        if self._rows and self._rows[-1][0] == self.num_timesteps:
+            return
+        assert isinstance(self.model, SAC)
+        policy = _squashed_actor(self.model, self._scale)
+        score, success, length = self._try(policy)
+        if not self._rows or score > max(row[1] for row in self._rows):
+            self.best = policy
+        self._rows.append((self.num_timesteps, score, success, length))
+        finished = self.training_env.take_finished()  # type: ignore[attr-defined]
+        mean = float(np.mean(finished)) if finished else float("nan")
+        self._returns.append((self.num_timesteps, mean, len(finished)))
+        total = self._settings.total_steps
+        self._progress(min(self.num_timesteps, total), total, f"success {success:.2f}, {length:.0f} steps")
+
+    def _try(self, policy: Policy) -> tuple[float, float, float]:
+        count = self._settings.checkpoint_episodes
+        running = Episodes(self._plant, self._task, count, np.random.default_rng(self._seed))
+        observations = running.begin()
+        alive, score = np.ones(count, dtype=np.bool_), np.zeros(count)
+        length = np.full(count, self._task.max_steps)
+        for k in range(self._task.max_steps):
+            rewards, terminated, _ = running.step(policy.act(observations))
+            score += np.where(alive, rewards, 0.0) * self._settings.checkpoint_gamma**k
+            length[alive & terminated] = k + 1
+            alive &= ~terminated
+            if not alive.any():
+                break
+            observations = running.observe()
+        return float(score.mean()), float(1.0 - alive.mean()), float(length.mean())
+
+    def curve(self) -> LearningCurve:
+        """Returns in training between the checkpoints."""
+        steps, means, episodes = zip(*self._returns, strict=True)
+        return LearningCurve(np.array(steps), np.array(means), np.array(episodes))
+
+    def checkpoints(self) -> Checkpoints:
+        """Every evaluation."""
+        steps, score, success, length = zip(*self._rows, strict=True)
+        return Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
 
 
 class _StableBaselinesEnv(VecEnv):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -36,6 +36,14 @@ class Residuals:
     def values(self) -> FloatArray:
         """(N, R): measured minus simulated rates."""
         return self.measured - self.simulated
+
+    def take(self, rows: BoolArray) -> Residuals:
+        """The transitions of the mask `rows` (N,)."""
+        columns = {
+            name: getattr(self, name)[rows]
+            for name in ("inputs", "measured", "simulated", "t", "episode", "test", "order")
+        }
+        return replace(self, **columns)
 
     def training_rows(self, count: int) -> IntArray:
         """Row numbers of the first `count` training rows of the subsample, in the recording's order."""

@@ -13,8 +13,28 @@ LEVELS = [
     {"cli"},
     {"stages"},
     {"diagnosis", "evaluation", "policies", "trials", "reports"},
-    {"corrected", "corrected_effects", "envs", "residuals", "collecting", "policy", "learning"},
-    {"gp", "effects", "tasks", "simulators", "targets", "recordings", "features", "settings"},
+    {
+        "corrected",
+        "corrected_effects",
+        "envs",
+        "residuals",
+        "collecting",
+        "driving",
+        "policy",
+        "policy_export",
+        "learning",
+    },
+    {
+        "gp",
+        "effects",
+        "tasks",
+        "simulators",
+        "targets",
+        "recordings",
+        "features",
+        "settings",
+        "command_filter",
+    },
     {"channels", "artifacts", "provenance"},
     {"errors"},
 ]
@@ -63,8 +83,13 @@ SIDEWAYS = {
     ("artifacts", "provenance"),
     ("collecting", "envs"),  # drives episodes
     ("collecting", "policy"),
+    ("command_filter", "simulators"),  # has a memory, as a plant has
+    ("corrected", "residuals"),  # applies to what was recorded, too
+    ("policy_export", "policy"),
+    ("driving", "collecting"),  # a policy at the wheel
     ("corrected_effects", "corrected"),  # both kinds of correction meet there
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
+    ("reports", "evaluation"),  # and what an evaluation did
     ("reports", "diagnosis"),  # shows what a diagnosis found
     ("targets", "simulators"),  # a target is a plant
     (

@@ -6,7 +6,7 @@ from gpsim.cli.configuration import as_yaml, resolve
 from gpsim.errors import UsageError
 from gpsim.learning import PpoSettings
 from gpsim.settings import build
-from gpsim.stages.building import base_plant, make_task, ppo_settings, target_plant
+from gpsim.stages.building import base_plant, make_task, target_plant, training_settings
 
 
 def test_the_thesis_is_the_default():
@@ -39,7 +39,7 @@ def test_overrides_reach_the_objects():
     assert make_task(config).position_limit is None
     assert target_plant(config).contact == "stick"
     assert target_plant(config).parameters["cart_mass"] == 2
-    assert ppo_settings(config).gamma == 0.9
+    assert training_settings(config).gamma == 0.9
     assert config["seed"] == 3
     assert resolve(["gp=raw"], None)["gp"]["inputs"] == ["x", "x_dot", "theta", "theta_dot", "force"]
     assert resolve(["budget=smoke"], None)["policy"]["total_steps"] < 10_000
@@ -58,7 +58,7 @@ def test_a_folder_of_ones_own(tmp_path):
     ("words", "message"),
     [
         (["experiment=cartpol"], "no 'cartpol' among the choices of experiment; there are: cartpole"),
-        (["gp=rau"], "no 'rau' among the choices of gp; there are: jump, raw"),
+        (["gp=rau"], "no 'rau' among the choices of gp; there are: arrived, jump, raw, sweep$"),
         (["gp.n_trian=5"], r"no setting 'gp.n_trian'; gp has: n_train, .*did you mean gp.n_train\?"),
         (["sed=3"], r"no setting 'sed'; the top level has: .*did you mean seed\?"),
         (["seed.x=3"], "no setting 'seed.x'"),
@@ -83,7 +83,7 @@ def test_mistakes_are_one_line(words, message):
 )
 def test_wrong_values_name_the_key(words, message):
     with pytest.raises(UsageError, match=message):
-        ppo_settings(resolve(words, None))
+        training_settings(resolve(words, None))
     with pytest.raises(UsageError, match="target.contact: 'glue' is not one of chatter, stick"):
         target_plant(resolve(["target.contact=glue"], None))
     with pytest.raises(UsageError, match="policy: no setting 'momentum'"):

@@ -11,38 +11,41 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.evaluation.returns import summarise_all
 
 Json = dict[str, Any]
+NOTES = ("judged_on", "not_driven")
 AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout")
 
 
-def start_sets(returns: Mapping[str, FloatArray], certified: BoolArray) -> dict[str, BoolArray]:
+def start_sets(
+    returns: Mapping[str, FloatArray], certified: BoolArray, reached: Mapping[str, BoolArray] | None = None
+) -> dict[str, BoolArray]:
     """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
 
-    returns: policy to (seeds, N). Solved means the highest return that any policy reached anywhere. Without a Target
-    policy the first set is the certified one.
+    returns: policy to (seeds, N). Solved means the highest return that any policy reached anywhere or, where the task
+    has a goal, that it was reached: policy to (seeds, N). Without a Target policy the first set is the certified one.
     """
     full = max(float(values.max()) for values in returns.values())
-    target = returns.get("Target")
-    solved = np.asarray((target >= full).any(axis=0)) if target is not None else certified
+    solves = {name: values >= full for name, values in returns.items()} if reached is None else reached
+    solved = np.asarray(solves["Target"].any(axis=0)) if "Target" in solves else certified
     return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
 
 
 def summarise_seeds(
-    evaluations: Sequence[Json], returns: Mapping[str, FloatArray], certified: BoolArray, experiment: str
+    evaluations: Sequence[Json],
+    returns: Mapping[str, FloatArray],
+    sets: Mapping[str, BoolArray],
+    experiment: str,
 ) -> Json:
     """The content of summary.json: returns on the three sets of starts, and the other layers averaged over seeds.
 
-    evaluations: one evaluation.json a seed; returns: policy to (seeds, N).
+    evaluations: one evaluation.json a seed; returns: policy to (seeds, N); sets: as `start_sets` makes them.
     """
-    sets = start_sets(returns, certified)
     return {
         "experiment": experiment,
         "seeds": [evaluation["seed"] for evaluation in evaluations],
         **{key: summarise_all(returns, starts) for key, starts in sets.items()},
         "share": {key: float(starts.mean()) for key, starts in sets.items()},
-        **{
-            key: _mean([e[key] for e in evaluations])
-            for key in ("outside_recording", "one_step", "one_step_random", "rollout")
-        },
+        **{key: _mean([e[key] for e in evaluations]) for key in AVERAGED if key in evaluations[0]},
+        **{key: evaluations[0][key] for key in NOTES if key in evaluations[0]},
     }
 
 

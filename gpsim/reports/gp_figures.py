@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from gpsim.reports.canvas import legend_above, panels, style
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
-from gpsim.reports.model_sheets import DATA, coverage_levels, rates, scores
+from gpsim.reports.model_sheets import coverage_levels, data_of, rates, scores
 from gpsim.reports.palette import BAND, FAINT, GP, INK, RATES
 from gpsim.reports.sheets import significant, unit, with_unit
 
@@ -84,7 +84,9 @@ def figure_calibration(report: LoopReport) -> Figure | None:
     """Nominal against covered share, a panel per driver of the target. None where nothing was scored."""
     levels = coverage_levels(report)
     drivers = [
-        key for key in DATA if any(scores(report, key, rate).get("coverage") for rate in rates(report))
+        key
+        for key in data_of(report)
+        if any(scores(report, key, rate).get("coverage") for rate in rates(report))
     ]
     if not levels or not drivers:
         return None
@@ -119,5 +121,5 @@ def _coverage(axis: Axes, report: LoopReport, key: str, levels: list[str]) -> No
         )
     axis.set_xticks(range(len(levels)), [f"{100.0 * float(level):g} % interval" for level in levels])
     axis.set_ylim(0.0, 112.0)
-    axis.set_title(DATA[key][0].upper() + DATA[key][1:])
+    axis.set_title(data_of(report)[key][0].upper() + data_of(report)[key][1:])
     axis.grid(visible=False, axis="x")

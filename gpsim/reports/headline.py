@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gpsim.reports.loop_report import START_SETS, LoopReport
-from gpsim.reports.model_sheets import DATA, rates, scores
+from gpsim.reports.model_sheets import data_of, rates, scores
 from gpsim.reports.sheets import fixed, known, percent, whole_percent
+from gpsim.reports.success_sheets import stats
 
 CORRECTED = ("GP-Sample", "Effects", "GP-Mean")
 """Policies trained in a corrected simulator, the one to name first first."""
@@ -39,6 +40,12 @@ def cards(report: LoopReport) -> list[Card]:
     starts = headline_starts(report)
     if starts is None:
         return []
+    if report.trips is not None:
+        return [
+            Card(name, whole_percent(stats(report, starts, name).get("rate")), WORDS[name])
+            for name in ("Source", *CORRECTED, "Target")
+            if known(stats(report, starts, name).get("rate"))
+        ]
     corrected = next((name for name in CORRECTED if known(report.stats(starts, name).get("mean"))), None)
     found = []
     for name in ("Source", corrected, "Target"):
@@ -53,7 +60,15 @@ def paragraph(report: LoopReport) -> str:
     starts = headline_starts(report)
     shown = cards(report)
     if starts is None or not shown:
-        return "No policy was evaluated on the target."
+        why = report.summary.get("not_driven")
+        said = (
+            f"No policy was evaluated on the target: {why}."
+            if why
+            else "No policy was evaluated on the target."
+        )
+        return said + _one_step(report)
+    if report.trips is not None:
+        return f"{_goals(report, starts, shown)} {_scope(report, starts)}{_one_step(report)}"
     best = f"{report.best_return:g}"
     parts = []
     for card in shown:
@@ -71,6 +86,21 @@ def paragraph(report: LoopReport) -> str:
     return f"{text[0].upper()}{text[1:]}. {_scope(report, starts)}{_one_step(report)}"
 
 
+def _goals(report: LoopReport, starts: str, shown: list[Card]) -> str:
+    """Who reaches the goal, and how directly."""
+    parts = []
+    for card in shown:
+        found = stats(report, starts, card.policy)
+        text = f"{card.policy}, {card.words}, reaches the goal from {card.value} of the starts"
+        if card.policy == "Source" and known(found.get("behind")):
+            text += f" ({whole_percent(found['behind'])} of those that face away)"
+        ratio = (found.get("of_target") or {}).get("steps")
+        if card.policy in CORRECTED and known(ratio):
+            text += f" in {ratio:.2f} of Target's steps"
+        parts.append(text)
+    return "; ".join(parts) + "."
+
+
 def _ratio(report: LoopReport, starts: str, card: Card) -> str:
     target, mean = report.stats(starts, "Target").get("mean"), report.stats(starts, card.policy).get("mean")
     return (
@@ -82,12 +112,13 @@ def _scope(report: LoopReport, starts: str) -> str:
     share = (report.summary.get("share") or {}).get(starts)
     seeds = f"{len(report.seeds)} seeds" if len(report.seeds) != 1 else f"one seed ({report.seeds[0]})"
     of = f", {whole_percent(share)} of all" if known(share) and starts != "returns_all" else ""
-    return f"Mean returns over {seeds} and the {START_SETS[starts].removeprefix('all ')}{of}."
+    what = "Shares" if report.trips else "Mean returns"
+    return f"{what} over {seeds} and the {START_SETS[starts].removeprefix('all ')}{of}."
 
 
 def _one_step(report: LoopReport) -> str:
     said = []
-    for key, words in DATA.items():
+    for key, words in data_of(report).items():
         errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
         finite = [error for error in errors if known(error)]
         if finite:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
+from gpsim.evaluation.trips import AllTrips
 
 START_SETS = {
     "returns": "starts that a Target policy of any seed solves",
@@ -53,11 +54,25 @@ class MadeBy:
 
 
 @dataclass(frozen=True)
+class TripReport(AllTrips):
+    """What a task with a goal adds. paths: of one place with all its headings (H), of the first seed.
+
+    paths: goal (H, 2), target/POLICY and simulator/POLICY (H, T + 1, 3), NaN after the end; the rest in m.
+    """
+
+    paths: Mapping[str, FloatArray] = field(default_factory=dict)
+    goal_radius: float = 0.05
+    arena: float = 1.5
+    floor: float = 4.0
+
+
+@dataclass(frozen=True)
 class LoopReport:
     """Everything that the report of a loop shows; parts that are missing are left out of the page.
 
     summary: the content of summary.json (returns, returns_all, returns_certified, share, one_step,
     one_step_random, rollout); returns: policy to (seeds, N) episode returns on the target, NaN where unknown;
+    trips: what a task with a goal adds, else None; system: the base simulator;
     starts: the keys of START_SETS to masks (N,); best_return: what an episode earns at most; curves: policy to
     one (steps, mean return) per seed; slices: rate to slice, of the first seed; named: seed to what its
     diagnosis found, in sentences; fits: seed to the content of fit.json; rollouts: simulator to (B, T + 1, S) states
@@ -70,6 +85,8 @@ class LoopReport:
     seeds: tuple[int, ...]
     summary: Mapping[str, Any]
     returns: Mapping[str, FloatArray] = field(default_factory=dict)
+    trips: TripReport | None = None
+    system: str = "cartpole"
     starts: Mapping[str, BoolArray] = field(default_factory=dict)
     best_return: float = 500.0
     curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)

@@ -25,10 +25,16 @@ DATA = {"one_step": "policy's own data", "one_step_random": "random actions"}
 """The two drivers of the target on whose transitions one step is scored, by their key in summary.json."""
 
 
+def data_of(report: LoopReport) -> dict[str, str]:
+    """The data that one step was scored on, in words, by their key in summary.json."""
+    recorded = report.summary.get("judged_on")
+    return {"one_step": str(recorded).partition(":")[0]} if recorded else DATA
+
+
 def rates(report: LoopReport) -> list[str]:
     """The rates that one step was scored for, in order."""
     found: dict[str, None] = {}
-    for key in DATA:
+    for key in data_of(report):
         found |= {
             name: None
             for name, scores in (report.summary.get(key) or {}).items()
@@ -46,13 +52,13 @@ def scores(report: LoopReport, key: str, rate: str) -> Mapping[str, Any]:
 def one_step_sheet(report: LoopReport) -> Sheet:
     """NRMSE and R2 of mean and sample on both drivers' data, beside Table 4.3."""
     columns = ["Rate", "Prediction", "Thesis NRMSE", "Thesis R²"]
-    for words in DATA.values():
+    for words in data_of(report).values():
         columns += [f"NRMSE, {words}", "R²"]
     rows = []
     for rate in rates(report):
         for prediction in ("mean", "sample"):
             cells = [with_unit(rate, report.units), prediction, *_thesis(rate, prediction)]
-            for key in DATA:
+            for key in data_of(report):
                 errors = scores(report, key, rate).get(prediction) or {}
                 cells += [_nrmse(errors), coefficient(errors.get("r2"))]
             rows.append(row(*cells))
@@ -90,7 +96,7 @@ def calibration_sheet(report: LoopReport) -> Sheet:
     columns += ["Predicted std", "Error (rms)", "Negative log likelihood"]
     rows = []
     for rate in rates(report):
-        for key, words in DATA.items():
+        for key, words in data_of(report).items():
             found = scores(report, key, rate)
             if not found:
                 continue
@@ -116,7 +122,7 @@ def coverage_levels(report: LoopReport) -> list[str]:
     """The nominal levels that were scored, ascending, as they are keyed."""
     levels = {
         level
-        for key in DATA
+        for key in data_of(report)
         for rate in rates(report)
         for level in (scores(report, key, rate).get("coverage") or {})
     }
@@ -141,7 +147,8 @@ def rollout_sheet(report: LoopReport) -> Sheet:
     count, horizon = rollout.get("rollouts"), rollout.get("horizon_s")
     title = "Rollouts: root mean square distance to the target"
     if known(count) and known(horizon):
-        title += f", {count} rollouts of {horizon:g} s under the same random actions"
+        actions = "recorded" if report.summary.get("judged_on") else "random"
+        title += f", {count} rollouts of {horizon:g} s under the same {actions} actions"
     return Sheet(
         title,
         ("Simulator", *(with_unit(name, report.units) for name in channels)),
@@ -220,7 +227,8 @@ def _thesis(rate: str, prediction: str) -> tuple[str, str]:
     figure = thesis.ONE_STEP.get(rate, {}).get(prediction)
     if figure is None:
         return MISSING, MISSING
-    return f"{figure.nrmse.mean} ± {figure.nrmse.std} %", f"{figure.r2.mean} ± {figure.r2.std}"
+    r2 = f"{figure.r2.mean} ± {figure.r2.std}" if figure.r2 else MISSING
+    return f"{figure.nrmse.mean} ± {figure.nrmse.std} %", r2
 
 
 def _nrmse(errors: Mapping[str, Any]) -> str:

@@ -29,6 +29,8 @@ from gpsim.reports.return_figures import figure_learning_curves, figure_returns
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
 from gpsim.reports.sheets import Sheet
+from gpsim.reports.success_sheets import success_sheets
+from gpsim.reports.trip_figures import figure_steps, figure_trips
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ def render(report: LoopReport) -> str:
         colours=colours([*report.policies, *report.rollouts]),
         paragraph=headline.paragraph(report),
         cards=headline.cards(report),
+        success_sheets=success_sheets(report),
         return_sheets=sheets,
         one_step=_filled(one_step_sheet(report)),
         calibration=_filled(calibration_sheet(report)),
@@ -94,8 +97,21 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
     first = f"seed {report.seeds[0]}" if report.seeds else "the first seed"
     averaged = ", averaged over the seeds' GPs" if len(report.seeds) > 1 else ""
     made: dict[str, tuple[Figure | None, str, str]] = {
+        "trips": (
+            figure_trips(report),
+            "Paths to the goal on the target and in the simulator, a panel a policy",
+            "As the thesis's Figure 4.3: one place, all headings, the same goal (orange). "
+            "Solid: on the target, coloured by the steps taken; "
+            f" dotted: in the simulator that the policy was trained in ({first}). "
+            "Dashed squares: the arena of training and the edge of the floor.",
+        ),
+        "steps": (
+            figure_steps(report),
+            "Share of starts whose goal was reached over steps, per policy",
+            "How soon the goal is reached, over all starts and seeds.",
+        ),
         "returns": (
-            figure_returns(report),
+            figure_returns(report) if report.trips is None else None,
             "Distribution of episode returns on the target, per policy and set of starts",
             "Bars: share of episodes per bin of return. "
             "Outcomes are bimodal: an episode fails early or lasts to the end.",
@@ -116,7 +132,8 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         "rollouts": (
             figure_rollouts(report),
             "State over time under the same start and actions in the simulators and the target",
-            f"As the thesis's Figure 4.2: the same start and random actions in each; nothing terminates ({first}). "
+            f"As the thesis's Figure 4.2: the same start and {_actions(report)} actions in each; "
+            f"nothing terminates ({first}). "
             "Shaded: inside the task's limits.",
         ),
         "divergence": (
@@ -135,3 +152,7 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         for key, (figure, words, caption) in made.items()
         if figure is not None
     }
+
+
+def _actions(report: LoopReport) -> str:
+    return "recorded" if report.summary.get("judged_on") else "random"

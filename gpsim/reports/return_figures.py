@@ -91,7 +91,7 @@ def _mean(axis: Axes, report: LoopReport, starts: str, policy: str, y: float, *,
             seeds, np.full(len(seeds), y - 0.13), "|", color=INK, markersize=7, markeredgewidth=1.4, zorder=4,
             label="a seed's mean" if first else None,
         )  # fmt: skip
-    figure = thesis.RETURNS.get(policy)
+    figure = thesis.returns(report.system).get(policy)
     if figure is not None and starts != "returns_all":
         axis.plot(
             [figure.mean], [y], "D", markerfacecolor="white", markeredgecolor="#B00020", markersize=6, zorder=3,

@@ -42,8 +42,9 @@ def failing(report: LoopReport, starts: str) -> dict[str, list[tuple[int, float]
 
 def _sheet(report: LoopReport, starts: str) -> Sheet:
     several = len(report.seeds) > 1
-    compare = starts != "returns_all"  # the thesis leaves starts that cannot be solved out
-    full = bool(report.returns)
+    # The thesis leaves starts that cannot be solved out.
+    compare = starts != "returns_all" and bool(thesis.returns(report.system))
+    full = bool(report.returns) and report.trips is None
     columns = ["Policy"]
     columns += ["Thesis"] if compare else []
     columns += ["Mean ± std", "IQM"]
@@ -53,7 +54,7 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
     for policy in report.policies:
         stats = report.stats(starts, policy)
         cells: list[Cell | str] = [Cell(policy, name=policy)]
-        cells += [_thesis(policy)] if compare else []
+        cells += [_thesis(report, policy)] if compare else []
         cells += [
             Cell(plus_minus(stats.get("mean"), stats.get("std")), below=span(stats.get("interval"))),
             Cell(fixed(stats.get("iqm")), below=span(stats.get("iqm_interval"))),
@@ -74,8 +75,8 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
     )
 
 
-def _thesis(policy: str) -> str:
-    figure = thesis.RETURNS.get(policy)
+def _thesis(report: LoopReport, policy: str) -> str:
+    figure = thesis.returns(report.system).get(policy)
     return f"{figure.mean} ± {figure.std}" if figure else "–"
 
 

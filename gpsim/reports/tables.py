@@ -14,6 +14,7 @@ from gpsim.reports.model_sheets import calibration_sheet, one_step_sheet, rollou
 from gpsim.reports.palette import POLICIES, colours
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.sheets import Cell, Sheet
+from gpsim.reports.success_sheets import success_sheets
 
 HEADER = 12
 """Characters a line of a column's head may hold: heads must not make a table wider than a terminal."""
@@ -22,13 +23,19 @@ HEADER = 12
 def terminal_tables(report: LoopReport) -> list[Table]:
     """Returns, one step, calibration and rollouts: the page's numbers; empty tables are left out."""
     sheets = [
-        *return_sheets(report),
+        *(success_sheets(report) or return_sheets(report)),
         one_step_sheet(report),
         calibration_sheet(report),
         rollout_sheet(report),
     ]
     colour = colours(report.policies)
     return [terminal_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
+
+
+def terminal_notes(report: LoopReport) -> list[str]:
+    """What the tables do not say by themselves: on what was judged, and why a layer is missing."""
+    found = (("judged_on", "judged on {}"), ("not_driven", "{}"))
+    return [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
 
 
 def _parts(sheet: Sheet) -> list[Sheet]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class Plant(Protocol):
         self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
     ) -> FloatArray:
         """(B, S): the next state; `memory` is changed in place."""
+        ...
+
+    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what the sensors say of true states; policies see this, rewards do not."""
         ...
 
 
@@ -80,27 +84,37 @@ class SimulatorPlant:
         dt = np.full(len(state), self.dt)
         return self.simulator.step(state, action, self.parameters, dt, self.integrator)
 
+    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """The state itself."""
+        return state
+
 
 @dataclass(frozen=True)
 class RandomisedPlant(SimulatorPlant):
     """Domain randomisation: every episode draws each parameter uniformly within +-spread of its value.
 
     Tobin et al. (2017), "Domain randomization for transferring deep neural networks from simulation to the real
-    world"; the thesis (section 4.5.1) uses spread 0.1.
+    world"; the thesis (section 4.5.1) uses spread 0.1. With `of` actions each episode draws a gain of each action
+    instead: a simulator may have no parameters.
     """
 
     spread: float = 0.1
+    of: Literal["parameters", "actions"] = "parameters"
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
-        """One draw (count,) of every parameter."""
+        """One draw (count,) of every parameter, or of every action's gain."""
+        drawn = self.parameters if self.of == "parameters" else dict.fromkeys(self.action.names, 1.0)
         return {
             name: value * rng.uniform(1.0 - self.spread, 1.0 + self.spread, count)
-            for name, value in self.parameters.items()
+            for name, value in drawn.items()
         }
 
     def step(
         self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
     ) -> FloatArray:
-        """One control step under each episode's own parameters."""
+        """One control step under each episode's own draw."""
         dt = np.full(len(state), self.dt)
+        if self.of == "actions":
+            gains = np.column_stack([memory[name] for name in self.action.names])
+            return self.simulator.step(state, gains * action, self.parameters, dt, self.integrator)
         return self.simulator.step(state, action, memory, dt, self.integrator)

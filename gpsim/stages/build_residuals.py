@@ -37,6 +37,12 @@ def recipe(request: Request) -> Recipe:
     return Recipe("build-residuals", {**config, "recording": digests}, {}, {"seed": request.seed})
 
 
+def recording_folder(request: Request) -> Path:
+    """Where the recording lies: the loop's own, or the folder that `recording=` names."""
+    given = request.config["recording"]
+    return collect.STAGE.need(request).path if given is None else Path(str(given))
+
+
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write residuals.parquet and residuals.json."""
     source = recipe.parents["recording"].path if recipe.parents else Path(str(request.config["recording"]))

@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.learning import PpoSettings
+from gpsim.learning import PpoSettings, SacSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant
 from gpsim.simulators.simulator import INTEGRATORS
-from gpsim.targets import FrictionCartPole
-from gpsim.tasks import Balance, Task
+from gpsim.targets import FrictionCartPole, Limo
+from gpsim.tasks import Balance, GoalReaching, Task
 
-TARGETS = {"friction_cartpole": FrictionCartPole}
-TASKS = {"balance": Balance}
+TARGETS: Mapping[str, type[Plant]] = {"friction_cartpole": FrictionCartPole, "limo": Limo}
+RANDOMISED = ("parameters", "actions")
+RECORDED = "recording"
+"""The target that is known by its logs alone: nothing can be driven."""
+ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSettings, "sac": SacSettings}
+TASKS: Mapping[str, type[Task]] = {"balance": Balance, "goal": GoalReaching}
 
 
 def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
@@ -30,16 +34,29 @@ def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
 def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
     """The base simulator under domain randomisation."""
     base, spread = base_plant(config), config["randomise"]["spread"]
+    of = choice(config["randomise"]["of"], RANDOMISED, "randomise.of")
+    if of == "parameters" and not base.parameters:
+        raise UsageError(
+            f"simulator {base.simulator.name} has no parameters to randomise: set randomise.of=actions"
+        )
     if not isinstance(spread, int | float) or not 0 <= spread < 1:
         raise UsageError(f"randomise.spread: expected a number in [0, 1), got {spread!r}")
-    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread))
+    return RandomisedPlant(base.simulator, base.parameters, base.integrator, base.dt, float(spread), of)  # type: ignore[arg-type]
+
+
+def drivable(config: Mapping[str, Any]) -> bool:
+    """Whether the target can be driven, or is known by its logs alone."""
+    return choice(config["target"]["name"], (*TARGETS, RECORDED), "target.name") != RECORDED
 
 
 def target_plant(config: Mapping[str, Any]) -> Plant:
-    """The stand-in for the real system."""
+    """The stand-in for the real system; raises UsageError where there is none."""
     section = config["target"]
-    name = choice(section["name"], tuple(TARGETS), "target.name")
-    return build(TARGETS[name], section, "target")
+    if not drivable(config):
+        raise UsageError(
+            "target=recording cannot be driven: it is known by its logs alone (collect.source=); choose a stand-in"
+        )
+    return build(TARGETS[section["name"]], section, "target")
 
 
 def make_task(config: Mapping[str, Any]) -> Task:
@@ -48,9 +65,12 @@ def make_task(config: Mapping[str, Any]) -> Task:
     return build(TASKS[choice(section["name"], tuple(TASKS), "task.name")], section, "task")
 
 
-def ppo_settings(config: Mapping[str, Any]) -> PpoSettings:
-    """Hyper-parameters of the policy's training."""
-    return build(PpoSettings, config["policy"], "policy")
+def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
+    """The algorithm that trains policies, and its hyper-parameters."""
+    section = config["policy"]
+    return build(
+        ALGORITHMS[choice(section.get("name", "ppo"), tuple(ALGORITHMS), "policy.name")], section, "policy"
+    )
 
 
 def _numbers(values: Mapping[str, Any], where: str) -> dict[str, float]:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Json, Recipe
 from gpsim.channels import BoolArray
+from gpsim.errors import UsageError
+from gpsim.evaluation import turning
 from gpsim.evaluation.certify import balance_search
 from gpsim.settings import positive
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.tasks import Start
+from gpsim.targets import Limo
+from gpsim.tasks import GoalReaching, Start
 
 
 def recipe(request: Request) -> Recipe:
@@ -28,20 +32,54 @@ def evaluation_starts(request: Request) -> Start:
     """The starts of layer 3, the same for every policy and seed."""
     section = request.config["evaluate"]
     count = positive(section["episodes"], "evaluate.episodes")
-    return make_task(request.config).start(count, generator(section["start_seed"], "evaluate/starts"))
+    rng = generator(section["start_seed"], "evaluate/starts")
+    return make_task(request.config).evaluation_starts(count, rng)
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write certified.csv: one row a start."""
     task, start = make_task(request.config), evaluation_starts(request)
     base = base_plant(request.config)
+    if isinstance(task, GoalReaching):
+        solvable = _by_geometry(request, task, start, task.floor)
+        # What the thesis's own arena would have left of them, had its edge counted.
+        small = {"certified_in_arena": _by_geometry(request, task, start, task.arena).astype(int)}
+        _write_table(folder, base.state.names, start, solvable, small)
+        return {}
     g, half = base.parameters["gravity"], base.parameters["pole_half_length"]
     search = balance_search(g, half, positive(request.config["certify"]["width"], "certify.width"))
     solvable = search.solvable(target_plant(request.config), task, start, request.progress)
-    columns = {name: start.states[:, i] for i, name in enumerate(base.state.names)}
-    table = pd.DataFrame({**columns, "certified": solvable.astype(int)})
-    table.to_csv(folder / "certified.csv", index=False, lineterminator="\n")
+    _write_table(folder, base.state.names, start, solvable, {})
     return {}
+
+
+def _by_geometry(request: Request, task: GoalReaching, start: Start, floor: float) -> BoolArray:
+    """Paths of a car with the target's least turning radius, at the slowest speed that allows it throughout."""
+    target = target_plant(request.config)
+    if not isinstance(target, Limo):
+        raise UsageError("certify: only target=limo has a turning radius to search paths with")
+    speed = min(task.speed[1], task.turn[1] * target.turning_radius)
+    longest = speed * target.dt * task.max_steps
+    return turning.solvable(start.states, start.context, target.turning_radius, floor / 2.0, longest)
+
+
+def _write_table(
+    folder: Path, names: tuple[str, ...], start: Start, solvable: BoolArray, more: dict[str, Any]
+) -> None:
+    columns = {name: start.states[:, i] for i, name in enumerate(names)}
+    table = pd.DataFrame({**columns, "certified": solvable.astype(int), **more})
+    table.to_csv(folder / "certified.csv", index=False, lineterminator="\n")
+
+
+def notes(artifact: Artifact) -> list[str]:
+    """How many."""
+    table = pd.read_csv(artifact.path / "certified.csv")
+    lines = [f"{int(table['certified'].sum())} of {len(table)} starts can be solved"]
+    if "certified_in_arena" in table:
+        lines.append(
+            f"{int(table['certified_in_arena'].sum())} if the edge of the training arena ended an episode"
+        )
+    return lines
 
 
 def read_certified(artifact: Artifact) -> BoolArray:
@@ -49,4 +87,6 @@ def read_certified(artifact: Artifact) -> BoolArray:
     return pd.read_csv(artifact.path / "certified.csv")["certified"].to_numpy(dtype=np.bool_)
 
 
-STAGE = Stage("certify", "Search which of the evaluation's starts can be solved at all.", recipe, write)
+STAGE = Stage(
+    "certify", "Search which of the evaluation's starts can be solved at all.", recipe, write, notes
+)

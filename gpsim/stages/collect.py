@@ -16,8 +16,9 @@ from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.import_log import read_logs, read_mapping, source_digests, write_import
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.sweep import run_sweep
 
-DRIVERS = ("source", "random", "dithered")
+DRIVERS = ("source", "random", "dithered", "sweep")
 
 
 def recipe(request: Request) -> Recipe:
@@ -26,7 +27,9 @@ def recipe(request: Request) -> Recipe:
         return _import_recipe(request)
     driver = choice(request.config["collect"]["policy"], DRIVERS, "collect.policy")
     parents = (
-        {} if driver == "random" else {"policy": train_source.STAGE.need(request.having(variant="source"))}
+        {}
+        if driver in ("random", "sweep")
+        else {"policy": train_source.STAGE.need(request.having(variant="source"))}
     )
     return Recipe(
         "collect", request.section("simulator", "target", "task", "collect"), parents, {"seed": request.seed}
@@ -40,7 +43,13 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         write_import(recording, report, folder)
         return {"transitions": recording.transition_count}
     section: dict[str, Any] = request.config["collect"]
-    task, plant, base = make_task(request.config), target_plant(request.config), base_plant(request.config)
+    if section["policy"] == "sweep":
+        return run_sweep(request, folder)
+    task, plant, base = (
+        make_task(request.config).on_target(),
+        target_plant(request.config),
+        base_plant(request.config),
+    )
     episodes = collect_episodes(
         plant,
         task,
@@ -69,6 +78,7 @@ def _import_recipe(request: Request) -> Recipe:
     config = {
         "mapping": section["mapping"],
         "salvage": section["salvage"],
+        "changes": list(section["changes"]),
         "sources": source_digests(_sources(request)),
     }
     if section["mapping"] is not None:
@@ -84,7 +94,7 @@ def _sources(request: Request) -> list[Path]:
 def _read(request: Request) -> tuple[Recording, ImportReport, dict[str, Any]]:
     section = request.config["collect"]
     mapping = None if section["mapping"] is None else str(section["mapping"])
-    return read_logs(_sources(request), mapping, (), bool(section["salvage"]))
+    return read_logs(_sources(request), mapping, section["changes"], bool(section["salvage"]))
 
 
 def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,21 +11,30 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
-from gpsim.corrected import GpCorrection
 from gpsim.errors import UsageError
-from gpsim.evaluation.one_step import OneStep, outside_range
+from gpsim.evaluation.one_step import outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
 from gpsim.evaluation.summary import start_sets
+from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive
 from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
-from gpsim.stages import certify, fit_gp, train_gp_policy, train_source
-from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages import (
+    certify,
+    evaluate_deployed,
+    evaluate_goal,
+    evaluate_recording,
+    fit_gp,
+    one_step,
+    train_gp_policy,
+    train_source,
+)
+from gpsim.stages.building import base_plant, drivable, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
@@ -51,11 +61,18 @@ def policy_names(request: Request) -> tuple[str, ...]:
         raise UsageError(
             f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}"
         )
-    return tuple(names)
+    return tuple(name for name in names if name != "Target" or drivable(request.config))
 
 
 def recipe(request: Request) -> Recipe:
-    """Target, simulator and task; parents are the policies, the GPs and the certified starts."""
+    """Target, simulator and task; parents are the policies, the GPs and the certified starts.
+
+    With `deployed` logs, or a target that is known by its logs alone, what there is to evaluate instead.
+    """
+    if request.config["deployed"] is not None:
+        return evaluate_deployed.recipe(request)
+    if not drivable(request.config):
+        return evaluate_recording.recipe(request, with_effects="Effects" in policy_names(request))
     parents = {
         "residuals": build_residuals_stage.STAGE.need(request),
         "gp": fit_gp.STAGE.need(request),
@@ -72,23 +89,35 @@ def recipe(request: Request) -> Recipe:
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Write evaluation.json, returns.csv and rollouts.safetensors."""
+    """Write evaluation.json, returns.csv and rollouts.safetensors; a task with a goal adds trips.csv and its paths."""
+    if request.config["deployed"] is not None:
+        return evaluate_deployed.write(request, recipe, folder)
+    if not drivable(request.config):
+        return evaluate_recording.write(request, recipe, folder)
     request.progress(0, 3, "one step")
     drivers = {"policy": "driver", "random": None} | (
         {"deployed": DEPLOYED} if DEPLOYED in recipe.parents else {}
     )
     visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
-    one_step = {name: _one_step(request, recipe, visited[name]) for name in ("policy", "random")}
-    training = _training_inputs(request, recipe)
+    gp = recipe.parents["gp"].path
+    scores = {name: one_step.scores(request, gp, visited[name]) for name in ("policy", "random")}
+    residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
+    training = one_step.training_inputs(request, residuals)
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
-    returns = _returns(request, recipe)
+    trips: dict[str, Trips] = {}
+    if evaluate_goal.goal_task(request) is not None:
+        trips = evaluate_goal.drive_all(
+            request, recipe, folder, policy_names(request), _training_plants(request, recipe)
+        )
+    returns = {name: trip.returns for name, trip in trips.items()} or _returns(request, recipe)
     certified = certify.read_certified(recipe.parents["certified"])
     pd.DataFrame({**returns, "certified": certified.astype(int)}).to_csv(
         folder / "returns.csv", index_label="start", lineterminator="\n"
     )
-    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified)
+    reached = {name: trip.reached[None] for name, trip in trips.items()} or None
+    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, reached)
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
@@ -97,9 +126,13 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for key, starts in by_set.items()
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
-        "outside_recording": {name: outside_range(data.inputs, training) for name, data in visited.items()},
-        "one_step": one_step["policy"],
-        "one_step_random": one_step["random"],
+        **(_success(trips, evaluate_goal.facing_away(request), by_set) if trips else {}),
+        "outside_recording": {
+            name: outside_range(one_step.own_inputs(request, data), training)
+            for name, data in visited.items()
+        },
+        "one_step": scores["policy"],
+        "one_step_random": scores["random"],
         "rollout": rollout,
     }
     write_json(folder / "evaluation.json", evaluation)
@@ -114,9 +147,24 @@ def read_returns(artifact: Artifact) -> tuple[dict[str, FloatArray], np.ndarray]
     return {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}, certified
 
 
+def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, BoolArray]) -> dict[str, Any]:
+    parts = {
+        part: {name: getattr(trip, part)[None] for name, trip in trips.items()}
+        for part in ("reached", "steps", "path")
+    }
+    return success_by_set(AllTrips(**parts, behind=away), sets)
+
+
+def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
+    """What each policy was trained in, by its name."""
+    found = train_gp_policy.simulators_of(request, recipe.parents["gp"].path, recipe.parents.get("diagnosis"))
+    return {**found, "Domain randomisation": found["Source"], "Target": target_plant(request.config)}
+
+
 def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
     """Fresh target episodes driven by the policy of the parent `driver`, or at random."""
-    section, base, task = request.config["evaluate"], base_plant(request.config), make_task(request.config)
+    section, base = request.config["evaluate"], base_plant(request.config)
+    task = make_task(request.config).on_target()
     rng = generator(section["start_seed"], f"evaluate/one-step/{driver}")
     act: Act = random_actor(task, rng)
     if driver is not None:
@@ -129,23 +177,6 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
     )
 
 
-def _one_step(request: Request, recipe: Recipe, data: Residuals) -> dict[str, Any]:
-    correction = train_gp_policy.corrected_plant(request, recipe.parents["gp"].path).correction
-    assert isinstance(correction, GpCorrection)
-    mean, variance = correction.predictor.mean_and_variance(correction.features(data.inputs))
-    result = OneStep(data.values, mean, variance, correction.predictor.noise_variances, data.episode)
-    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/one-step/sample")
-    return {
-        name: result.scores(i, rng, sample_noise=correction.sample_noise)
-        for i, name in enumerate(data.rate.names)
-    }
-
-
-def _training_inputs(request: Request, recipe: Recipe) -> FloatArray:
-    residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
-    return residuals.inputs[residuals.training_rows(request.config["gp"]["n_train"])]
-
-
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     section, task, target = (
         request.config["evaluate"],
@@ -155,23 +186,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     rng = generator(section["start_seed"], "evaluate/rollouts")
     count = positive(section["rollouts"], "evaluate.rollouts")
     steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
-    start = task.start(count, rng).states
-    act = random_actor(task, rng)
-    chosen = [task.command(act(task.observe(start, np.empty((count, 0))))) for _ in range(steps)]
+    begin = task.start(count, rng)
+    start, act = begin.states, random_actor(task, rng)
+    chosen = [task.command(act(task.observe(start, begin.context))) for _ in range(steps)]
     actions = np.stack(chosen, axis=1)
-    plants: dict[str, Plant] = {
-        "Target": target,
-        "Source": base_plant(request.config),
-        "GP-Mean": train_gp_policy.corrected_plant(
-            request.having(prediction="mean"), recipe.parents["gp"].path
-        ),
-        "GP-Sample": train_gp_policy.corrected_plant(
-            request.having(prediction="sample"), recipe.parents["gp"].path
-        ),
-    }
-    if "diagnosis" in recipe.parents:
-        named = request.having(correction="effects")
-        plants["Effects"] = train_gp_policy.effects_plant(named, recipe.parents["diagnosis"])
+    trained = _training_plants(request, recipe)
+    order = ("Target", "Source", "GP-Mean", "GP-Sample", "Effects")
+    plants = {name: trained[name] for name in order if name in trained}
     paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
@@ -197,6 +218,16 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
     }
 
 
+def notes(artifact: Artifact) -> list[str]:
+    """What was found of recorded deployments, or why layer 3 is missing."""
+    evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
+    if "deployed" in evaluation:
+        return evaluate_deployed.notes(artifact)
+    if "not_driven" in evaluation:
+        return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
+    return []
+
+
 STAGE = Stage(
-    "evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write
+    "evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write, notes
 )

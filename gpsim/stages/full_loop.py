@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gpsim.stages.building import drivable
 from gpsim.stages.evaluate import TRAINED_BY, policy_names
 from gpsim.stages.jobs import Finished, Job, Update, run_jobs
 from gpsim.stages.stage import Request
@@ -10,11 +11,11 @@ from gpsim.stages.stage import Request
 def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
     """The loop's jobs in the order in which they matter: what others wait for comes first."""
     jobs = [job for seed in seeds for job in _plan_seed(request.having(seed=seed), seed)]
-    certify = Job("certify", "certify", request.having(seed=seeds[0]))
-    jobs.append(certify)
+    shared = [Job("certify", "certify", request.having(seed=seeds[0]))] if drivable(request.config) else []
+    jobs += shared
     for seed in seeds:
         after = tuple(f"{name} · seed {seed}" for name in policy_names(request))
-        parents = (*after, f"Source · seed {seed}", f"fit-gp · seed {seed}", certify.label)
+        parents = (*after, f"Source · seed {seed}", f"fit-gp · seed {seed}", *(job.label for job in shared))
         jobs.append(Job(f"evaluate · seed {seed}", "evaluate", request.having(seed=seed), parents))
     return jobs
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,11 +16,12 @@ from safetensors.numpy import load_file, save
 
 from gpsim.artifacts import write_json
 from gpsim.channels import Channels
+from gpsim.command_filter import CommandFilter
 from gpsim.corrected import GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.gp import Predictor, from_arrays, to_arrays
-from gpsim.learning import LearningCurve
+from gpsim.learning import Checkpoints, LearningCurve
 from gpsim.policy import Policy
 
 
@@ -33,10 +35,15 @@ def read_policy(folder: Path) -> Policy:
     return Policy.from_arrays(*_read(folder, "policy"))
 
 
-def write_gp(folder: Path, predictor: Predictor, inputs: tuple[str, ...]) -> None:
-    """gp.safetensors and gp.json, with the names of the inputs."""
+def write_gp(
+    folder: Path, predictor: Predictor, inputs: tuple[str, ...], command_filter: CommandFilter | None = None
+) -> None:
+    """gp.safetensors and gp.json, with the names of the inputs and the filter before them, if there is one."""
     arrays, metadata = to_arrays(predictor)
-    _write(folder, "gp", arrays, {**metadata, "inputs": list(inputs)})
+    metadata = {**metadata, "inputs": list(inputs)}
+    if command_filter is not None:
+        metadata["filter"] = command_filter.to_json()
+    _write(folder, "gp", arrays, metadata)
 
 
 def read_gp(folder: Path) -> tuple[Predictor, tuple[str, ...]]:
@@ -46,6 +53,12 @@ def read_gp(folder: Path) -> tuple[Predictor, tuple[str, ...]]:
         return from_arrays(arrays, metadata), tuple(metadata["inputs"])
     except (ValueError, KeyError) as error:
         raise UsageError(f"{folder}: not a Gaussian process that this version reads: {error}") from error
+
+
+def read_filter(folder: Path) -> CommandFilter | None:
+    """The filter before the Gaussian processes in `folder`, if there is one."""
+    _, metadata = _read(folder, "gp")
+    return CommandFilter.from_json(metadata["filter"]) if "filter" in metadata else None
 
 
 def read_gp_correction(
@@ -60,6 +73,12 @@ def write_curve(folder: Path, curve: LearningCurve) -> None:
     """learning_curve.csv."""
     frame = pd.DataFrame({"steps": curve.steps, "mean_return": curve.mean_return, "episodes": curve.episodes})
     frame.to_csv(folder / "learning_curve.csv", index=False, lineterminator="\n")
+
+
+def write_checkpoints(folder: Path, checkpoints: Checkpoints) -> None:
+    """checkpoints.csv."""
+    frame = pd.DataFrame(dataclasses.asdict(checkpoints))
+    frame.to_csv(folder / "checkpoints.csv", index=False, lineterminator="\n")
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,23 @@ import pandas as pd
 from safetensors.numpy import load_file
 
 from gpsim.artifacts import Artifact, Json, Recipe, write_json
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
-from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice
+from gpsim.evaluation.trips import success_by_set
+from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
 from gpsim.reports.page import render
 from gpsim.reports.slices import residual_slices
-from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, train_gp_policy
-from gpsim.stages.building import base_plant, make_task
+from gpsim.stages import (
+    build_residuals,
+    certify,
+    collect,
+    evaluate,
+    evaluate_goal,
+    fit_gp,
+    train_gp_policy,
+)
+from gpsim.stages.building import base_plant, drivable, make_task
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage
 
@@ -67,16 +77,20 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     requests = {seed: request.having(seed=seed) for seed in seeds}
     evaluated = {seed: evaluate.STAGE.need(r) for seed, r in requests.items()}
     evaluations = [_json(artifact, "evaluation.json") for artifact in evaluated.values()]
-    tables = [evaluate.read_returns(artifact) for artifact in evaluated.values()]
-    certified = tables[0][1]
-    returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
+    experiment = str(request.config["experiment"])
+    driven = _driven(request, list(evaluated.values())) if drivable(request.config) else Driven()
+    summary = summarise_seeds(evaluations, driven.returns, driven.starts, experiment)
+    if driven.trips:
+        summary |= success_by_set(driven.trips, driven.starts)
     first, base, task = requests[seeds[0]], base_plant(request.config), make_task(request.config)
     return LoopReport(
         experiment=str(request.config["experiment"]),
         seeds=seeds,
-        summary=summarise_seeds(evaluations, returns, certified, str(request.config["experiment"])),
-        returns=returns,
-        starts=start_sets(returns, certified),
+        summary=summary,
+        returns=driven.returns,
+        trips=driven.trips,
+        system=base.simulator.name,
+        starts=driven.starts,
         best_return=float(task.max_steps),
         curves={
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
@@ -95,6 +109,43 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
     )
 
 
+@dataclass(frozen=True)
+class Driven:
+    """Layer 3 of every seed; empty where the target cannot be driven."""
+
+    returns: Mapping[str, FloatArray] = field(default_factory=dict)
+    starts: Mapping[str, BoolArray] = field(default_factory=dict)
+    trips: TripReport | None = None
+
+
+def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
+    tables = [evaluate.read_returns(artifact) for artifact in evaluated]
+    certified = tables[0][1]
+    returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
+    trips = _trips(request, evaluated)
+    return Driven(returns, start_sets(returns, certified, trips.reached if trips else None), trips)
+
+
+def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
+    """Every seed's trips, where the task has a goal; paths are the first seed's."""
+    task = evaluate_goal.goal_task(request)
+    if task is None:
+        return None
+    read = [evaluate_goal.read_trips(artifact) for artifact in evaluated]
+    parts = {
+        part: {name: np.stack([found[part][name] for found, _ in read]) for name in read[0][0][part]}
+        for part in ("reached", "steps", "path")
+    }
+    return TripReport(
+        **parts,
+        behind=read[0][1],
+        paths=evaluate_goal.read_paths(evaluated[0]),
+        goal_radius=task.goal_radius,
+        arena=task.arena,
+        floor=task.floor,
+    )
+
+
 def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
     found: list[tuple[str, int | None, Artifact]] = []
     for seed in seeds:
@@ -107,7 +158,8 @@ def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int 
             stage, settings = evaluate.TRAINED_BY[name]
             found.append((name, seed, stage.need(own.having(**settings))))
         found.append(("evaluate", seed, evaluate.STAGE.need(own)))
-    found.append(("certify", None, certify.STAGE.need(request)))
+    if drivable(request.config):
+        found.append(("certify", None, certify.STAGE.need(request)))
     return found
 
 

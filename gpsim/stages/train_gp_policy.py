@@ -12,10 +12,10 @@ from gpsim.errors import UsageError
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages import fit_gp
-from gpsim.stages.building import base_plant
+from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.diagnose import read_corrected
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.policy_files import read_gp_correction
+from gpsim.stages.policy_files import read_filter, read_gp_correction
 from gpsim.stages.stage import Request, Stage
 from gpsim.stages.train_source import train
 
@@ -44,7 +44,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     else:
         plant = effects_plant(request, recipe.parents["diagnosis"])
     purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
-    return train(request, plant, f"train-gp-policy/{purpose}", folder)
+    return train(request, plant, make_task(request.config), f"train-gp-policy/{purpose}", folder)
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
@@ -52,7 +52,9 @@ def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
     base = base_plant(request.config)
     prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
     correction = read_gp_correction(gp_folder, base.state + base.action, prediction, _noise(request))  # type: ignore[arg-type]
-    return CorrectedPlant(base.simulator, base.parameters, base.integrator, base.dt, correction)
+    return CorrectedPlant(
+        base.simulator, base.parameters, base.integrator, base.dt, correction, read_filter(gp_folder)
+    )
 
 
 def effects_plant(request: Request, diagnosis: Artifact) -> EffectsPlant:
@@ -63,6 +65,18 @@ def effects_plant(request: Request, diagnosis: Artifact) -> EffectsPlant:
     prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
     sampled = replace(plant.correction, prediction=prediction, sample_noise=_noise(request))  # type: ignore[arg-type]
     return replace(plant, correction=sampled)
+
+
+def simulators_of(request: Request, gp_folder: Path, diagnosis: Artifact | None) -> dict[str, Plant]:
+    """The base simulator and what corrects it, by the name of the policy that is trained there."""
+    found: dict[str, Plant] = {
+        "Source": base_plant(request.config),
+        "GP-Mean": corrected_plant(request.having(prediction="mean"), gp_folder),
+        "GP-Sample": corrected_plant(request.having(prediction="sample"), gp_folder),
+    }
+    if diagnosis is not None:
+        found["Effects"] = effects_plant(request.having(correction="effects"), diagnosis)
+    return found
 
 
 def _noise(request: Request) -> bool:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from gpsim.artifacts import Json, Recipe
 from gpsim.envs import BatchedEnv
+from gpsim.learning import PpoSettings
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
-from gpsim.stages.building import base_plant, make_task, ppo_settings, randomised_plant, target_plant
-from gpsim.stages.policy_files import write_curve, write_policy
+from gpsim.stages.building import base_plant, make_task, randomised_plant, target_plant, training_settings
+from gpsim.stages.policy_files import write_checkpoints, write_curve, write_policy
 from gpsim.stages.stage import Request, Stage, derived_seed
+from gpsim.tasks import Task
 
 VARIANTS = ("source", "randomised", "target")
 _EXTRA = {"source": (), "randomised": ("randomise",), "target": ("target",)}
@@ -26,26 +30,33 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     variant = str(recipe.config["variant"])
-    plants: dict[str, Plant] = {
-        "source": base_plant(request.config),
-        "randomised": randomised_plant(request.config),
-        "target": target_plant(request.config),
+    plants: dict[str, Callable[[Mapping[str, Any]], Plant]] = {
+        "source": base_plant,
+        "randomised": randomised_plant,
+        "target": target_plant,
     }
-    return train(request, plants[variant], f"train-source/{variant}", folder)
+    task = make_task(request.config)
+    if variant == "target":
+        task = task.on_target()
+    return train(request, plants[variant](request.config), task, f"train-source/{variant}", folder)
 
 
-def train(request: Request, plant: Plant, purpose: str, folder: Path) -> Json:
+def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path) -> Json:
     """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose."""
-    from gpsim.policies import train_ppo  # torch takes seconds to load, and only training needs it
+    from gpsim.policies import train_ppo, train_sac  # torch takes seconds to load, and only training needs it
 
-    settings, task = ppo_settings(request.config), make_task(request.config)
-    env = BatchedEnv(plant, task, settings.n_envs, derived_seed(request.seed, f"{purpose}/environment"))
-    policy, curve = train_ppo(
-        env, settings, derived_seed(request.seed, f"{purpose}/policy"), request.progress
-    )
+    settings = training_settings(request.config)
+    places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
+    if isinstance(settings, PpoSettings):
+        env = BatchedEnv(plant, task, settings.n_envs, places)
+        policy, curve = train_ppo(env, settings, weights, request.progress)
+    else:
+        env = BatchedEnv(plant, task, settings.n_envs, places, settings.action_repeat)
+        policy, curve, checkpoints = train_sac(env, settings, weights, request.progress)
+        write_checkpoints(folder, checkpoints)
     write_policy(folder, policy)
     write_curve(folder, curve)
-    return {"environment_steps": int(curve.steps[-1])}
+    return {"environment_steps": int(curve.steps[-1]) * env.repeat}
 
 
 STAGE = Stage(

@@ -4,5 +4,6 @@ They hold the physics that the simulators leave out, so nothing that explains a 
 """
 
 from gpsim.targets.cartpole import CONTACTS, FrictionCartPole
+from gpsim.targets.limo import Limo
 
-__all__ = ["CONTACTS", "FrictionCartPole"]
+__all__ = ["CONTACTS", "FrictionCartPole", "Limo"]

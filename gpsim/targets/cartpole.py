@@ -69,6 +69,10 @@ class FrictionCartPole:
             state = self._slide_or_stick(state, force, self.dt / self.substeps)
         return state
 
+    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """The state itself: nothing in the thesis's cart-pole is measured with noise."""
+        return state
+
     def _chatter(self, state: FloatArray, force: FloatArray) -> FloatArray:
         acc = cart_pole_accelerations(state, force, np.sign(state[:, 1]), self.parameters, self.friction)
         return state + self.dt * np.stack([state[:, 1], acc[:, 0], state[:, 3], acc[:, 1]], axis=1)

@@ -1,6 +1,7 @@
 """Tasks: initial states, reward, termination; no dynamics."""
 
 from gpsim.tasks.balance import Balance
+from gpsim.tasks.goal import GoalReaching
 from gpsim.tasks.task import Start, Task
 
-__all__ = ["Balance", "Start", "Task"]
+__all__ = ["Balance", "GoalReaching", "Start", "Task"]

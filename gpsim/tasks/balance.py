@@ -42,6 +42,14 @@ class Balance:
         """Uniform in +-start_range on every state variable."""
         return Start(rng.uniform(-self.start_range, self.start_range, (count, 4)), np.empty((count, 0)))
 
+    def evaluation_starts(self, count: int, rng: np.random.Generator) -> Start:
+        """As in training."""
+        return self.start(count, rng)
+
+    def on_target(self) -> Balance:
+        """The same task."""
+        return self
+
     def observe(self, states: FloatArray, context: FloatArray) -> NDArray[np.float32]:
         """The state itself."""
         return states.astype(np.float32)

@@ -45,6 +45,14 @@ class Task(Protocol):
         """Draw `count` new episodes."""
         ...
 
+    def evaluation_starts(self, count: int, rng: np.random.Generator) -> Start:
+        """The `count` starts on which policies are compared."""
+        ...
+
+    def on_target(self) -> Task:
+        """The task as it is on the real system, where that has limits that no simulator knows."""
+        ...
+
     def observe(self, states: FloatArray, context: FloatArray) -> NDArray[np.float32]:
         """(B, O): what the policy sees."""
         ...

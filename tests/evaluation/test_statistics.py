@@ -96,7 +96,7 @@ def test_the_three_sets_of_starts_and_the_average_over_seeds():
     sets = start_sets(returns, certified)
     assert sets["returns"].tolist() == [True, True, False, False]
     assert sets["returns_all"].all()
-    summary = summarise_seeds([evaluation(0, 0.1), evaluation(1, 0.3)], returns, certified, "cartpole")
+    summary = summarise_seeds([evaluation(0, 0.1), evaluation(1, 0.3)], returns, sets, "cartpole")
     assert summary["share"] == {"returns": 0.5, "returns_all": 1.0, "returns_certified": 0.75}
     assert summary["returns"]["Target"]["mean"] == pytest.approx(np.mean([500, 30, 500, 500]))
     assert summary["returns"]["Target"]["by_seed"] == [265.0, 500.0]

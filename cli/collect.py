@@ -1,0 +1,38 @@
+"""gpsim collect: record the target, import logs of it, or write down what a robot is to play."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .configuration import as_yaml, resolve
+from .stages import ConfigDir, Out, ShowConfig, Words, run_stage
+
+Plan = Annotated[
+    Path | None,
+    typer.Option("--plan", help="Only write the sweep's commands to this CSV file, for a robot to play."),
+]
+
+
+def collect_command(
+    words: Words = None,
+    config_dir: ConfigDir = None,
+    show_config: ShowConfig = False,
+    out: Out = None,
+    plan: Plan = None,
+) -> None:
+    """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
+    config = resolve(words or [], config_dir)
+    if show_config:
+        typer.echo(as_yaml(config), nl=False)
+        return
+    if plan is None:
+        run_stage("collect", config, tuple(words or ()), config_dir, out)
+        return
+    # Imported here: rosbags takes a second to load, and `--help` should not wait for it.
+    from gpsim.stages.sweep import write_plan
+
+    rows = write_plan(config, plan)
+    typer.echo(f"collect: {plan}, {rows} commands, one a control step")

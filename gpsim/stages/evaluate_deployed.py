@@ -1,0 +1,139 @@
+"""evaluate deployed=BAG...: recorded deployments of a policy on the real thing - success, steps, metres, figure."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.channels import FloatArray
+from gpsim.errors import UsageError
+from gpsim.evaluation.trips import path_length
+from gpsim.recordings import Episode, Recording
+from gpsim.reports.canvas import png
+from gpsim.reports.trip_figures import figure_deployed
+from gpsim.stages.building import make_task
+from gpsim.stages.import_log import read_logs, read_mapping, source_digests
+from gpsim.stages.stage import Request
+from gpsim.tasks import GoalReaching
+
+TABLE = "deployments.csv"
+
+
+def recipe(request: Request) -> Recipe:
+    """The logs, how they are read, and where the goal was."""
+    section = request.config["collect"]
+    config = {
+        "task": request.config["task"],
+        "goal": _goal(request).tolist(),
+        "tolerance": _tolerance(request),
+        "mapping": read_mapping(_mapping(request)),
+        "changes": list(section["changes"]),
+        "salvage": section["salvage"],
+        "deployed": source_digests(_sources(request)),
+    }
+    return Recipe("evaluate", config, {}, {})
+
+
+def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Write deployments.csv (one row an episode of a log), evaluation.json and figures/deployed.png."""
+    task, goal = _task(request), _goal(request)
+    section = request.config["collect"]
+    recording, _, _ = read_logs(
+        _sources(request), _mapping(request), section["changes"], bool(section["salvage"])
+    )
+    if recording.state.names[:2] != ("x", "y"):
+        raise UsageError(
+            f"deployed: the mapping {_mapping(request)} gives no x and y to compare with the goal"
+        )
+    rows, paths = [], []
+    for episode in recording.episodes:
+        path, reached = trip(episode, goal, task.goal_radius + _tolerance(request))
+        paths.append(path)
+        rows.append(
+            {
+                "episode": _name(recording, episode),
+                "reached": int(reached),
+                "steps": len(path) - 1,
+                "path": float(path_length(path[None])[0]),
+                "nearest": float(np.hypot(*(path[:, :2] - goal).T).min()),
+            }
+        )
+    table = pd.DataFrame(rows)
+    table.to_csv(folder / TABLE, index=False, lineterminator="\n")
+    there = table[table["reached"] == 1]
+    summary = {
+        "trips": len(table),
+        "reached": len(there),
+        "rate": float(table["reached"].mean()),
+        "steps": float(there["steps"].mean()) if len(there) else None,
+        "path": float(there["path"].mean()) if len(there) else None,
+    }
+    write_json(folder / "evaluation.json", {"experiment": request.config["experiment"], "deployed": summary})
+    (folder / "figures").mkdir()
+    figure = figure_deployed(paths, goal, task.goal_radius, task.floor)
+    (folder / "figures" / "deployed.png").write_bytes(png(figure))
+    return {}
+
+
+def trip(episode: Episode, goal: FloatArray, radius: float) -> tuple[FloatArray, bool]:
+    """The measured states (K + 1, S) until the goal is within `radius` [m], or all; and whether it ever was."""
+    near = np.flatnonzero(np.hypot(*(episode.states[:, :2] - goal).T) <= radius)
+    return (episode.states[: near[0] + 1], True) if near.size else (episode.states, False)
+
+
+def notes(artifact: Artifact) -> list[str]:
+    """One line a deployment, and the sum."""
+    table = pd.read_csv(artifact.path / TABLE)
+    summary = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))["deployed"]
+    lines = [
+        f"{row.episode}: {'reached' if row.reached else f'not reached, {row.nearest:.3f} m at best'} "
+        f"in {row.steps} steps, {row.path:.2f} m"
+        for row in table.itertuples()
+    ]
+    lines.append(f"{summary['reached']} of {summary['trips']} deployments reached the goal")
+    return [*lines, f"figure: {artifact.path / 'figures' / 'deployed.png'}"]
+
+
+def _name(recording: Recording, episode: Episode) -> str:
+    """The log that an episode is from, where that is known."""
+    origin = (recording.provenance.get("sources") or {}).get(episode.name) or {}
+    return f"{episode.name} ({origin['log']})" if "log" in origin else episode.name
+
+
+def _sources(request: Request) -> list[Path]:
+    given = request.config["deployed"]
+    return [Path(str(one)) for one in (given if isinstance(given, list) else [given])]
+
+
+def _mapping(request: Request) -> str:
+    mapping = request.config["collect"]["mapping"]
+    if mapping is None:
+        raise UsageError("deployed: name the mapping that reads the logs: collect.mapping=limo_optitrack")
+    return str(mapping)
+
+
+def _task(request: Request) -> GoalReaching:
+    task = make_task(request.config)
+    if not isinstance(task, GoalReaching):
+        raise UsageError("deployed: only a task with a goal is scored from logs; choose experiment=limo")
+    return task
+
+
+def _tolerance(request: Request) -> float:
+    given = request.config["deployed_tolerance"]
+    if isinstance(given, bool) or not isinstance(given, int | float) or not given >= 0:
+        raise UsageError(f"deployed_tolerance: expected a length of at least 0 m, got {given!r}")
+    return float(given)
+
+
+def _goal(request: Request) -> FloatArray:
+    given = request.config["deployed_goal"]
+    goal = _task(request).evaluation_goal if given is None else given
+    numbers = [value for value in goal if isinstance(value, int | float) and not isinstance(value, bool)]
+    if len(numbers) != 2 or len(goal) != 2:
+        raise UsageError(f"deployed_goal: expected [x, y] in metres, got {given!r}")
+    return np.array(numbers, dtype=np.float64)

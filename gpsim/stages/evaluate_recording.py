@@ -1,0 +1,86 @@
+"""evaluate, where the target is known by its logs alone: layers 1 and 2 on the recording, and why no layer 3."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.artifacts import Json, Recipe, write_json
+from gpsim.evaluation.replay import WARM_UP, replay, windows_of
+from gpsim.evaluation.rollout import bands, divergence, root_mean_square
+from gpsim.recordings import read_recording
+from gpsim.residuals import Residuals
+from gpsim.settings import positive
+from gpsim.stages import build_residuals, fit_gp, one_step
+from gpsim.stages.building import base_plant
+from gpsim.stages.diagnose_loop import find_diagnosis
+from gpsim.stages.policy_files import write_arrays
+from gpsim.stages.stage import Request, generator
+from gpsim.stages.train_gp_policy import simulators_of
+
+WHY = (
+    "layer 3 is left out: the target is known by its logs alone, there is nothing to drive; play an exported policy on "
+    "the robot (gpsim export policy) and score its logs (gpsim evaluate deployed=BAG)"
+)
+
+
+def recipe(request: Request, with_effects: bool) -> Recipe:
+    """The simulator and what corrects it; the policies are for the robot, not for this."""
+    parents = {"residuals": build_residuals.STAGE.need(request), "gp": fit_gp.STAGE.need(request)}
+    if with_effects:
+        parents["diagnosis"] = find_diagnosis(request)
+    config = request.section("simulator", "target", "evaluate", "sample_noise", "gp")
+    return Recipe("evaluate", config, parents, {"seed": request.seed})
+
+
+def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Write evaluation.json and rollouts.safetensors."""
+    data = build_residuals.read_residuals(recipe.parents["residuals"])
+    held_out = bool(data.test.any())
+    judged = data.take(data.test) if held_out else data
+    request.progress(0, 2, "one step")
+    scores = one_step.scores(request, recipe.parents["gp"].path, judged)
+    request.progress(1, 2, "rollouts")
+    evaluation = {
+        "experiment": request.config["experiment"],
+        "seed": request.seed,
+        "judged_on": "held-out episodes"
+        if held_out
+        else "the training episodes: the recording holds nothing out",
+        "not_driven": WHY,
+        "one_step": scores,
+        "rollout": _rollouts(request, recipe, judged, folder),
+    }
+    write_json(folder / "evaluation.json", evaluation)
+    request.progress(2, 2, "done")
+    return {}
+
+
+def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path) -> dict[str, Any]:
+    section, base = request.config["evaluate"], base_plant(request.config)
+    recording = read_recording(build_residuals.recording_folder(request))
+    numbers = np.unique(judged.episode)
+    windows = windows_of(
+        [recording.episodes[i] for i in numbers.tolist()],
+        positive(section["rollout_steps"], "evaluate.rollout_steps"),
+        positive(section["rollouts"], "evaluate.rollouts"),
+    )
+    rng = generator(section["start_seed"], "evaluate/rollouts")
+    steps = windows.recorded.shape[1] - 1
+    found: dict[str, Any] = {
+        "horizon_s": steps * base.dt, "rollouts": len(windows.states), "dt": base.dt, "warm_up_s": WARM_UP * base.dt,
+    }  # fmt: skip
+    paths = {"Target": windows.recorded}
+    for name, plant in simulators_of(
+        request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
+    ).items():
+        paths[name] = replay(plant, windows, rng)
+        distance = divergence(paths[name], windows.recorded, base.state)
+        found[name] = {
+            "rms": root_mean_square(distance, base.state),
+            "bands": bands(distance, base.state),
+        }
+    write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
+    return found

@@ -1,0 +1,52 @@
+"""export policy: a trained policy as ONNX, and a ROS node that plays it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+from gpsim.artifacts import read_artifact, write_json
+from gpsim.errors import UsageError
+from gpsim.policy_export import ros_node, to_onnx
+from gpsim.stages.policy_files import read_policy
+
+NODE = "drive_to_goal.py"
+
+
+def export_policy(path: Path, out: Path) -> list[str]:
+    """Write policy.onnx, policy.json (its origin) and, for a vehicle with a goal, a ROS node to the new folder `out`.
+
+    path: an artifact of train-source or train-gp-policy. Returns sentences about what was written.
+    """
+    artifact = read_artifact(path)
+    if artifact.stage not in ("train-source", "train-gp-policy"):
+        raise UsageError(
+            f"{path}: made by '{artifact.stage}', expected a policy of train-source or train-gp-policy"
+        )
+    if out.exists():
+        raise UsageError(f"{out}: exists already; choose another --out")
+    if not out.parent.is_dir():
+        raise UsageError(f"{out.parent}: no such folder; make it first")
+    policy, config = read_policy(path), artifact.manifest["config"]
+    rate = 1.0 / float(config["simulator"]["dt"])
+    notes = [
+        f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
+    ]
+    temporary = out.with_name(f".{out.name}.{os.getpid()}")
+    try:
+        temporary.mkdir()
+        (temporary / "policy.onnx").write_bytes(to_onnx(policy))
+        origin = {"stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"]}
+        write_json(temporary / "policy.json", origin)
+        if config["task"]["name"] == "goal":
+            node = temporary / NODE
+            node.write_text(ros_node(policy, rate, float(config["task"]["goal_radius"])), encoding="utf-8")
+            node.chmod(0o755)
+            notes.append(f"{NODE}: a ROS 1 node that plays it; its first lines say how")
+        temporary.rename(out)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return notes

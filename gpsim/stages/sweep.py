@@ -1,0 +1,85 @@
+"""The sweep over the action space: its plan as a file, and its run on the stand-in through a bag and the importer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from gpsim.artifacts import Json
+from gpsim.channels import FloatArray
+from gpsim.driving import Sweep, drive_plan
+from gpsim.errors import UsageError
+from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
+from gpsim.settings import positive
+from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.import_log import read_logs, read_mapping, write_import
+from gpsim.stages.stage import Request, generator
+from gpsim.targets import Limo
+from gpsim.tasks import GoalReaching
+
+ROS1_BAG, ROS2_BAG, PLAN = Path("bags/drive.bag"), Path("bags/drive_ros2"), "plan.csv"
+
+
+def plan_table(config: Mapping[str, Any]) -> pd.DataFrame:
+    """One row a control step: t [s] and the commanded channels, in the order in which a robot plays them."""
+    plan, base = _commands(config), base_plant(config)
+    columns = {name: plan[:, i] for i, name in enumerate(base.action.names)}
+    return pd.DataFrame({"t": np.round(base.dt * np.arange(len(plan)), 9)} | columns)
+
+
+def write_plan(config: Mapping[str, Any], path: Path) -> int:
+    """Write the plan to a new CSV file; returns the number of its rows."""
+    if path.exists():
+        raise UsageError(f"--plan {path}: exists already; choose another file")
+    table = plan_table(config)
+    try:
+        table.to_csv(path, index=False, lineterminator="\n")
+    except OSError as error:
+        raise UsageError(f"--plan {path}: cannot be written: {error.strerror or error}") from error
+    return len(table)
+
+
+def run_sweep(request: Request, folder: Path) -> Json:
+    """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording read from the first."""
+    section, target, task = request.config["collect"], target_plant(request.config), _task(request.config)
+    if not isinstance(target, Limo):
+        raise UsageError(
+            "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
+        )
+    log, returns = drive_plan(
+        target, _commands(request.config), task.floor, generator(request.seed, "collect/episodes")
+    )
+    plan_table(request.config).to_csv(folder / PLAN, index=False, lineterminator="\n")
+    (folder / ROS1_BAG).parent.mkdir()
+    topics = _topics(request)
+    write_ros1_bag(folder / ROS1_BAG, log, topics)
+    write_ros2_bag(folder / ROS2_BAG, log, topics)
+    recording, report, _ = read_logs([folder / ROS1_BAG], str(section["mapping"]), section["changes"])
+    write_import(recording, report, folder)
+    return {"transitions": recording.transition_count, "put_back": returns}
+
+
+def _commands(config: Mapping[str, Any]) -> FloatArray:
+    section, task = config["collect"], _task(config)
+    if "speeds" not in section:
+        raise UsageError("collect: no sweep is configured; choose experiment=limo")
+    sweep = Sweep(*(positive(section[key], f"collect.{key}") for key in ("speeds", "turns", "hold")))
+    low, high = np.array([task.speed, task.turn], dtype=np.float64).T
+    return sweep.commands(low, high)
+
+
+def _task(config: Mapping[str, Any]) -> GoalReaching:
+    task = make_task(config)
+    if not isinstance(task, GoalReaching):
+        raise UsageError("a sweep needs the bounds of speed and turn rate: choose task=goal")
+    return task
+
+
+def _topics(request: Request) -> Topics:
+    """The topics that the mapping will look for."""
+    raw = read_mapping(str(request.config["collect"]["mapping"]))
+    return Topics(str(raw["action"]["v_cmd"]["topic"]), str(raw["state"]["x"]["topic"]))

@@ -1,0 +1,78 @@
+"""The command filter: against a fine simulation of delay and lag, and found again from its own answer."""
+
+import numpy as np
+import pytest
+
+from gpsim.command_filter import CommandFilter, fit_filter, settled_rows
+from gpsim.errors import UsageError
+
+FILTER = CommandFilter((0.13, 0.0), (0.11, 0.25), 0.1)
+
+
+def commands(rng, rows, hold):
+    return np.repeat(rng.uniform(-1.0, 1.0, (rows // hold, 2)), hold, axis=0)
+
+
+def test_it_is_a_delay_and_a_lag():
+    """Against an Euler integration a thousand times finer."""
+    rng = np.random.default_rng(0)
+    actions = commands(rng, 40, 2)
+    fine = 1000
+    memory, out = FILTER.begin(1), []
+    for action in actions:
+        out.append(FILTER.step(action[None], memory)[0])
+    for i in range(2):
+        late = round(FILTER.delay[i] / 0.1 * fine)
+        sent = np.concatenate([np.zeros(late), np.repeat(actions[:, i], fine)])[: 40 * fine]
+        level, means = 0.0, []
+        for u in sent:
+            level += 0.1 / fine / FILTER.time_constant[i] * (u - level)
+            means.append(level)
+        np.testing.assert_allclose(np.array(out)[:, i], np.reshape(means, (40, fine)).mean(axis=1), atol=2e-3)
+
+
+def test_episodes_begin_at_rest():
+    rng = np.random.default_rng(1)
+    actions = commands(rng, 30, 3)
+    episode = np.repeat([0, 1, 2], [12, 5, 13])
+    whole = FILTER.arrived(actions, episode)
+    for number in range(3):
+        rows = episode == number
+        np.testing.assert_array_equal(whole[rows], FILTER.arrived(actions[rows], np.zeros(rows.sum(), int)))
+
+
+def test_delay_and_lag_are_found_again():
+    rng = np.random.default_rng(2)
+    actions = commands(rng, 600, 6)
+    episode = np.repeat([0, 1, 2], 200)
+    true = CommandFilter((0.13, 0.06), (0.11, 0.25), 0.1)
+
+    def rates_of(arrived):
+        return np.column_stack([arrived[:, 0], np.tanh(arrived[:, 1]) + 0.2 * arrived[:, 0]])
+
+    measured = rates_of(true.arrived(actions, episode)) + 0.01 * rng.standard_normal((600, 2))
+    found = fit_filter(actions, episode, measured, rates_of, 0.1)
+    np.testing.assert_allclose(found.delay, true.delay, atol=0.01)
+    np.testing.assert_allclose(found.time_constant, true.time_constant, atol=0.015)
+
+
+def test_settled_rows_are_those_that_have_stood():
+    actions = np.array([[1.0], [1.0], [1.0], [2.0], [2.0], [2.0], [2.0], [2.0]])
+    episode = np.array([0, 0, 0, 0, 0, 0, 1, 1])
+    assert settled_rows(actions, episode, 2).tolist() == [
+        False,
+        False,
+        True,
+        False,
+        False,
+        True,
+        False,
+        False,
+    ]
+    assert settled_rows(actions, episode, 1).tolist() == [False, True, True, False, True, True, False, True]
+
+
+def test_round_trip_and_foreign_content():
+    assert CommandFilter.from_json(FILTER.to_json()) == FILTER
+    with pytest.raises(UsageError, match="not a command filter"):
+        CommandFilter.from_json({"delay": [0.1]})

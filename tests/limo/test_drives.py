@@ -1,0 +1,174 @@
+"""From a drive of the stand-in through bags and the importer; policies trained, exported, deployed and scored."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+from gpsim.cli.configuration import resolve
+from gpsim.cli.main import main
+
+from gpsim.driving import Sweep, drive_plan, drive_policy
+from gpsim.envs import BatchedEnv
+from gpsim.errors import UsageError
+from gpsim.learning import PpoSettings, SacSettings
+from gpsim.policies import train_ppo, train_sac
+from gpsim.policy import Policy
+from gpsim.policy_export import ros_node, to_onnx
+from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
+from gpsim.simulators import make_simulator
+from gpsim.simulators.plant import SimulatorPlant
+from gpsim.stages.building import make_task, target_plant
+from gpsim.stages.import_log import read_logs
+from gpsim.tasks import Balance, GoalReaching, Start
+
+CONFIG = resolve(["experiment=limo"], None)
+CAR, TASK = target_plant(CONFIG), make_task(CONFIG)
+CHANGES = CONFIG["collect"]["changes"]
+PLANT = SimulatorPlant(make_simulator("unicycle"), {}, "euler", 0.1)
+SMALL = SacSettings(total_steps=480, n_envs=8, gradient_steps=2, learning_starts=80, checkpoint_every=240,
+                    checkpoint_episodes=8, hidden=(16, 16), action_repeat=5)  # fmt: skip
+PLAN = Sweep(3, 4, 12).commands(np.array([0.0, -0.3]), np.array([0.2, 0.3]))
+
+
+def train(seed=0):
+    env = BatchedEnv(PLANT, GoalReaching(max_steps=60), SMALL.n_envs, seed, SMALL.action_repeat)
+    return train_sac(env, SMALL, seed, lambda *_: None)
+
+
+def proportional(observations):
+    """A policy that anyone would write: full speed, turning towards the goal."""
+    bearing = np.arctan2(observations[:, 1], observations[:, 0])
+    return np.column_stack([np.full(len(bearing), 0.2), np.clip(bearing, -0.3, 0.3)])
+
+
+def test_a_sweep_is_a_grid_that_is_held():
+    assert PLAN.shape == (144, 2)
+    assert len(np.unique(PLAN, axis=0)) == 12
+    assert (PLAN[:12] == [0.0, -0.3]).all()
+    assert (PLAN[-1] == [0.2, 0.3]).all()
+
+
+@pytest.mark.parametrize("kind", ["ros1", "ros2"])
+def test_a_drive_comes_back_through_its_bag(tmp_path, kind):
+    """Every command of the plan, once a step, and poses within the camera's noise of the truth."""
+    log, put_back = drive_plan(CAR, PLAN, 0.4, np.random.default_rng(0))
+    assert put_back > 0
+    bag = tmp_path / ("drive.bag" if kind == "ros1" else "drive")
+    (write_ros1_bag if kind == "ros1" else write_ros2_bag)(bag, log, Topics())
+    recording, report, _ = read_logs([bag], "limo_optitrack", ["held_out.share=0", "episodes.min_duration=0"])
+    transitions = recording.transitions()
+    np.testing.assert_array_equal(transitions.actions, PLAN)
+    assert len(recording.episodes) == put_back + 1
+    assert np.allclose(transitions.dt, 0.1)
+    assert not any("gap" in text for text in report.warnings)
+    # Where the car stands, the pose is the camera's alone.
+    still = transitions.states[:20]
+    np.testing.assert_allclose(still[:, :2], 0.0, atol=5 * 5e-4)
+
+
+def test_the_same_drive_gives_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        log, _ = drive_plan(CAR, PLAN, 1.0, np.random.default_rng(4))
+        (tmp_path / name).mkdir()
+        write_ros1_bag(tmp_path / name / "drive.bag", log, Topics())
+        write_ros2_bag(tmp_path / name / "drive", log, Topics())
+    for path in sorted((tmp_path / "a").rglob("*")):
+        if path.is_file():
+            assert path.read_bytes() == (tmp_path / "b" / path.relative_to(tmp_path / "a")).read_bytes(), path
+
+
+def test_same_seed_same_bytes_and_the_best_checkpoint_is_kept():
+    first, curve, checkpoints = train()
+    again, _, _ = train()
+    other, _, _ = train(seed=1)
+    assert all(first.weights[k].tobytes() == again.weights[k].tobytes() for k in first.weights)
+    assert any(first.weights[k].tobytes() != other.weights[k].tobytes() for k in first.weights)
+    assert checkpoints.steps.tolist() == curve.steps.tolist() == [240, 480]
+    arrays, metadata = first.to_arrays()
+    back = Policy.from_arrays(arrays, metadata)
+    seen = np.random.default_rng(0).normal(size=(20, 2)).astype(np.float32)
+    assert back.act(seen).tobytes() == first.act(seen).tobytes()
+    assert (back.act(seen) >= first.bounds[0]).all()
+    assert (back.act(seen) <= first.bounds[1]).all()
+    drawn = first.act(np.tile(seen[:1], (4000, 1)), np.random.default_rng(0))
+    mean, log_std = np.split(first.logits(seen[:1]), 2, axis=1)
+    unsquashed = np.arctanh(
+        np.clip(2.0 * (drawn - first.bounds[0]) / np.ptp(first.bounds, axis=0) - 1.0, -0.999999, 0.999999)
+    )
+    np.testing.assert_allclose(np.median(unsquashed, axis=0), mean[0], atol=0.12 * np.exp(log_std[0]).max())
+
+
+def test_exported_policies_act_alike(tmp_path):
+    """ONNX against NumPy, for continuous and for discrete actions."""
+    continuous, _, _ = train()
+    cart = SimulatorPlant(make_simulator("cartpole"), make_simulator("cartpole").defaults(), "euler", 0.02)
+    settings = PpoSettings(total_steps=64, n_steps=32, n_envs=2, batch_size=32, n_epochs=1)
+    discrete, _ = train_ppo(BatchedEnv(cart, Balance(), 2, 0), settings, 0, lambda *_: None)
+    rng = np.random.default_rng(0)
+    for policy in (continuous, discrete):
+        session = onnxruntime.InferenceSession(to_onnx(policy), providers=["CPUExecutionProvider"])
+        seen = rng.normal(size=(200, len(policy.scale))).astype(np.float32)
+        actions = session.run(["action"], {"observation": seen})[0]
+        np.testing.assert_allclose(actions, policy.act(seen), rtol=1e-5, atol=1e-6)
+        assert to_onnx(policy) == to_onnx(policy)
+    compile(ros_node(continuous, 10.0, 0.05), "drive_to_goal.py", "exec")
+    with pytest.raises(UsageError, match="only policies that drive a vehicle"):
+        ros_node(discrete, 50.0, 0.05)
+
+
+def run(monkeypatch, capsys, *words):
+    """The command line in this process; returns exit code, output and errors."""
+    monkeypatch.setattr("sys.argv", ["gpsim", *words])
+    try:
+        main()
+        code = 0
+    except SystemExit as ended:
+        code = ended.code or 0
+    shown = capsys.readouterr()
+    return code, shown.out, shown.err
+
+
+def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    goal = np.array([TASK.evaluation_goal], dtype=np.float64)
+    bags = []
+    for number, (x, yaw) in enumerate(((-0.4, 0.0), (0.1, 0.1), (0.47, 2.4))):
+        start = Start(np.array([[x, -0.5 if x < 0.4 else -0.45, yaw]]), goal)
+        act = proportional if number < 2 else (lambda seen: np.zeros((len(seen), 2)))
+        log = drive_policy(
+            CAR, GoalReaching(max_steps=60 if number else 90), act, start, np.random.default_rng(number)
+        )
+        bags.append(f"trip{number}.bag")
+        write_ros1_bag(Path(bags[-1]), log, Topics())
+    words = ["evaluate", "experiment=limo", f"deployed=[{','.join(bags)}]"]
+    code, out, err = run(monkeypatch, capsys, *words)
+    assert code == 0, err
+    folder = tmp_path / "runs/limo/evaluate/v0001"
+    found = json.loads((folder / "evaluation.json").read_text())["deployed"]
+    assert found["trips"] == 3
+    assert found["reached"] == 2
+    assert "not reached" in out
+    assert "2 of 3 deployments reached the goal" in out
+    assert (folder / "figures/deployed.png").read_bytes().startswith(b"\x89PNG")
+    assert "already there" in run(monkeypatch, capsys, *words)[1]
+    code, _, err = run(monkeypatch, capsys, *words, "deployed_goal=[1]")
+    assert code == 2
+    assert err == "error: deployed_goal: expected [x, y] in metres, got [1]\n"
+
+
+def test_the_plan_is_a_file_that_a_robot_can_play(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    code, out, _ = run(monkeypatch, capsys, "collect", "experiment=limo", "--plan", "plan.csv")
+    assert code == 0
+    assert out == "collect: plan.csv, 3000 commands, one a control step\n"
+    rows = np.loadtxt("plan.csv", delimiter=",", skiprows=1)
+    assert Path("plan.csv").read_text().startswith("t,v_cmd,w_cmd\n0.0,0.0,-0.3\n0.1,")
+    assert rows.shape == (3000, 3)
+    code, _, err = run(monkeypatch, capsys, "collect", "experiment=limo", "--plan", "plan.csv")
+    assert code == 2
+    assert "exists already" in err
+    code, _, err = run(monkeypatch, capsys, "collect", "--plan", "other.csv")
+    assert code == 2
+    assert err.count("\n") == 1
