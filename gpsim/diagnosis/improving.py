@@ -21,7 +21,7 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate
 
-MOST_TERMS, ADDED, SWAPPED = 4, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
+MOST_TERMS, ADDED, SWAPPED = 6, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 LOOKED_AT = 120  # windows on which candidates are screened
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
