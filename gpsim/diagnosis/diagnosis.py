@@ -17,7 +17,7 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.judging import Judgement, judge
 from gpsim.diagnosis.locating import depends_on, locate
-from gpsim.diagnosis.preparing import Question, prepare, settled
+from gpsim.diagnosis.preparing import Question, prepare, settled_question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
@@ -59,7 +59,7 @@ def diagnose(
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
-    question = settled(question, found.fits[0])
+    question = settled_question(question, found.fits[0])
     judgement = judge(question, found, offers, lambda text: note(70, 100, text))
     note(80, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)

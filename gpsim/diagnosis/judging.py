@@ -143,7 +143,7 @@ def _pruned(question: Question, leader: Fit) -> Fit:
     problem = question.everything
     while leader.hypothesis.terms:
         parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
-        reduced = _again(problem, parts)
+        reduced = fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
         weakest = min(reduced, key=lambda f: f.objective)
         keeps = pays(problem, leader, weakest)
         if keeps and len(question.held_out.windows):

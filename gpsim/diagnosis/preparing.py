@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.numerics import numerical_error, settled
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.thinning import PACE, thinned
 from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut
 from gpsim.errors import UsageError
@@ -26,7 +27,6 @@ FEWEST_WINDOWS = 4
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
 USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
 USUAL_MOST = 6  # substeps that this may ask for
-MARGIN = 2.0  # on the numerical error
 SLOW = 0.5  # s: transitions longer than this belong to systems for which seconds are no guide
 NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (or a third of the known noise)
 
@@ -121,30 +121,9 @@ def _fine_enough(problem: Problem) -> Problem:
     return chosen
 
 
-def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
-    """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
-
-    The error of a second-order scheme is 4/3 of that change, and it is the same in all windows that look alike: what it
-    could pass off as physics must stay below the floor.
-    """
-    null = at or fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=4)
-    finer = replace(problem, substeps=2 * problem.substeps)
-    theta = null.hypothesis.theta[None]
-    change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
-    return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
-
-
-def settled(question: Question, best: Fit) -> Question:
-    """The question with the numerical error that the best hypothesis has, which may be more than the base's.
-
-    best: a fit of the searched windows. Friction that stops and starts a body is where a step is least exact.
-    """
-    if best.hypothesis.scheme != "fine":
-        return question
-    error = numerical_error(question.searched, best)
-    floor = np.maximum(
-        question.everything.floor, np.hypot(question.searched.floor * question.searched.stated, error)
-    )
+def settled_question(question: Question, best: Fit) -> Question:
+    """The question with the numerical error of the best hypothesis, a fit of the searched windows."""
+    floor = np.maximum(question.everything.floor, settled(question.searched, best).floor)
     problems = (question.everything, question.searched, question.held_out)
     everything, searched, held_out = (replace(problem, floor=floor) for problem in problems)
     return replace(question, everything=everything, searched=searched, held_out=held_out)

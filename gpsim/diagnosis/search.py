@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from gpsim.diagnosis.evidence import gain, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.numerics import rescored, settled
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.shooting import Fit, fit
@@ -55,6 +56,9 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
         for parent in beam:
             directions = Directions(problem, parent)
             plain = grown(problem, directions, offers, FITTED[depth])
+            if depth == 0 and parent is null:
+                problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
+                fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
             if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
                 children += gated_children(problem, directions, plain, offers)
@@ -68,7 +72,7 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
         beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
     note(total, total, "")
     ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
-    return Found(ranking, null, scheme)
+    return Found(ranking, rescored(problem, null), scheme)
 
 
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:

@@ -1,0 +1,45 @@
+"""The numerical error of a simulation: a part of the noise, or it passes for physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.problem import Problem, objective, variance_of
+from gpsim.diagnosis.shooting import Fit, fit
+
+MARGIN = 2.0  # on the numerical error
+
+
+def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
+    """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
+
+    The error of a second-order scheme is 4/3 of that change, and it is the same in all windows that look alike: what it
+    could pass off as physics must stay below the floor.
+    """
+    null = at or fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=4)
+    finer = replace(problem, substeps=2 * problem.substeps)
+    theta = null.hypothesis.theta[None]
+    change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
+    return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+
+
+def settled(problem: Problem, best: Fit) -> Problem:
+    """The problem with a floor that holds the best hypothesis's numerical error, which may be more than the base's.
+
+    Friction that stops and starts a body is where a step is least exact.
+    """
+    if best.hypothesis.scheme != "fine":
+        return problem
+    error = np.hypot(problem.floor * problem.stated, numerical_error(problem, best))
+    return replace(problem, floor=np.maximum(problem.floor, error))
+
+
+def rescored(problem: Problem, at: Fit) -> Fit:
+    """A fit under another floor."""
+    return replace(
+        at, variance=variance_of(problem, at.residuals), objective=objective(problem, at.residuals)
+    )
