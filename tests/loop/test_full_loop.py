@@ -143,7 +143,15 @@ def test_killed_many_times(tmp_path):
 
 def test_ctrl_c_says_how_to_carry_on(tmp_path):
     process = subprocess.Popen(
-        LOOP, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        LOOP,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        ),  # a shell's background jobs ignore it
     )
     deadline = time.monotonic() + 120
     while not versions(tmp_path) and time.monotonic() < deadline:

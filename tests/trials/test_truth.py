@@ -62,8 +62,8 @@ def test_every_law_is_the_catalogues_though_written_twice(family, system, on):
     picks = np.stack([np.zeros(world.episodes, dtype=np.int64), np.arange(world.episodes)])
     own = ours.states(picks, LENGTH)
     read = sense((effect,), SYSTEMS[system].names, own[None], 0, H)
-    changed = np.abs(plant.measure(theirs) - driven.clean[LENGTH]).max()
-    assert np.abs(read - plant.measure(theirs)).max() < 1e-2 * changed + 1e-9
+    changed = np.abs(plant.measure(theirs, rng) - driven.clean[LENGTH]).max()
+    assert np.abs(read - plant.measure(theirs, rng)).max() < 1e-2 * changed + 1e-9
 
 
 def test_a_delayed_sensor_says_what_was():
