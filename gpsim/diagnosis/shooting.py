@@ -27,8 +27,8 @@ class Fit:
     """A fitted hypothesis.
 
     residuals: (W, L + 1, S); starts: (W, S); variance: (S,) of the residual, floor included; objective: negative log
-    likelihood in nats, up to a constant of the data. informations (W, P, P) and gradients (W, P) of each window, start
-    states projected out; information: (P, P) their sum; converged: whether it stood still.
+    likelihood in nats, up to a constant of the data. information (P, P) and the gradients (W, P) of each window, start
+    states projected out; converged: whether it stood still.
     """
 
     hypothesis: Hypothesis
@@ -38,7 +38,6 @@ class Fit:
     objective: float
     information: FloatArray
     gradients: FloatArray
-    informations: FloatArray
     converged: bool
 
 
@@ -84,7 +83,6 @@ def fit(
         at.value,
         informations.sum(axis=0),
         gradients,
-        informations,
         converged,
     )
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -16,7 +13,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.errors import UsageError
+from gpsim.workers import begin_worker, worker_pool
 
 _POOL: ContextVar[ProcessPoolExecutor | None] = ContextVar("pool", default=None)
 
@@ -37,15 +34,10 @@ def cores(count: int) -> Iterator[None]:
     if count < 2:
         yield
         return
-    # Spawned, not forked: the parent shows its progress from a thread.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(count, context, initializer=_quiet) as pool:
+    with worker_pool(count, begin_worker, os.getpid()) as pool:
         token = _POOL.set(pool)
         try:
             yield
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
         finally:
             _POOL.reset(token)
 
@@ -55,19 +47,10 @@ def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
     pool = _POOL.get()
     if pool is None or len(orders) < 2:
         return [_fit(problem, order) for order in orders]
-    try:
-        return [f.result() for f in [pool.submit(_fit, problem, order) for order in orders]]
-    except BrokenProcessPool as error:
-        raise UsageError("diagnose: a worker process was ended; run it again, or with --cores 1") from error
+    return [f.result() for f in [pool.submit(_fit, problem, order) for order in orders]]
 
 
 def _fit(problem: Problem, order: Order) -> Fit:
     return fit(
         problem, order.hypothesis, order.starts, iterations=order.iterations, tolerance=order.tolerance
     )
-
-
-def _quiet() -> None:
-    """Ctrl-C reaches the whole group, and the parent ends its workers; one thread each."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ.setdefault("OMP_NUM_THREADS", "1")

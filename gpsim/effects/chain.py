@@ -111,13 +111,6 @@ class Chain:
         second = _sum(self._rates(middle, action, parameters, values, t, (state, step)), extra)
         return state + h * self.simulator.derivative(middle, second)
 
-    def slope(
-        self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
-    ) -> FloatArray:
-        """(B, S): d state / dt."""
-        parameters = self._corrected(state, action, values, t)
-        return self.simulator.derivative(state, self._rates(state, action, parameters, values, t, None))
-
     def reach(self, values: Sequence[Values], step: FloatArray) -> int:
         """How many substeps of `step` (B,) [s] back the sensors look."""
         longest = max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)

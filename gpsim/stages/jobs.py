@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import signal
-import threading
-import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, replace
 from multiprocessing.queues import Queue
 from queue import Empty
@@ -17,6 +13,7 @@ from queue import Empty
 from gpsim.artifacts import Artifact
 from gpsim.errors import UsageError
 from gpsim.stages.stage import Request
+from gpsim.workers import begin_worker, worker_pool
 
 Update = Callable[[str, int, int, str], None]
 """update(job, done, total, note)"""
@@ -45,11 +42,10 @@ def run_jobs(jobs: Sequence[Job], workers: int, update: Update, finished: Finish
         job.label: replace(job, request=request) for job, request in zip(jobs, _numbered(jobs), strict=True)
     }
     done: set[str] = set()
-    context = multiprocessing.get_context("spawn")  # torch does not survive a fork
+    context = multiprocessing.get_context("spawn")
     messages: Queue[Message] = context.Queue()
-    pool = ProcessPoolExecutor(workers, context, initializer=_start_worker, initargs=(messages, os.getpid()))
     running: dict[Future[tuple[Artifact, bool]], str] = {}
-    try:
+    with worker_pool(workers, _start_worker, messages, os.getpid()) as pool:
         while waiting or running:
             for job in [j for j in waiting.values() if done.issuperset(j.after)]:
                 if len(running) < workers:
@@ -63,15 +59,6 @@ def run_jobs(jobs: Sequence[Job], workers: int, update: Update, finished: Finish
                 artifact, existed = future.result()
                 done.add(label)
                 finished(label, artifact, existed)
-        pool.shutdown()
-    except BrokenProcessPool as error:
-        raise UsageError(
-            "a worker process was killed (out of memory?); run the same command to carry on"
-        ) from error
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in multiprocessing.active_children():
-            process.terminate()
 
 
 def _numbered(jobs: Sequence[Job]) -> Iterable[Request]:
@@ -93,17 +80,7 @@ _messages: Queue[Message]
 def _start_worker(messages: Queue[Message], parent: int) -> None:
     global _messages
     _messages = messages
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C reaches the whole group; the parent ends its workers
-    threading.Thread(target=_die_with, args=(parent,), daemon=True).start()
-
-
-def _die_with(parent: int) -> None:
-    """Leave when the parent is gone (kill -9): nobody waits for the result; the next run sweeps what is half-made."""
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(1)
+    begin_worker(parent)
 
 
 def _work(label: str, stage: str, request: Request) -> tuple[Artifact, bool]:
