@@ -13,18 +13,19 @@ from itertools import pairwise
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.edges import FAR, NEAR, bin_edges, declared_edges, gate_between, placed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
-from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.workers import Order, fit_all
-from gpsim.effects import EffectParameter, Gate
-from gpsim.effects.term import FROM, TO
 
-BINS = 24
 GATED, PROMISING = 4, 6  # gated terms that are fitted, of so many plain ones
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
-EDGE_ROUNDS = 5
+COARSE, FINEST = (
+    1e-2,
+    2e-5,
+)  # of a channel's range: spacing of the places tried while searching, and at the end
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,7 @@ class Proposal:
     channel: str | None
     low: float
     high: float
-    pace: float
-    movable: tuple[bool, bool]
+    ends: bool
 
 
 def gated_children(
@@ -64,21 +64,14 @@ def gated_children(
     proposals.sort(key=lambda p: -p.gain)
     children = [_child(directions.parent.hypothesis, proposal) for proposal in proposals[:GATED]]
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
-    return [_refined(problem, f, p) for f, p in zip(fits, proposals, strict=False)]
+    return [placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE) for f in fits]
 
 
 def polished(problem: Problem, at: Fit) -> Fit:
-    """A fit with the inner edges of its gates moved by shrinking steps while that helps."""
+    """A fit with the edges of its gates where the likelihood is highest."""
     for index, term in enumerate(at.hypothesis.terms):
-        if not term.gate:
-            continue
-        channel = next(iter(term.gate.region), None)
-        edges = _edges(problem, channel)
-        low, high = term.gate.region[channel] if channel else (term.gate.since, term.gate.until)
-        low, high = (float(edges[0] if low is None else low), float(edges[-1] if high is None else high))
-        movable = (low > edges[0], high < edges[-1])
-        pace = float(edges[-1] - edges[0]) / (4 * BINS)
-        at = _moved(problem, at, index, channel, (low, high), movable, pace)
+        if term.gate:
+            at = placed(problem, at, index, FAR, FINEST)
     return at
 
 
@@ -90,46 +83,8 @@ def makes_sense(candidate: Candidate, channel: str | None) -> bool:
 
 
 def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:
-    gate = _gate(p.channel, p.low, p.high, p.movable[1])
+    gate = gate_between(p.channel, p.low, p.high, p.ends)
     return parent.plus(replace(p.candidate.term(p.values), gate=gate), p.candidate.declared)
-
-
-def _refined(problem: Problem, at: Fit, p: Proposal) -> Fit:
-    return _moved(problem, at, len(at.hypothesis.terms) - 1, p.channel, (p.low, p.high), p.movable, p.pace)
-
-
-def _moved(
-    problem: Problem,
-    best: Fit,
-    index: int,
-    channel: str | None,
-    edges: tuple[float, float],
-    movable: tuple[bool, bool],
-    pace: float,
-) -> Fit:
-    """The fit with the edges of one term's gate moved by steps that shrink from `pace`, while that helps."""
-    at = list(edges)
-    for _ in range(EDGE_ROUNDS):
-        for side in (0, 1):
-            for direction in (-1.0, 1.0) if movable[side] else ():
-                moved = list(at)
-                moved[side] += direction * pace
-                if moved[1] - moved[0] < pace / 2:
-                    continue
-                hypothesis = best.hypothesis.gated(index, _gate(channel, moved[0], moved[1], movable[1]))
-                tried = fit(problem, hypothesis, best.starts, iterations=3, tolerance=0.5)
-                if tried.objective < best.objective:
-                    best, at = tried, moved
-                    break
-        pace /= 2
-    return best
-
-
-def _gate(channel: str | None, low: float, high: float, ends: bool) -> Gate:
-    """A region of `channel`, or where that is None the time from low on, to high where it `ends`."""
-    if channel is None:
-        return Gate(since=float(low), until=float(high) if ends else None)
-    return Gate(region={channel: (float(low), float(high))})
 
 
 def _best_gate(
@@ -139,13 +94,12 @@ def _best_gate(
     values: tuple[float, ...],
     channel: str | None,
 ) -> Proposal | None:
-    edges = _edges(problem, channel)
+    edges = bin_edges(problem, channel)
     if len(edges) < 4:
         return None
     hypothesis, count = directions.parent.hypothesis, len(edges) - 1
-    term = replace(candidate.term(values), gate=_gate(channel, edges[0], edges[-1], True))
-    term = replace(term, values={**term.values, FROM: edges[0], TO: edges[-1]})
-    binned = hypothesis.plus(term, (*candidate.declared, _edge(FROM), _edge(TO)))
+    plain = hypothesis.plus(candidate.term(values), candidate.declared)
+    binned = declared_edges(plain, len(hypothesis.terms), channel, float(edges[0]), float(edges[-1]), True)
     thetas = np.array([[*hypothesis.theta, *values, low, high] for low, high in pairwise(edges)])
     changes = directions.of(binned, thetas).reshape(count, -1)
     pull, size = changes @ directions.rest.ravel(), changes @ changes.T
@@ -156,13 +110,7 @@ def _best_gate(
         share = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
         p = candidate.declared[0]
         values = (float(np.clip(p.none + share * (values[0] - p.none), p.low, p.high)),)
-    pace = float(np.median(np.diff(edges))) / 2
-    movable = (first > 0, last < count - 1)
-    return Proposal(gain, candidate, values, channel, edges[first], edges[last + 1], pace, movable)
-
-
-def _edge(name: str) -> EffectParameter:
-    return EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0)
+    return Proposal(gain, candidate, values, channel, edges[first], edges[last + 1], last < count - 1)
 
 
 def _best_run(pull: FloatArray, size: FloatArray, suffix: bool) -> tuple[int, int, float, float]:
@@ -177,26 +125,6 @@ def _best_run(pull: FloatArray, size: FloatArray, suffix: bool) -> tuple[int, in
     whole, gains[0, -1] = float(gains[0, -1]), 0.0
     first, last = (int(i) for i in np.unravel_index(int(np.argmax(gains)), gains.shape))
     return first, last, float(gains[first, last]), whole
-
-
-def _edges(problem: Problem, channel: str | None) -> FloatArray:
-    """Bin edges: outer ones open, inner ones quantiles."""
-    windows = problem.windows
-    if channel is None:
-        values = windows.t[windows.valid]
-    else:
-        names = problem.simulator.state.names
-        if channel in names:
-            values = windows.measured[..., names.index(channel)][windows.valid]
-        else:
-            values = windows.actions[..., problem.simulator.action.index(channel)].ravel()
-    inner = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
-    if len(inner) < 2:
-        return inner
-    margin = 0.05 * (inner[-1] - inner[0])
-    inner[0] -= margin
-    inner[-1] += margin
-    return inner
 
 
 def region_channels(problem: Problem) -> list[str | None]:

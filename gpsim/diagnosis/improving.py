@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.gates import PROMISING, gated_children, makes_sense, polished
+from gpsim.diagnosis.gates import FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
@@ -21,7 +22,12 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate
 
-MOST_TERMS, ADDED, SWAPPED = 6, 3, 3  # terms of a hypothesis; candidates fitted to add, and to replace one
+MOST_TERMS, MOST_ROUNDS = 6, 8
+ADDED, GATES, SWAPPED = (
+    3,
+    3,
+    3,
+)  # candidates fitted on all windows to add, behind a gate, and to replace a term
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 LOOKED_AT = 120  # windows on which candidates are screened
 AS_WELL = 5.0  # nats
@@ -31,18 +37,17 @@ LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that anothe
 def improved(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> tuple[Fit, list[Fit]]:
-    """The leader with terms added and replaced while that pays, and every fit that was tried on the way."""
-    leader = _finely(problem, leader)
+    """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
+    leader = polished(problem, _finely(problem, leader))
     tried: list[Fit] = []
-    while len(leader.hypothesis.terms) < MOST_TERMS:
+    for _ in range(MOST_ROUNDS):
         tell(f"{leader.hypothesis.label}: is one more missing?")
         children = _children(problem, leader, offers)
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
-        if not better:
-            break
-        leader = _best(problem, better)
-    for _ in range(2):
+        if better:
+            leader = polished(problem, _best(problem, better))
+            continue
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = [
             f for i in range(len(leader.hypothesis.terms)) for f in _swapped(problem, leader, i, offers)
@@ -52,7 +57,7 @@ def improved(
         if best is leader:
             break
         leader = best
-    return polished(problem, leader), tried
+    return leader, tried
 
 
 def _finely(problem: Problem, leader: Fit) -> Fit:
@@ -72,21 +77,36 @@ def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
 
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with one term more: the most promising ones, and behind a gate where structure is left."""
+    """The leader with one term more, or where structure is left with one behind a gate."""
     part, seen = _some(problem, leader)
     directions = Directions(part, seen)
-    taken = leader.hypothesis.claims
-    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
-    more = len(problem.windows) / len(part.windows)
-    chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
-    orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
-    plain = fit_all(problem, orders)
-    gated = any(term.gate for term in leader.hypothesis.terms)
-    if gated or whiteness(problem, leader)[0] >= STRUCTURED:
+    plain: list[Fit] = []
+    if len(leader.hypothesis.terms) < MOST_TERMS:
+        taken = leader.hypothesis.claims
+        found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+        more = len(problem.windows) / len(part.windows)
+        chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
+        orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
+        plain = fit_all(problem, orders)
+    if whiteness(problem, leader)[0] >= STRUCTURED:
         return plain
-    everywhere = grown(part, directions, offers, PROMISING)
-    gated_ones = [f.hypothesis for f in gated_children(part, directions, everywhere, offers)]
-    return plain + fit_all(problem, [Order(h, leader.starts, 12) for h in gated_ones])
+    gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
+    if len(leader.hypothesis.terms) < MOST_TERMS:
+        everywhere = grown(part, directions, offers, PROMISING)
+        gated += gated_children(part, directions, everywhere, offers)
+    gated = sorted(gated, key=lambda f: f.objective)[:GATES]
+    return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
+
+
+def _gated(part: Problem, seen: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
+    """The leader with a term that acts everywhere put behind a gate."""
+    term = seen.hypothesis.terms[index]
+    itself = [c for c in offers if (c.identity, c.variant) == (term.identity, term.variant) and c.gateable]
+    if term.gate or not itself:
+        return []
+    parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
+    whole = child_of(parent.hypothesis, itself[0], tuple(term.values[p.name] for p in itself[0].declared))
+    return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself)
 
 
 def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
@@ -95,7 +115,7 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     part, seen = _some(problem, leader)
     parent = fit(part, leader.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
-    found = screened(Directions(part, parent), open_offers)
+    found = screened(Directions(part, parent), open_offers, old.gate)
     others = [
         (candidate, start)
         for worth, candidate, start in found
@@ -105,7 +125,9 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     ]
     last = len(parent.hypothesis.terms)
     children = [child_of(parent.hypothesis, c, start).gated(last, old.gate) for c, start in others[:SWAPPED]]
-    return fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+    fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+    near = leader.objective + AS_WELL * 2 if old.gate else -np.inf  # its own edges may make the difference
+    return [placed(problem, f, last, NEAR, FINEST) if f.objective < near else f for f in fits]
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:

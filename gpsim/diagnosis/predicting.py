@@ -13,7 +13,8 @@ from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.simulate import Extra, simulate
 from gpsim.diagnosis.windows import Windows
 
-FIXED_POINT_ROUNDS = 3
+FIXED_POINT_ROUNDS = 20  # at most
+SETTLED = 1e-9  # of a channel's scale
 
 
 def predicted(
@@ -36,7 +37,7 @@ def traced(problem: Problem, found: Fit) -> FloatArray:
 
 
 def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, S) true states whose measurement is what was measured; a few rounds of a fixed point."""
+    """(W, S) true states whose measurement is what was measured, by a fixed point."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     measured = windows.measured[:, 0]
     first = replace(
@@ -49,5 +50,8 @@ def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Float
     state, theta = measured, hypothesis.theta[None]
     for _ in range(FIXED_POINT_ROUNDS if any(t.effect.site == "sensor" for t in hypothesis.terms) else 0):
         said = simulate(chain, first, state[None], hypothesis.spread, theta, problem.substeps)[0, :, 0]
-        state = state + difference(measured, said, problem.simulator.state)
+        change = difference(measured, said, problem.simulator.state)
+        state = state + change
+        if (np.abs(change) < SETTLED * problem.scale).all():
+            break
     return state

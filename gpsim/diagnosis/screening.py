@@ -13,7 +13,9 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.linearised import state_jacobian
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
+from gpsim.effects import Gate
 
+NO_GATE = Gate()
 MOST = 1e4  # standard deviations that a direction is clipped to
 
 
@@ -50,6 +52,16 @@ class Directions:
         pull = changes @ self.rest.ravel()
         return np.asarray(np.divide(0.5 * pull**2, size, out=np.zeros_like(size), where=size > 1e-12))
 
+    def objectives(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
+        """(C,) nats: the objective of each of thetas (C, P), start states adapted linearly."""
+        problem = self.problem
+        rest = self.rest - self.of(hypothesis, thetas)
+        seen = int(problem.observed.sum())
+        square = (rest.reshape(len(thetas), -1, seen) ** 2).sum(axis=1) / problem.counts[problem.observed]
+        variance = np.maximum(square, (problem.floor[problem.observed] / self._sd) ** 2)
+        terms = problem.counts[problem.observed] / 2 * (np.log(variance) + square / variance)
+        return np.asarray(terms.sum(axis=1))
+
     def _flat(self, residual: FloatArray) -> FloatArray:
         scaled = residual[..., self.problem.observed] / self._sd
         return np.asarray(scaled.reshape(len(residual), -1))
@@ -61,14 +73,14 @@ class Directions:
 
 
 def screened(
-    directions: Directions, offers: Sequence[Candidate]
+    directions: Directions, offers: Sequence[Candidate], gate: Gate = NO_GATE
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
-    """(nats, candidate, start values) of each offer's best start, best first: a score test along a secant."""
+    """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test."""
     parent = directions.parent.hypothesis
     out = []
     for candidate in offers:
         starts = starts_of(candidate)
-        child = child_of(parent, candidate, starts[0])
+        child = child_of(parent, candidate, starts[0]).gated(len(parent.terms), gate)
         thetas = np.array([[*parent.theta, *start] for start in starts])
         gains = directions.gains(child, thetas)
         best = int(np.argmax(gains))

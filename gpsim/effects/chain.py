@@ -24,7 +24,7 @@ from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory
 
 Scheme = Literal["fine"] | Integrator
-"""fine: midpoint rule on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
+"""fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
 LONGEST_DELAY = 12.0  # in steps of the recording: what delays remember
 
 
@@ -72,9 +72,8 @@ class Chain:
             acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
             if gate:
-                acted = np.where(
-                    gate.open(states, actions, t, self.channels, columns), acted, out[:, :, column]
-                )
+                share = gate.share(states, actions, t, self._looked(step), self.channels, columns)
+                acted = _blended(share, acted, out[:, :, column])
             out[:, :, column] = acted
         return out
 
@@ -97,7 +96,7 @@ class Chain:
         extra: FloatArray | None = None,
     ) -> FloatArray:
         """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
-        parameters = self._corrected(state, action, values, t)
+        parameters = self._corrected(state, action, values, step, t)
         if self.scheme != "fine":
             return self.simulator.integrate(
                 state,
@@ -105,11 +104,16 @@ class Chain:
                 step,
                 self.scheme,
             )
-        h = step[:, None]
-        first = _sum(self._rates(state, action, parameters, values, t, (state, step)), extra)
-        middle = state + h / 2 * self.simulator.derivative(state, first)
-        second = _sum(self._rates(middle, action, parameters, values, t, (state, step)), extra)
-        return state + h * self.simulator.derivative(middle, second)
+        h, begun = step[:, None], (state, step)
+
+        def slope(at: FloatArray) -> FloatArray:
+            rates = _sum(self._rates(at, action, parameters, values, t, begun), extra)
+            return self.simulator.derivative(at, rates)
+
+        # Heun (1900), third order.
+        first = slope(state)
+        third = slope(state + 2 * h / 3 * slope(state + h / 3 * first))
+        return state + h / 4 * (first + 3 * third)
 
     def reach(self, values: Sequence[Values], step: FloatArray) -> int:
         """How many substeps of `step` (B,) [s] back the sensors look."""
@@ -161,15 +165,17 @@ class Chain:
 
     @cached_property
     def _vehicle_terms(self) -> list[tuple[int, VehicleEffect]]:
-        return [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, VehicleEffect)]
+        found = [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, VehicleEffect)]
+        return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
     def _sensors(self) -> list[tuple[int, SensorEffect, tuple[int, ...]]]:
-        return [
+        found = [
             (i, t.effect, columns_of(t.on, self.simulator))
             for i, t in enumerate(self.terms)
             if isinstance(t.effect, SensorEffect)
         ]
+        return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
     def _twist_columns(self) -> tuple[int, int, int]:
@@ -177,7 +183,12 @@ class Chain:
         return rate.index("v"), rate.index("v_lateral"), rate.index("w")
 
     def _corrected(
-        self, state: FloatArray, action: FloatArray, values: Sequence[Values], t: FloatArray
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        values: Sequence[Values],
+        step: FloatArray,
+        t: FloatArray,
     ) -> dict[str, float | FloatArray]:
         out: dict[str, float | FloatArray] = dict(self.parameters)
         for i, effect in self._parameter_terms:
@@ -185,7 +196,8 @@ class Chain:
             believed = np.asarray(out[term.on] + 0.0 * t)
             value = effect.corrected(believed, values[i])
             if term.gate:
-                value = np.where(term.gate.open(state, action, t, self.channels, values[i]), value, believed)
+                share = term.gate.share(state, action, t, self._looked(step), self.channels, values[i])
+                value = _blended(share, value, believed)
             out[term.on] = value
         return out
 
@@ -202,7 +214,8 @@ class Chain:
         if self._forces:
             return self._forces.rates(Instant(state, action, parameters, t, substep), values)
         rates = self.simulator.rates(state, action, parameters)
-        return self._twisted(rates, state, action, values, t) if self._vehicle_terms else rates
+        step = np.zeros_like(t) if substep is None else substep[1]
+        return self._twisted(rates, state, action, values, step, t) if self._vehicle_terms else rates
 
     def _twisted(
         self,
@@ -210,6 +223,7 @@ class Chain:
         state: FloatArray,
         action: FloatArray,
         values: Sequence[Values],
+        step: FloatArray,
         t: FloatArray,
     ) -> FloatArray:
         columns = list(self._twist_columns)
@@ -218,16 +232,24 @@ class Chain:
             new = np.array(rates)
             new[:, columns] = np.stack(effect.twist(v, lateral, w, values[i]), axis=1)
             gate = self.terms[i].gate
-            rates = (
-                np.where(gate.open(state, action, t, self.channels, values[i])[:, None], new, rates)
-                if gate
-                else new
-            )
+            if gate:
+                share = gate.share(state, action, t, step, self.channels, values[i])
+                new = _blended(share[:, None], new, rates)
+            rates = new
         return rates
+
+    def _looked(self, step: FloatArray) -> FloatArray:
+        """How far ahead gates in time look: the base simulator's own step takes what acts at its start."""
+        return step if self.scheme == "fine" else np.zeros_like(step)
 
 
 def _sum(rates: FloatArray, extra: FloatArray | None) -> FloatArray:
     return rates if extra is None else rates + extra
+
+
+def _blended(share: FloatArray, acted: FloatArray, untouched: FloatArray) -> FloatArray:
+    """What an effect makes of a quantity during its share of a substep, with what it was for the rest."""
+    return np.asarray(np.where(share == 1.0, acted, share * acted + (1.0 - share) * untouched))
 
 
 def _part(memory: Memory, term: int) -> Memory:

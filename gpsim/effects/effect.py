@@ -71,6 +71,7 @@ class Effect(ABC):
     variants: ClassVar[tuple[str, ...]] = ("",)
     gated: ClassVar[bool] = True  # may a region or an onset limit it?
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
+    order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 
     @abstractmethod
     def places(self, simulator: Simulator) -> tuple[str, ...]:
@@ -116,7 +117,6 @@ class ActuatorEffect(Effect):
     """What happens to a command on its way to the simulator."""
 
     site: ClassVar[Site] = "actuator"
-    order: ClassVar[int] = 50  # several effects on one action act in ascending order
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Every action."""

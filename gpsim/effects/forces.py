@@ -74,7 +74,10 @@ class Forces:
 
     def _gated(self, term: int, force: FloatArray, at: Instant, values: Values) -> FloatArray:
         gate = self.terms[term].gate
-        return force * gate.open(at.state, at.action, at.t, self.channels, values) if gate else force
+        if not gate:
+            return force
+        step = np.zeros_like(at.t) if at.substep is None else at.substep[1]
+        return force * gate.share(at.state, at.action, at.t, step, self.channels, values)
 
     def _applied(self, at: Instant, values: Sequence[Values]) -> tuple[FloatArray, list[int]]:
         """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""

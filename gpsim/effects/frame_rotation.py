@@ -14,6 +14,7 @@ class FrameRotation(PoseEffect):
     """A frame turned against the vehicle's: yaw + psi."""
 
     family: ClassVar[str] = "frame_rotation"
+    order: ClassVar[int] = 30
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Angle [rad]."""

@@ -13,6 +13,7 @@ class LateralSlip(VehicleEffect):
     """Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration."""
 
     family: ClassVar[str] = "lateral_slip"
+    order: ClassVar[int] = 40
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Slip [s]."""

@@ -16,6 +16,7 @@ class MarkerOffset(PoseEffect):
     """A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
 
     family: ClassVar[str] = "marker_offset"
+    order: ClassVar[int] = 20
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Forward and left [m]."""

@@ -15,6 +15,7 @@ class MinimumTurningRadius(VehicleEffect):
     """A minimum turning radius: |w| <= |v| / R, as a steering angle that ends makes it."""
 
     family: ClassVar[str] = "minimum_turning_radius"
+    order: ClassVar[int] = 10
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Radius [m]; from several starts."""

@@ -16,6 +16,7 @@ class SensorDelay(SensorEffect):
     """A sensor delay: y(t - T)."""
 
     family: ClassVar[str] = "sensor_delay"
+    order: ClassVar[int] = 10
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Delay [s]."""
@@ -39,16 +40,22 @@ class SensorDelay(SensorEffect):
     def measure(
         self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray
     ) -> FloatArray:
-        """What the channel was a delay ago, between two substeps their weighted mean."""
+        """What the channel was a delay ago; between substeps, Lagrange's cubic through the four around it."""
         (column,) = columns
         past, rows = memory["past"], np.arange(len(measured))
         depth = past.shape[1]
         newest = (memory["head"].astype(np.int64) - 1) % depth
         back = np.minimum(values["delay"] / step, depth - 2.0)
-        whole = back.astype(np.int64)
-        near = past[rows, (newest - whole) % depth, column]
-        far = past[rows, (newest - whole - 1) % depth, column]
-        late = near + (back - whole) * (far - near)
+        # The four lie one substep apart; nothing is known after the newest, and nothing before the oldest.
+        first = np.clip(back.astype(np.int64) - 1, 0, max(depth - 4, 0))
+        nodes = range(min(4, depth))
+        late = np.zeros(len(measured))
+        for i in nodes:
+            weight = np.ones(len(measured))
+            for j in nodes:
+                if j != i:
+                    weight *= (back - first - j) / (i - j)
+            late += weight * past[rows, (newest - first - i) % depth, column]
         return changed(measured, column, measured[:, column] - past[rows, newest, column] + late)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:

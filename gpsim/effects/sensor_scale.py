@@ -14,6 +14,7 @@ class SensorScale(SensorEffect):
     """A sensor scale: k y."""
 
     family: ClassVar[str] = "sensor_scale"
+    order: ClassVar[int] = 40
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Scale [1]."""

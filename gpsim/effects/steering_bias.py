@@ -13,6 +13,7 @@ class SteeringBias(VehicleEffect):
     """A steering bias: w + kappa v, as a wheel that points aside makes it."""
 
     family: ClassVar[str] = "steering_bias"
+    order: ClassVar[int] = 30
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Curvature [1/m]."""

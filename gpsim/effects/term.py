@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import BoolArray, Channels, FloatArray
+from gpsim.channels import Channels, FloatArray
 from gpsim.effects.effect import Effect, Values
 from gpsim.effects.registry import effect_of
 from gpsim.errors import UsageError
@@ -27,24 +27,39 @@ class Gate:
     def __bool__(self) -> bool:
         return bool(self.region) or self.since is not None
 
-    def open(
-        self, state: FloatArray, action: FloatArray, t: FloatArray, channels: Channels, values: Values
-    ) -> BoolArray:
-        """Where it acts: `t` (...), state (..., S), action (..., A); `channels` are the columns of both together.
+    def share(
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        t: FloatArray,
+        step: FloatArray,
+        channels: Channels,
+        values: Values,
+    ) -> FloatArray:
+        """The share in [0, 1] of the time from `t` (...) to t + step (...) in which it acts.
 
-        values: a search gives every row of the batch edges of its own as the values FROM and TO.
+        The region is judged by state (..., S) and action (..., A), `channels` are the columns of both together. step: 0
+        asks about the moment t; negative where time runs backwards. values: a search gives every row of the batch edges
+        of its own as the values FROM and TO.
         """
-        mask = np.ones(t.shape, dtype=np.bool_)
+        share = np.ones(t.shape)
         for name, (low, high) in self.region.items():
             column = channels.index(name)
             width = state.shape[-1]
             at = state[..., column] if column < width else action[..., column - width]
-            mask &= (at >= values.get(FROM, low)) & (at <= values.get(TO, high))
+            share *= (at >= values.get(FROM, low)) & (at <= values.get(TO, high))
         if self.since is not None:
-            mask &= t >= values.get(FROM, self.since)
+            share *= _after(values.get(FROM, self.since), t, step)
         if self.until is not None:
-            mask &= t < values.get(TO, self.until)
-        return mask
+            share *= 1.0 - _after(values.get(TO, self.until), t, step)
+        return share
+
+
+def _after(moment: FloatArray | float, t: FloatArray, step: FloatArray) -> FloatArray:
+    """The share of the time from t to t + step that lies after `moment`."""
+    size = np.abs(step)
+    late = np.maximum(t, t + step) - moment
+    return np.asarray(np.where(size > 0, np.clip(late / np.where(size > 0, size, 1.0), 0.0, 1.0), late >= 0))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ class Understeer(VehicleEffect):
     """Understeer: w / (1 + K v^2). Gillespie (1992), Fundamentals of Vehicle Dynamics, chapter 6."""
 
     family: ClassVar[str] = "understeer"
+    order: ClassVar[int] = 20
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Gradient [s^2/m^2]."""

@@ -13,8 +13,8 @@ from gpsim.trials.worlds import TrueEffect
 FAMILIES = (
     "marker_offset",
     "frame_rotation",
-    "sensor_bias",
     "sensor_scale",
+    "sensor_bias",
     "sensor_delay",
     "eccentric_encoder",
 )
