@@ -42,9 +42,17 @@ class Proposal:
 
 
 def gated_children(
-    problem: Problem, directions: Directions, plain: Sequence[Fit], offers: Sequence[Candidate]
+    problem: Problem,
+    directions: Directions,
+    plain: Sequence[Fit],
+    offers: Sequence[Candidate],
+    channels: Sequence[str | None] | None = None,
 ) -> list[Fit]:
-    """Terms that did well everywhere once more, each in the region or since the moment that promises most."""
+    """Terms that did well everywhere once more, each in the region or since the moment that promises most.
+
+    channels: where gates may look, None among them for time; `region_channels` unless given.
+    """
+    looked_at = region_channels(problem) if channels is None else channels
     promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
     best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
     claims = directions.parent.hypothesis.claims
@@ -57,7 +65,7 @@ def gated_children(
         values = tuple(everywhere.hypothesis.theta[-len(candidate.declared) :])
         found = (
             _best_gate(problem, directions, candidate, values, channel)
-            for channel in region_channels(problem)
+            for channel in looked_at
             if makes_sense(candidate, channel)
         )
         proposals += [proposal for proposal in found if proposal is not None]

@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import FINEST, PROMISING, gated_children, makes_sense, polished
-from gpsim.diagnosis.hypothesis import Candidate
+from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, pays
@@ -31,6 +31,7 @@ ADDED, GATES, SWAPPED = (
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 LOOKED_AT = 120  # windows on which candidates are screened
 AS_WELL = 5.0  # nats
+DRIFTS = ("battery_sag",)  # families that change with time by themselves
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
@@ -116,18 +117,45 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     parent = fit(part, leader.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     found = screened(Directions(part, parent), open_offers, old.gate)
-    others = [
+    promising = [
         (candidate, start)
         for worth, candidate, start in found
-        if worth > max(1.0, LEAST_SWAP * found[0][0])
-        and candidate.identity != old.identity
-        and candidate.identity not in parent.hypothesis.claims
+        if worth > max(1.0, LEAST_SWAP * found[0][0]) and candidate.identity != old.identity
     ]
-    last = len(parent.hypothesis.terms)
-    children = [child_of(parent.hypothesis, c, start).gated(last, old.gate) for c, start in others[:SWAPPED]]
+    children = [
+        child
+        for candidate, start in promising[:SWAPPED]
+        if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
+    ]
     fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
-    near = leader.objective + AS_WELL * 2 if old.gate else -np.inf  # its own edges may make the difference
-    return [placed(problem, f, last, NEAR, FINEST) if f.objective < near else f for f in fits]
+    if not old.gate:
+        return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
+    near = leader.objective + 2 * AS_WELL  # its own edges may make the difference
+    return [
+        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINEST) if f.objective < near else f
+        for f in fits
+    ]
+
+
+def _in_place(
+    parent: Hypothesis, candidate: Candidate, start: Sequence[float], gate: Gate
+) -> Hypothesis | None:
+    """The parent with a term behind a gate; one that claimed the same everywhere makes room for it."""
+    same = [i for i, term in enumerate(parent.terms) if term.identity == candidate.identity]
+    if same and not gate:
+        return None
+    for i in same:
+        parent = parent.without(i)
+    return child_of(parent, candidate, start).gated(len(parent.terms), gate)
+
+
+def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequence[Candidate]) -> list[Fit]:
+    """In place of a drift: what changed at one moment."""
+    there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
+    directions = Directions(part, parent)
+    everywhere = grown(part, directions, there, PROMISING)
+    found = gated_children(part, directions, everywhere, there, (None,))
+    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:

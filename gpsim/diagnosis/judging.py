@@ -14,7 +14,7 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.search import STRUCTURED, Found, pays
+from gpsim.diagnosis.search import Found, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 
@@ -29,6 +29,7 @@ UNEXPLAINED = {
     1e-2: 0.15,
     1e-3: 0.03,
 }  # whiteness: share of the excess over noise that makes a partial account
+UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
 
 
 @dataclass(frozen=True)
@@ -92,14 +93,23 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
 
 def _verdict(leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray) -> Verdict:
     left = float(np.max(unexplained))
-    limits = (
-        UNEXPLAINED if leader.hypothesis.terms else {p: s for p, s in UNEXPLAINED.items() if p < STRUCTURED}
-    )
-    if any(p_value < p and left > share for p, share in limits.items()):
-        return "unknown"
     if not leader.hypothesis.terms:
-        return "none"
+        return "unknown" if p_value < UNNAMED else "none"
+    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()) or _patchwork(leader.hypothesis):
+        return "unknown"
     return "ambiguous" if rivals else "named"
+
+
+def _patchwork(hypothesis: Hypothesis) -> bool:
+    """Whether terms act in different regions of one channel.
+
+    That is a law of this channel, put together from what the catalogue has.
+    """
+    seen: dict[str, set[tuple[float, float]]] = {}
+    for term in hypothesis.terms:
+        for channel, region in term.gate.region.items():
+            seen.setdefault(channel, set()).add(region)
+    return any(len(regions) > 1 for regions in seen.values())
 
 
 def _near(problem: Problem, found: Found) -> list[Fit]:
@@ -173,10 +183,21 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     for i in np.argsort(-nats[1:]):
         near = nats[0] - nats[1 + int(i)] < TIE
         fresh = not any(o.hypothesis.claims <= others[int(i)].hypothesis.claims for o in out)
-        wanted = near and fresh and len(out) < MOST_RIVALS
+        wanted = near and fresh and len(out) < MOST_RIVALS and _earned(problem, leader, others[int(i)])
         if wanted and held_out_objective(held_out, others[int(i)].hypothesis) < limit:
             out.append(others[int(i)])
     return out
+
+
+def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
+    """Whether every term of a rival that says more than the leader pays; without it, it is another rival."""
+    if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
+        return True
+    parts = [rival.hypothesis.without(i) for i in range(len(rival.hypothesis.terms))]
+    return all(
+        pays(problem, rival, less)
+        for less in fit_all(problem, [Order(part, rival.starts, 12, 0.1) for part in parts])
+    )
 
 
 def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, FloatArray]:

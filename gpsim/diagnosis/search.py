@@ -7,7 +7,9 @@ are fitted; the best of them are tried with a gate. At the end terms that no lon
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from gpsim.diagnosis.evidence import gain, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
@@ -25,30 +27,50 @@ FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
+SAME, BENEFIT = (
+    1.0,
+    5.0,
+)  # nats: two schemes that do not differ, and the benefit of the doubt for the fine one
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
 @dataclass(frozen=True)
 class Found:
-    """All fitted hypotheses (of the search's windows), the best first, and the null among them."""
+    """All fitted hypotheses (of the search's windows), the best first; the null among them; the problem as settled."""
 
     fits: list[Fit]
     null: Fit
     scheme: Scheme
+    problem: Problem
 
 
 def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: Note) -> Found:
-    """Fit hypotheses by growing depth."""
+    """Fit hypotheses by growing depth.
+
+    Where a hypothesis on the base simulator's own coarse step comes out best, finely integrated ones get a search of
+    their own: a coarse step looks like a lag or a little damping, and may lead astray whoever begins with it.
+    """
+    found = _grow(problem, offers, ("fine", base), note)
+    best = found.fits[0].hypothesis
+    if best.scheme in ("fine", "rk4") or not best.terms:
+        return found
+    finely = _grow(problem, offers, ("fine",), note)
+    floor = np.maximum(found.problem.floor, finely.problem.floor)
+    both = replace(problem, floor=floor)
+    fits = [rescored(both, f) for f in (*found.fits, *finely.fits)]
+    return Found(_ranked(both, fits), rescored(both, found.null), found.scheme, both)
+
+
+def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note) -> Found:
     nulls = [
         fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=8)
-        for s in ("fine", base)
+        for s in dict.fromkeys(schemes)
     ]
-    euler_wins = nulls[0].objective > nulls[1].objective + 5.0
-    scheme: Scheme = base if euler_wins else "fine"
-    null = nulls[0] if scheme == "fine" else nulls[1]
-    second = nulls[1] if scheme == "fine" else nulls[0]
-    fits = [null, second]
-    beam = [null, second]
+    if len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < SAME:
+        nulls = nulls[:1]
+    nulls.sort(key=lambda f: f.objective - (BENEFIT if f.hypothesis.scheme == "fine" else 0.0))
+    null = nulls[0]
+    fits, beam = list(nulls), list(nulls)
     total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
     done = 0
     for depth in range(DEPTH):
@@ -72,7 +94,7 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
         beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
     note(total, total, "")
     ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
-    return Found(ranking, rescored(problem, null), scheme)
+    return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
 
 
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:

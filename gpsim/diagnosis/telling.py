@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
+
+from gpsim.diagnosis.comparing import KINDS
 
 Report = Mapping[str, Any]
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
@@ -89,21 +92,26 @@ def _better(report: Report) -> str:
 
 def _step_errors(errors: Mapping[str, Any]) -> str:
     """RMS errors; where rare glitches make most of them, what is typical too."""
+    n = {kind: _number(errors[kind]) for kind in KINDS}
     text = (
-        f"{errors['before']:.3g} before, {errors['tuned']:.3g} tuned, {errors['gp']:.3g} with a GP, "
-        f"{errors['after']:.3g} after, {errors['after_gp']:.3g} after with a GP "
-        f"(noise floor {errors['noise_floor']:.3g} {errors['unit']}"
+        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after, "
+        f"{n['after_gp']} after with a GP (noise floor {n['noise_floor']} {errors['unit']}"
     )
     usual = errors["typical"]
-    if errors["after"] > GLITCHES * usual["after"]:
-        text += (
-            f"; rare glitches dominate, typically {usual['before']:.3g} before and {usual['after']:.3g} after"
-        )
+    if None not in (errors["after"], usual["after"]) and errors["after"] > GLITCHES * usual["after"]:
+        often = {kind: _number(value) for kind, value in usual.items()}
+        text += f"; rare glitches dominate, typically {often['before']} before and {often['after']} after"
     return text + ")"
 
 
 def _run_errors(errors: Mapping[str, Any]) -> str:
-    return f"{errors['before']:.3g} before, {errors['gp']:.3g} with a GP, {errors['after']:.3g} after {errors['unit']}"
+    before, gp, after = (_number(errors[kind]) for kind in ("before", "gp", "after"))
+    return f"{before} before, {gp} with a GP, {after} after {errors['unit']}"
+
+
+def _number(value: float | None) -> str:
+    """Three digits; a simulation that ran away has no error that JSON could hold."""
+    return "diverged" if value is None or not math.isfinite(value) else f"{value:.3g}"
 
 
 def _ordinal(number: int) -> str:

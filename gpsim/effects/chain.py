@@ -72,7 +72,9 @@ class Chain:
             acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
             if gate:
-                share = gate.share(states, actions, t, self._looked(step), self.channels, columns)
+                ahead = np.concatenate([states[:, 1:], states[:, -1:]], axis=1)
+                looked = step if self.scheme == "fine" else np.zeros_like(step)
+                share = gate.share((states, ahead), actions, t, looked, self.channels, columns)
                 acted = _blended(share, acted, out[:, :, column])
             out[:, :, column] = acted
         return out
@@ -96,18 +98,19 @@ class Chain:
         extra: FloatArray | None = None,
     ) -> FloatArray:
         """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
-        parameters = self._corrected(state, action, values, step, t)
+        shares = self._shares(state, action, values, step, t)
+        parameters = self._corrected(values, shares, len(state))
         if self.scheme != "fine":
             return self.simulator.integrate(
                 state,
-                lambda s: _sum(self._rates(s, action, parameters, values, t, None), extra),
+                lambda s: _sum(self._rates(s, action, parameters, values, shares, None), extra),
                 step,
                 self.scheme,
             )
         h, begun = step[:, None], (state, step)
 
         def slope(at: FloatArray) -> FloatArray:
-            rates = _sum(self._rates(at, action, parameters, values, t, begun), extra)
+            rates = _sum(self._rates(at, action, parameters, values, shares, begun), extra)
             return self.simulator.derivative(at, rates)
 
         # Heun (1900), third order.
@@ -157,7 +160,7 @@ class Chain:
 
     @cached_property
     def _forces(self) -> Forces:
-        return Forces(self.simulator, self.terms, self.channels)
+        return Forces(self.simulator, self.terms)
 
     @cached_property
     def _parameter_terms(self) -> list[tuple[int, ParameterEffect]]:
@@ -182,23 +185,33 @@ class Chain:
         rate = self.simulator.rate
         return rate.index("v"), rate.index("v_lateral"), rate.index("w")
 
+    def _shares(
+        self, state: FloatArray, action: FloatArray, values: Sequence[Values], step: FloatArray, t: FloatArray
+    ) -> dict[int, FloatArray]:
+        """(B,) of each gated term that is no actuator's: how much of the substep it acts.
+
+        The base simulator's own step takes what acts at its start.
+        """
+        gated = [i for i, term in enumerate(self.terms) if term.gate and not self.acts(i)]
+        if not gated:
+            return {}
+        ahead, looked = state, np.zeros_like(step)
+        if self.scheme == "fine":
+            looked = step
+            if any(self.terms[i].gate.region for i in gated):
+                rates = self.simulator.rates(state, action, self.parameters)
+                ahead = state + step[:, None] * self.simulator.derivative(state, rates)
+        path = state, ahead
+        return {i: self.terms[i].gate.share(path, action, t, looked, self.channels, values[i]) for i in gated}
+
     def _corrected(
-        self,
-        state: FloatArray,
-        action: FloatArray,
-        values: Sequence[Values],
-        step: FloatArray,
-        t: FloatArray,
+        self, values: Sequence[Values], shares: Mapping[int, FloatArray], count: int
     ) -> dict[str, float | FloatArray]:
         out: dict[str, float | FloatArray] = dict(self.parameters)
         for i, effect in self._parameter_terms:
-            term = self.terms[i]
-            believed = np.asarray(out[term.on] + 0.0 * t)
+            believed = np.asarray(out[self.terms[i].on] + np.zeros(count))
             value = effect.corrected(believed, values[i])
-            if term.gate:
-                share = term.gate.share(state, action, t, self._looked(step), self.channels, values[i])
-                value = _blended(share, value, believed)
-            out[term.on] = value
+            out[self.terms[i].on] = _blended(shares[i], value, believed) if i in shares else value
         return out
 
     def _rates(
@@ -207,40 +220,25 @@ class Chain:
         action: FloatArray,
         parameters: Mapping[str, float | FloatArray],
         values: Sequence[Values],
-        t: FloatArray,
+        shares: Mapping[int, FloatArray],
         substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
         """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
         if self._forces:
-            return self._forces.rates(Instant(state, action, parameters, t, substep), values)
+            return self._forces.rates(Instant(state, action, parameters, shares, substep), values)
         rates = self.simulator.rates(state, action, parameters)
-        step = np.zeros_like(t) if substep is None else substep[1]
-        return self._twisted(rates, state, action, values, step, t) if self._vehicle_terms else rates
+        return self._twisted(rates, values, shares) if self._vehicle_terms else rates
 
     def _twisted(
-        self,
-        rates: FloatArray,
-        state: FloatArray,
-        action: FloatArray,
-        values: Sequence[Values],
-        step: FloatArray,
-        t: FloatArray,
+        self, rates: FloatArray, values: Sequence[Values], shares: Mapping[int, FloatArray]
     ) -> FloatArray:
         columns = list(self._twist_columns)
         for i, effect in self._vehicle_terms:
             v, lateral, w = rates[:, columns].T
             new = np.array(rates)
             new[:, columns] = np.stack(effect.twist(v, lateral, w, values[i]), axis=1)
-            gate = self.terms[i].gate
-            if gate:
-                share = gate.share(state, action, t, step, self.channels, values[i])
-                new = _blended(share[:, None], new, rates)
-            rates = new
+            rates = _blended(shares[i][:, None], new, rates) if i in shares else new
         return rates
-
-    def _looked(self, step: FloatArray) -> FloatArray:
-        """How far ahead gates in time look: the base simulator's own step takes what acts at its start."""
-        return step if self.scheme == "fine" else np.zeros_like(step)
 
 
 def _sum(rates: FloatArray, extra: FloatArray | None) -> FloatArray:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, Values
 from gpsim.effects.term import Term
 from gpsim.simulators import Simulator
@@ -16,16 +16,17 @@ from gpsim.simulators import Simulator
 
 @dataclass(frozen=True)
 class Instant:
-    """What laws may look at: state (B, S), command (B, A), parameters and time t (B,) [s].
+    """What laws may look at: state (B, S), command (B, A) and parameters.
 
-    substep: (state at the start of the substep (B, S), its step (B,)), with which dry friction sticks; None where the
-    base simulator's own step is taken and friction is -m sgn(v).
+    shares: (B,) how much of a term behind a gate acts, by its index. substep: (state at the start of the substep (B, S),
+    its step (B,)), with which dry friction sticks; None where the base simulator's own step is taken and friction is
+    -m sgn(v).
     """
 
     state: FloatArray
     action: FloatArray
     parameters: Mapping[str, float | FloatArray]
-    t: FloatArray
+    shares: Mapping[int, FloatArray]
     substep: tuple[FloatArray, FloatArray] | None
 
 
@@ -35,7 +36,6 @@ class Forces:
 
     simulator: Simulator
     terms: tuple[Term, ...]
-    channels: Channels
 
     def __bool__(self) -> bool:
         return bool(self._effects)
@@ -72,13 +72,6 @@ class Forces:
             for c in self.simulator.coordinates
         ]
 
-    def _gated(self, term: int, force: FloatArray, at: Instant, values: Values) -> FloatArray:
-        gate = self.terms[term].gate
-        if not gate:
-            return force
-        step = np.zeros_like(at.t) if at.substep is None else at.substep[1]
-        return force * gate.share(at.state, at.action, at.t, step, self.channels, values)
-
     def _applied(self, at: Instant, values: Sequence[Values]) -> tuple[FloatArray, list[int]]:
         """The smooth generalised forces (B, C), and the coordinates on which some dry friction acts."""
         smooth = np.zeros((len(at.state), len(self._columns)))
@@ -87,7 +80,7 @@ class Forces:
             position, velocity, _ = self._columns[coordinate]
             force = effect.force(at.state[:, position], at.state[:, velocity], values[i])
             if force is not None:
-                smooth[:, coordinate] += self._gated(i, force, at, values[i])
+                smooth[:, coordinate] += force * at.shares.get(i, 1.0)
             elif coordinate not in dry:
                 dry.append(coordinate)
         return smooth, dry
@@ -102,7 +95,7 @@ class Forces:
             if on == coordinate:
                 most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], load)
                 if most is not None:
-                    total += self._gated(i, most, at, values[i])
+                    total += most * at.shares.get(i, 1.0)
         return total
 
     def _most(

@@ -29,7 +29,7 @@ class Gate:
 
     def share(
         self,
-        state: FloatArray,
+        path: tuple[FloatArray, FloatArray],
         action: FloatArray,
         t: FloatArray,
         step: FloatArray,
@@ -38,21 +38,32 @@ class Gate:
     ) -> FloatArray:
         """The share in [0, 1] of the time from `t` (...) to t + step (...) in which it acts.
 
-        The region is judged by state (..., S) and action (..., A), `channels` are the columns of both together. step: 0
-        asks about the moment t; negative where time runs backwards. values: a search gives every row of the batch edges
-        of its own as the values FROM and TO.
+        path: the states (..., S) at both ends of that time, with a straight line between them; `channels` are the columns
+        of state and action (..., A). step: 0 asks about the moment t; negative where time runs backwards. values: a
+        search gives every row of the batch edges of its own as the values FROM and TO.
         """
         share = np.ones(t.shape)
         for name, (low, high) in self.region.items():
             column = channels.index(name)
-            width = state.shape[-1]
-            at = state[..., column] if column < width else action[..., column - width]
-            share *= (at >= values.get(FROM, low)) & (at <= values.get(TO, high))
+            width = path[0].shape[-1]
+            begin, end = (s[..., column] if column < width else action[..., column - width] for s in path)
+            share *= _between(begin, end, values.get(FROM, low), values.get(TO, high))
         if self.since is not None:
             share *= _after(values.get(FROM, self.since), t, step)
         if self.until is not None:
             share *= 1.0 - _after(values.get(TO, self.until), t, step)
         return share
+
+
+def _between(
+    begin: FloatArray, end: FloatArray, low: FloatArray | float, high: FloatArray | float
+) -> FloatArray:
+    """The share of the way from begin to end that lies in [low, high]."""
+    left, right = np.minimum(begin, end), np.maximum(begin, end)
+    way = right - left
+    inside = np.minimum(right, high) - np.maximum(left, low)
+    share = np.clip(inside / np.where(way > 0, way, 1.0), 0.0, 1.0)
+    return np.asarray(np.where(way > 0, share, (begin >= low) & (begin <= high)))
 
 
 def _after(moment: FloatArray | float, t: FloatArray, step: FloatArray) -> FloatArray:
