@@ -22,10 +22,11 @@ from gpsim.diagnosis.workers import Order, fit_all
 
 GATED, PROMISING = 4, 6  # gated terms that are fitted, of so many plain ones
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
-COARSE, FINEST = (
+COARSE, FINE, FINEST = (
     1e-2,
+    2e-4,
     2e-5,
-)  # of a channel's range: spacing of the places tried while searching, and at the end
+)  # of a channel's range: where edges are placed: at first, the best, in the end
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,11 @@ def gated_children(
     proposals.sort(key=lambda p: -p.gain)
     children = [_child(directions.parent.hypothesis, proposal) for proposal in proposals[:GATED]]
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
-    return [placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE) for f in fits]
+    last = len(directions.parent.hypothesis.terms)
+    coarse = [placed(problem, f, last, NEAR, COARSE) for f in fits]
+    coarse.sort(key=lambda f: f.objective)
+    # What an edge that is a little off leaves over would soon pass for another effect.
+    return [placed(problem, f, last, NEAR, FINE) for f in coarse[:1]] + coarse[1:]
 
 
 def polished(problem: Problem, at: Fit) -> Fit:

@@ -18,7 +18,24 @@ from gpsim.diagnosis.problem import Problem, objective, variance_of, window_cost
 
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
 PATTERN_ROUNDS = (1, 3, 5, 8)
-PATTERN = (12.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.04)  # in a parameter's own finite-difference steps
+PATTERN = (
+    12.0,
+    8.0,
+    6.0,
+    4.0,
+    3.0,
+    2.0,
+    1.5,
+    1.0,
+    0.7,
+    0.5,
+    0.35,
+    0.25,
+    0.15,
+    0.1,
+    0.06,
+    0.04,
+)  # in a parameter's own finite-difference steps
 LEAST_DAMPING = 1e-9
 
 
@@ -57,7 +74,7 @@ def fit(
     converged, still = False, 0
     for round_ in range(iterations):
         if round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
-            at = _searched_pattern(problem, hypothesis, at, low, high)
+            at = _searched_pattern(problem, hypothesis, at, low, high, per_window)
         by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
         variance = variance_of(problem, at.residual)
         step = damped_step(
@@ -140,24 +157,42 @@ def _stepped(
 
 
 def _searched_pattern(
-    problem: Problem, hypothesis: Hypothesis, at: _Point, low: FloatArray, high: FloatArray
+    problem: Problem,
+    hypothesis: Hypothesis,
+    at: _Point,
+    low: FloatArray,
+    high: FloatArray,
+    per_window: FloatArray,
 ) -> _Point:
-    """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum."""
+    """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum.
+
+    All places of a parameter are judged with start states that follow them linearly; the best is taken if it holds.
+    """
     every = np.arange(len(at.starts))
+    none = np.empty((*at.residual.shape, 0))
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:
             continue
-        for reach in PATTERN:
-            thetas = np.tile(at.theta, (5, 1))
-            thetas[1:, j] += reach * parameter.step * np.array([-1.0, -0.5, 0.5, 1.0])
-            thetas = np.clip(thetas, low, high)
-            copies = np.tile(np.stack([at.starts, problem.windows.measured[:, 0]]), (5, 1, 1))
-            got = problem.residuals(hypothesis, np.repeat(thetas, 2, axis=0), copies)
-            costs = window_costs(problem, got, variance_of(problem, at.residual)).reshape(5, 2, -1)
-            picks = 2 * np.arange(5)[:, None] + np.argmin(costs, axis=1)
-            points = [
-                _point(problem, theta, copies[pick, every], got[pick, every])
-                for theta, pick in zip(thetas, picks, strict=True)
-            ]
-            at = min(points, key=lambda point: point.value)
+        reaches = parameter.step * np.concatenate([-np.array(PATTERN), PATTERN])
+        thetas = np.tile(at.theta, (len(reaches), 1))
+        thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
+        got = problem.residuals(hypothesis, thetas, np.tile(at.starts, (len(thetas), 1, 1)))
+        by_state, _ = jacobians(problem, hypothesis, at.theta, at.starts, at.residual, states_only=True)
+        variance = variance_of(problem, at.residual)
+        steps = [
+            damped_step(
+                problem, r, by_state, none, variance, 0.0, per_window, at.theta[:0], low[:0], high[:0]
+            )
+            for r in got
+        ]
+        followed = [
+            r + (by_state @ s.starts_alone[:, None, :, None])[..., 0] for r, s in zip(got, steps, strict=True)
+        ]
+        best = int(np.argmin([objective(problem, r) for r in followed]))
+        copies = np.stack([at.starts, at.starts + steps[best].starts_alone, problem.windows.measured[:, 0]])
+        tried = problem.residuals(hypothesis, np.tile(thetas[best], (3, 1)), copies)
+        pick = np.argmin(window_costs(problem, tried, variance), axis=0)
+        at = min(
+            at, _point(problem, thetas[best], copies[pick, every], tried[pick, every]), key=lambda p: p.value
+        )
     return at

@@ -18,9 +18,8 @@ from gpsim.simulators import Simulator
 class Instant:
     """What laws may look at: state (B, S), command (B, A) and parameters.
 
-    shares: (B,) how much of a term behind a gate acts, by its index. substep: (state at the start of the substep (B, S),
-    its step (B,)), with which dry friction sticks; None where the base simulator's own step is taken and friction is
-    -m sgn(v).
+    shares: (B,) how much of a term behind a gate acts, by its index. substep: (state at its start (B, S), step (B,)),
+    with which dry friction sticks; None where the base simulator's own step is taken and friction is -m sgn(v).
     """
 
     state: FloatArray

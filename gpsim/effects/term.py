@@ -38,8 +38,8 @@ class Gate:
     ) -> FloatArray:
         """The share in [0, 1] of the time from `t` (...) to t + step (...) in which it acts.
 
-        path: the states (..., S) at both ends of that time, with a straight line between them; `channels` are the columns
-        of state and action (..., A). step: 0 asks about the moment t; negative where time runs backwards. values: a
+        path: the states (..., S) at both ends of that time, a straight line between them; `channels` are the columns of
+        state and action (..., A). step: 0 asks about the moment t; negative where time runs backwards. values: a
         search gives every row of the batch edges of its own as the values FROM and TO.
         """
         share = np.ones(t.shape)
