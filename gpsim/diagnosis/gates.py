@@ -80,11 +80,11 @@ def gated_children(
     return [placed(problem, f, last, NEAR, FINE) for f in coarse[:1]] + coarse[1:]
 
 
-def polished(problem: Problem, at: Fit) -> Fit:
-    """A fit with the edges of its gates where the likelihood is highest."""
+def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:
+    """A fit with the edges of its gates where the likelihood is highest, to a share of their channels' ranges."""
     for index, term in enumerate(at.hypothesis.terms):
         if term.gate:
-            at = placed(problem, at, index, FAR, FINEST)
+            at = placed(problem, at, index, FAR, finest)
     return at
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.gates import FINEST, PROMISING, gated_children, makes_sense, polished
+from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
@@ -58,7 +58,7 @@ def improved(
         if best is leader:
             break
         leader = best
-    return leader, tried
+    return polished(problem, leader, FINEST), tried
 
 
 def _finely(problem: Problem, leader: Fit) -> Fit:
@@ -132,8 +132,7 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
         return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
     near = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     return [
-        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINEST) if f.objective < near else f
-        for f in fits
+        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < near else f for f in fits
     ]
 
 

@@ -27,10 +27,8 @@ FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
-SAME, BENEFIT = (
-    1.0,
-    5.0,
-)  # nats: two schemes that do not differ, and the benefit of the doubt for the fine one
+SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
+EXACT = 2.0  # times the floor: no noise is left
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
@@ -51,8 +49,10 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     their own: a coarse step looks like a lag or a little damping, and may lead astray whoever begins with it.
     """
     found = _grow(problem, offers, ("fine", base), note)
-    best = found.fits[0].hypothesis
-    if best.scheme in ("fine", "rk4") or not best.terms:
+    best, seen = found.fits[0], problem.observed
+    coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
+    exact = (best.variance[seen] < (EXACT * found.problem.floor[seen]) ** 2).all()
+    if not coarse or exact:
         return found
     finely = _grow(problem, offers, ("fine",), note)
     floor = np.maximum(found.problem.floor, finely.problem.floor)

@@ -34,7 +34,7 @@ def simulate(
     the terms by `spread(thetas, W)`; substeps: of each transition (1 where the scheme is the base simulator's).
     """
     copies, count = starts.shape[:2]
-    n = 1 if chain.scheme != "fine" else substeps
+    n = 1 if chain.scheme != "fine" else substeps * chain.refinement
     rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
     with np.errstate(all="ignore"):
         drive = (

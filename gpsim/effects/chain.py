@@ -39,6 +39,11 @@ class Chain:
     dt: float
 
     @cached_property
+    def refinement(self) -> int:
+        """How many times finer than usual the grid must be: entering a region is a jump inside a substep."""
+        return 2 if any(t.gate.region and not self.acts(i) for i, t in enumerate(self.terms)) else 1
+
+    @cached_property
     def channels(self) -> Channels:
         """State and action: what a gate may look at."""
         return self.simulator.state + self.simulator.action
