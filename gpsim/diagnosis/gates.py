@@ -20,7 +20,11 @@ from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.workers import Order, fit_all
 
-GATED, PROMISING = 4, 6  # gated terms that are fitted, of so many plain ones
+GATED, PROMISING, PLACED = (
+    4,
+    6,
+    2,
+)  # gated terms that are fitted, of so many plain ones; of which edges are placed
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
 COARSE, FINE, FINEST = (
     1e-2,
@@ -74,10 +78,11 @@ def gated_children(
     children = [_child(directions.parent.hypothesis, proposal) for proposal in proposals[:GATED]]
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
     last = len(directions.parent.hypothesis.terms)
-    coarse = [placed(problem, f, last, NEAR, COARSE) for f in fits]
+    fits.sort(key=lambda f: f.objective)
+    coarse = [placed(problem, f, last, NEAR, COARSE) for f in fits[:PLACED]]
     coarse.sort(key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
-    return [placed(problem, f, last, NEAR, FINE) for f in coarse[:1]] + coarse[1:]
+    return [placed(problem, f, last, NEAR, FINE) for f in coarse[:1]] + coarse[1:] + fits[PLACED:]
 
 
 def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:

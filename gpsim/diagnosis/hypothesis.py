@@ -52,6 +52,12 @@ class Hypothesis:
             for term, group in zip(self.terms, self.declared, strict=True)
         )
 
+    @property
+    def patchwork(self) -> bool:
+        """Whether terms act in different regions of one channel: a law of it, put together from what there is."""
+        regions = {(channel, region) for t in self.terms for channel, region in t.gate.region.items()}
+        return len({channel for channel, _ in regions}) < len(regions)
+
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""
         terms, at = [], 0

@@ -17,7 +17,7 @@ from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
-from gpsim.diagnosis.search import STRUCTURED, grown, pays
+from gpsim.diagnosis.search import grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate
@@ -29,9 +29,11 @@ ADDED, GATES, SWAPPED = (
     3,
 )  # candidates fitted on all windows to add, behind a gate, and to replace a term
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
+GATED_BELOW = 1e-3  # whiteness: what is left that a gate may explain
 LOOKED_AT = 120  # windows on which candidates are screened
 AS_WELL = 5.0  # nats
 DRIFTS = ("battery_sag",)  # families that change with time by themselves
+JUMPS = 3  # candidates for what may have jumped instead
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
@@ -48,6 +50,8 @@ def improved(
         better = [child for child in children if pays(problem, child, leader)]
         if better:
             leader = polished(problem, _best(problem, better))
+            if leader.hypothesis.patchwork:
+                break
             continue
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = [
@@ -89,7 +93,7 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> lis
         chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
         orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
         plain = fit_all(problem, orders)
-    if whiteness(problem, leader)[0] >= STRUCTURED:
+    if whiteness(problem, leader)[0] >= GATED_BELOW:
         return plain
     gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
     if len(leader.hypothesis.terms) < MOST_TERMS:
@@ -152,7 +156,7 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     """In place of a drift: what changed at one moment."""
     there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
     directions = Directions(part, parent)
-    everywhere = grown(part, directions, there, PROMISING)
+    everywhere = grown(part, directions, there, JUMPS)
     found = gated_children(part, directions, everywhere, there, (None,))
     return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
 

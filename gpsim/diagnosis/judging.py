@@ -95,21 +95,9 @@ def _verdict(leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: Fl
     left = float(np.max(unexplained))
     if not leader.hypothesis.terms:
         return "unknown" if p_value < UNNAMED else "none"
-    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()) or _patchwork(leader.hypothesis):
+    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()) or leader.hypothesis.patchwork:
         return "unknown"
     return "ambiguous" if rivals else "named"
-
-
-def _patchwork(hypothesis: Hypothesis) -> bool:
-    """Whether terms act in different regions of one channel.
-
-    That is a law of this channel, put together from what the catalogue has.
-    """
-    seen: dict[str, set[tuple[float, float]]] = {}
-    for term in hypothesis.terms:
-        for channel, region in term.gate.region.items():
-            seen.setdefault(channel, set()).add(region)
-    return any(len(regions) > 1 for regions in seen.values())
 
 
 def _near(problem: Problem, found: Found) -> list[Fit]:

@@ -40,6 +40,10 @@ class CoulombFriction(ForceEffect):
             return None if load is None else values["coefficient"] * np.maximum(load, 0.0)
         return values["force"] + 0.0 * speed
 
+    def weighs(self, values: Values) -> bool:
+        """A coefficient does."""
+        return "coefficient" in values
+
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return f"Coulomb friction on {on} ({', '.join(f'{k} {v}' for k, v in values.items())}) was left out"

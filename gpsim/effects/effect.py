@@ -112,6 +112,10 @@ class ForceEffect(Effect):
         """
         return None
 
+    def weighs(self, values: Values) -> bool:
+        """Whether its grip depends on the normal force."""
+        return False
+
 
 class ActuatorEffect(Effect):
     """What happens to a command on its way to the simulator."""

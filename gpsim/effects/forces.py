@@ -44,9 +44,7 @@ class Forces:
         smooth, dry = self._applied(at, values)
         rates = self.simulator.rates(at.state, at.action, at.parameters, smooth)
         for coordinate in dry:
-            unit = np.zeros_like(smooth)
-            unit[:, coordinate] = 1.0
-            mobility = self.simulator.rates(at.state, at.action, at.parameters, smooth + unit) - rates
+            mobility = self._mobility(at, coordinate, smooth, rates)
             friction = self._dry_friction(coordinate, at, rates, mobility, values)
             rates = rates + mobility * friction[:, None]
             smooth[:, coordinate] += friction
@@ -97,6 +95,15 @@ class Forces:
                     total += most * at.shares.get(i, 1.0)
         return total
 
+    def _mobility(self, at: Instant, coordinate: int, smooth: FloatArray, rates: FloatArray) -> FloatArray:
+        """(B, R) by how much a unit force changes the rates, which are affine in it."""
+        known = self.simulator.mobility(at.state, at.parameters, coordinate)
+        if known is not None:
+            return known
+        unit = np.zeros_like(smooth)
+        unit[:, coordinate] = 1.0
+        return self.simulator.rates(at.state, at.action, at.parameters, smooth + unit) - rates
+
     def _most(
         self,
         coordinate: int,
@@ -107,6 +114,8 @@ class Forces:
         sign: FloatArray,
     ) -> FloatArray:
         """(B,) the sliding friction's size; load and friction depend on each other, both affinely: m = m0 + k m."""
+        if not any(effect.weighs(values[i]) for i, effect, on in self._effects if on == coordinate):
+            return self._grip(coordinate, at, values, None)
         name = self.simulator.coordinates[coordinate].name
         load = self.simulator.normal_force(at.state, rates, at.parameters).get(name)
         most = self._grip(coordinate, at, values, load)

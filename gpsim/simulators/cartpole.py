@@ -44,16 +44,28 @@ class CartPole(MechanicalSimulator):
         g, m = parameters["gravity"], parameters["pole_mass"]
         half, total = parameters["pole_half_length"], parameters["cart_mass"] + parameters["pole_mass"]
         sin, cos = np.sin(state[:, 2]), np.cos(state[:, 2])
-        push = action[:, 0] + m * half * state[:, 3] ** 2 * sin
+        push = action[:, 0] + m * half * state[:, 3] * state[:, 3] * sin
         turn = m * g * half * sin
         if forces is not None:
             push, turn = push + forces[:, 0], turn + forces[:, 1]
         # [total, m half cos; m half cos, 4/3 m half^2] (x_acc, theta_acc) = (push, turn)
-        m11, m12, m22 = total, m * half * cos, 4.0 / 3.0 * m * half**2
-        determinant = m11 * m22 - m12**2
-        x_acc = (m22 * push - m12 * turn) / determinant
-        theta_acc = (m11 * turn - m12 * push) / determinant
-        return np.stack([x_acc, theta_acc], axis=1)
+        m11, m12, m22 = total, m * half * cos, 4.0 / 3.0 * m * half * half
+        determinant = m11 * m22 - m12 * m12
+        out = np.empty((len(state), 2))
+        out[:, 0] = (m22 * push - m12 * turn) / determinant
+        out[:, 1] = (m11 * turn - m12 * push) / determinant
+        return out
+
+    def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray:
+        """A column of the inverse mass matrix."""
+        m, half = parameters["pole_mass"], parameters["pole_half_length"]
+        m11, m22 = parameters["cart_mass"] + m, 4.0 / 3.0 * m * half * half
+        m12 = m * half * np.cos(state[:, 2])
+        determinant = m11 * m22 - m12 * m12
+        out = np.empty((len(state), 2))
+        out[:, coordinate] = (m22 if coordinate == 0 else m11) / determinant
+        out[:, 1 - coordinate] = -m12 / determinant
+        return out
 
     def normal_force(
         self, state: FloatArray, rates: FloatArray, parameters: Parameters

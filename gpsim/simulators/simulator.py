@@ -72,6 +72,10 @@ class Simulator(ABC):
     def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
         """(B, R): the mean rates over a step of dt (B,) s that the two states show."""
 
+    def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray | None:
+        """(B, R) by how much a unit force on a coordinate changes the rates; None where only `rates` tells."""
+        return None
+
     def normal_force(
         self,
         state: FloatArray,
