@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.diagnosis.edges import NEAR, placed
+from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
@@ -22,7 +23,8 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate
 
-MOST_TERMS, MOST_ROUNDS = 6, 8
+MOST_TERMS = 6
+MOST_EFFORT = 1e9  # simulated rows after which no further round begins
 ADDED, GATES, SWAPPED = (
     3,
     3,
@@ -43,7 +45,8 @@ def improved(
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     leader = polished(problem, _finely(problem, leader))
     tried: list[Fit] = []
-    for _ in range(MOST_ROUNDS):
+    begun = spent()
+    while spent() - begun < MOST_EFFORT:
         tell(f"{leader.hypothesis.label}: is one more missing?")
         children = _children(problem, leader, offers)
         tried += children

@@ -98,8 +98,11 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
 
 
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
-    """Whether the additional terms earn their parameters and remove a share worth speaking of."""
-    if gain(problem, richer, poorer) < PAYS:
+    """Whether the additional terms earn their parameters and remove a share worth speaking of.
+
+    One that does nothing never does: it may change the grid, and with it the numerical error.
+    """
+    if richer.hypothesis.idle or gain(problem, richer, poorer) < PAYS:
         return False
     share = 1.0 - richer.variance / poorer.variance
     return bool((share[problem.observed] > LEAST_SHARE).any())

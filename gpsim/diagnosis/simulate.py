@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
+from gpsim.diagnosis.effort import spend
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
@@ -36,6 +37,7 @@ def simulate(
     copies, count = starts.shape[:2]
     n = 1 if chain.scheme != "fine" else substeps * chain.refinement
     rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
+    spend(len(rows), windows.length * n, dry=chain.dry)
     with np.errstate(all="ignore"):
         drive = (
             _precomputed(chain, windows, spread, thetas, n) if chain.actuates else _as_recorded(windows, rows)

@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.effort import add, spent
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
@@ -47,7 +48,15 @@ def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
     pool = _POOL.get()
     if pool is None or len(orders) < 2:
         return [_fit(problem, order) for order in orders]
-    return [f.result() for f in [pool.submit(_fit, problem, order) for order in orders]]
+    results = [f.result() for f in [pool.submit(_counted, problem, order) for order in orders]]
+    add(sum(effort for _, effort in results))
+    return [found for found, _ in results]
+
+
+def _counted(problem: Problem, order: Order) -> tuple[Fit, float]:
+    """The fit, and the effort that it took in this process."""
+    before = spent()
+    return _fit(problem, order), spent() - before
 
 
 def _fit(problem: Problem, order: Order) -> Fit:

@@ -48,6 +48,11 @@ class Chain:
         """State and action: what a gate may look at."""
         return self.simulator.state + self.simulator.action
 
+    @property
+    def dry(self) -> bool:
+        """Whether dry friction acts, which costs more to simulate."""
+        return self._forces.dry
+
     def rest(self, count: int, step: float) -> Memory:
         """The actuators' memory at rest, for a grid of `step` [s]."""
         memory: Memory = {}

@@ -39,6 +39,11 @@ class Forces:
     def __bool__(self) -> bool:
         return bool(self._effects)
 
+    @property
+    def dry(self) -> bool:
+        """Whether dry friction is among them."""
+        return any(type(effect).grip is not ForceEffect.grip for _, effect, _ in self._effects)
+
     def rates(self, at: Instant, values: Sequence[Values]) -> FloatArray:
         """(B, R) rates under all force terms."""
         smooth, dry = self._applied(at, values)
