@@ -17,11 +17,7 @@ GLITCH = 8.0  # times the typical residual: more is taken for a leap of the sens
 
 def locate(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
     """The contract's `location`."""
-    channels = {}
-    for name, errors in comparison.one_step.items():
-        before, floor = errors["before"] ** 2, errors["noise_floor"] ** 2
-        differs = bool(judgement.leader.hypothesis.terms) or judgement.verdict == "unknown"
-        channels[name] = round(max(0.0, 1.0 - floor / before), 4) if before > 0 and differs else 0.0
+    channels = _shares(simulator, judgement, comparison)
     gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
     region = {k: list(v) for gate in gates for k, v in gate.region.items()}
     since = next((gate.since for gate in gates if gate.since is not None), None)
@@ -32,6 +28,23 @@ def locate(simulator: Simulator, judgement: Judgement, comparison: Comparison) -
         "since": since,
         "depends_on": depends_on(simulator, comparison, comparison.left_before) if differs else [],
     }
+
+
+def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, float]:
+    """Of each rate's mean squared residual: what the effects account for; what exceeds the noise where that is unknown.
+
+    What the effects say is free of noise, so that a rate whose residual happens to be large does not stand out.
+    """
+    base = comparison.left_before
+    said = np.mean((base - comparison.left_after) ** 2, axis=0) / np.maximum(np.mean(base**2, axis=0), 1e-300)
+    channels = {}
+    for name, errors in comparison.one_step.items():
+        before, floor = errors["before"] ** 2, errors["noise_floor"] ** 2
+        share = float(said[simulator.rate.index(name)]) if judgement.leader.hypothesis.terms else 0.0
+        if judgement.verdict == "unknown":
+            share = max(share, 1.0 - floor / before if before > 0 else 0.0)
+        channels[name] = round(min(share, 1.0), 4)
+    return channels
 
 
 def depends_on(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> list[str]:

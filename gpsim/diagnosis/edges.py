@@ -1,0 +1,143 @@
+"""Edges of gates: where they could lie, and where they do, by scans of the likelihood that narrow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.screening import Directions
+from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.effects import EffectParameter, Gate
+from gpsim.effects.term import FROM, TO
+
+BINS = 24
+SCANNED = 8  # places on each side of an edge
+NARROWS = 5.0  # the next scan's reach is so much shorter
+FLAT = 0.2  # nats that do not tell two places apart
+FAR, NEAR = 1 / 5, 1 / 12  # of a channel's range: how far the first scan looks
+
+
+def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
+    """Edges of BINS bins of a channel, or of time where it is None: outer ones open, inner ones quantiles."""
+    windows = problem.windows
+    if channel is None:
+        values = windows.t[windows.valid]
+    else:
+        names = problem.simulator.state.names
+        if channel in names:
+            values = windows.measured[..., names.index(channel)][windows.valid]
+        else:
+            values = windows.actions[..., problem.simulator.action.index(channel)].ravel()
+    inner = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    if len(inner) < 2:
+        return inner
+    margin = 0.05 * (inner[-1] - inner[0])
+    inner[0] -= margin
+    inner[-1] += margin
+    return inner
+
+
+def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Gate:
+    """A region of `channel`, or where that is None the time from low on, to high where it `ends`."""
+    if channel is None:
+        return Gate(since=float(low), until=float(high) if ends else None)
+    return Gate(region={channel: (float(low), float(high))})
+
+
+def declared_edges(
+    hypothesis: Hypothesis, index: int, channel: str | None, low: float, high: float, ends: bool
+) -> Hypothesis:
+    """The hypothesis with the edges of one term's gate as two parameters more, behind the term's own."""
+    gate = gate_between(channel, low, high, ends)
+    term = replace(
+        hypothesis.terms[index], gate=gate, values={**hypothesis.terms[index].values, FROM: low, TO: high}
+    )
+    terms, declared = list(hypothesis.terms), list(hypothesis.declared)
+    terms[index], declared[index] = term, (*declared[index], _edge(FROM), _edge(TO))
+    return replace(hypothesis, terms=tuple(terms), declared=tuple(declared))
+
+
+def placed(problem: Problem, at: Fit, index: int, share: float, finest: float) -> Fit:
+    """The fit with the movable edges of one term's gate where the likelihood is highest.
+
+    share: of the channel's range, how far the first scan looks on both sides; finest: of the range, the last spacing.
+    """
+    gate = at.hypothesis.terms[index].gate
+    channel = next(iter(gate.region), None)
+    outer = bin_edges(problem, channel)
+    spread = float(outer[-1] - outer[0])
+    reach, stays = share * spread, 0
+    sides = {0, 1}
+    while sides and reach / SCANNED > finest * spread:
+        moved = False
+        for side in sorted(sides):
+            at, step, tells = _scanned(problem, at, index, channel, outer, side, reach)
+            moved |= step > reach / SCANNED
+            if not tells:
+                sides.discard(side)
+        stays = 0 if not moved else stays + 1
+        if not moved or stays > 2:  # a move changes the other edge and the parameters: look as far once more
+            reach, stays = reach / NARROWS, 0
+    return at
+
+
+def _scanned(
+    problem: Problem, at: Fit, index: int, channel: str | None, outer: FloatArray, side: int, reach: float
+) -> tuple[Fit, float, bool]:
+    """The fit with one edge at the best of many places, all parameters fitted anew there.
+
+    With how far that is, and whether the likelihood tells these places apart.
+    """
+    gate = at.hypothesis.terms[index].gate
+    low, high = gate.region[channel] if channel else (gate.since, gate.until)
+    edges = [float(outer[0] if low is None else low), float(outer[-1] if high is None else high)]
+    ends = channel is not None or high is not None
+    if not (outer[0] < edges[side] < outer[-1]):
+        return at, 0.0, False  # an open end stays open
+    places = edges[side] + reach * np.linspace(-1, 1, 2 * SCANNED + 1)
+    kept = (places > outer[0]) & (places < outer[-1])
+    kept &= (places < edges[1]) if side == 0 else (places > edges[0])
+    kept[SCANNED] = True
+    places = places[kept]
+    both = np.tile(edges, (len(places), 1))
+    both[:, side] = places
+    hypothesis = declared_edges(at.hypothesis, index, channel, edges[0], edges[1], ends)
+    split = sum(len(group) for group in at.hypothesis.declared[: index + 1])
+    theta = np.tile(at.hypothesis.theta, (len(places), 1))
+    thetas = np.hstack([theta[:, :split], both, theta[:, split:]])
+    costs = Directions(problem, at).objectives(hypothesis, thetas)
+    place = _middle(places, costs)
+    here = float(costs[np.argmin(np.abs(places - edges[side]))])
+    tells = bool(costs.max() > costs.min() + FLAT)
+    if costs.min() > here - FLAT:
+        return at, 0.0, tells
+    edges[side], before = place, edges[side]
+    tried = fit(
+        problem,
+        at.hypothesis.gated(index, gate_between(channel, edges[0], edges[1], ends)),
+        at.starts,
+        iterations=5,
+        tolerance=0.2,
+    )
+    return (tried, abs(place - before), tells) if tried.objective < at.objective else (at, 0.0, tells)
+
+
+def _middle(places: FloatArray, costs: FloatArray) -> float:
+    """The middle of the stretch of places around the best that do as well."""
+    best = int(np.argmin(costs))
+    good = costs < costs[best] + FLAT
+    first = best
+    while first > 0 and good[first - 1]:
+        first -= 1
+    last = best
+    while last < len(places) - 1 and good[last + 1]:
+        last += 1
+    return float(places[first] + places[last]) / 2
+
+
+def _edge(name: str) -> EffectParameter:
+    return EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0)

@@ -1,0 +1,27 @@
+"""Effort: how much was simulated, which is the same on every machine, whatever the number of cores.
+
+A search that has used up what it may spend stops at its best so far: seconds would make results depend on the machine.
+"""
+
+from __future__ import annotations
+
+CALL = 300.0  # simulated rows that the overhead of one substep is worth
+DRY = 2.5  # times as much where dry friction acts
+
+_spent = 0.0
+
+
+def spend(rows: int, substeps: int, *, dry: bool) -> None:
+    """Count `substeps` substeps of `rows` states each."""
+    add(substeps * (CALL + rows) * (DRY if dry else 1.0))
+
+
+def add(amount: float) -> None:
+    """Count what another process has spent."""
+    global _spent
+    _spent += amount
+
+
+def spent() -> float:
+    """All that this process has counted."""
+    return _spent

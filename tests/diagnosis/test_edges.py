@@ -1,0 +1,95 @@
+"""Edges of gates, and the limits of a search: what it may spend, and what passes for a law patched together."""
+
+import pytest
+
+from gpsim.diagnosis import effort
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.edges import FAR, placed
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.telling import paragraphs
+from gpsim.diagnosis.workers import Order, cores, fit_all
+from gpsim.effects import Gate, Term
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+
+def braked(low=0.12, high=0.45, since=None):
+    """A slider with friction between two places, or a push since a moment."""
+    world = World("slider")
+    if since is None:
+        world.forces[0] = lambda q, v, t: -3.0 * v * ((q > low) & (q < high))
+    else:
+        world.forces[0] = lambda q, v, t: 1.5 * (t >= since) + 0 * q
+    recording = record(world, seed=3, noise=0.1, episodes=6)
+    simulator = make_simulator("slider")
+    return recording, simulator, prepare(recording, simulator, simulator.defaults(recording.parameters))
+
+
+def started(question, simulator, family, values, gate):
+    offers = candidates(question.recording, simulator, simulator.defaults({}))
+    offer = next(c for c in offers if c.family == family and c.place.on == "q")
+    term = Term(family, "q", values, gate, offer.variant)
+    problem = question.everything
+    return problem, fit(problem, Hypothesis().plus(term, offer.declared), problem.windows.measured[:, 0])
+
+
+def test_scans_find_edges_that_lie_far_from_where_they_begin():
+    _, simulator, question = braked()
+    problem, at = started(
+        question, simulator, "viscous_friction", {"damping": 2.0}, Gate(region={"q": (0.2, 0.55)})
+    )
+    found = placed(problem, at, 0, FAR, 2e-4)
+    low, high = found.hypothesis.terms[0].gate.region["q"]
+    assert low == pytest.approx(0.12, abs=5e-3)
+    assert high == pytest.approx(0.45, abs=5e-3)
+    assert found.objective < at.objective
+
+
+def test_an_onset_is_placed_between_two_samples():
+    recording, simulator, question = braked(since=1.4567)
+    problem, at = started(question, simulator, "constant_force", {"force": 1.0}, Gate(since=1.7))
+    found = placed(problem, at, 0, FAR, 1e-4)
+    assert found.hypothesis.terms[0].gate.since == pytest.approx(1.4567, abs=recording.dt / 4)
+
+
+def test_effort_does_not_depend_on_the_number_of_processes():
+    problem = braked()[2].searched
+    orders = [
+        Order(Hypothesis(scheme=scheme), problem.windows.measured[:, 0], 5) for scheme in ("fine", "euler")
+    ]
+    begun = effort.spent()
+    fit_all(problem, orders)
+    alone = effort.spent() - begun
+    with cores(2):
+        fit_all(problem, orders)
+    assert effort.spent() - begun == pytest.approx(2 * alone, rel=1e-12)
+    assert alone > 0
+
+
+def test_terms_in_two_regions_of_a_channel_are_a_patchwork():
+    a = Term("constant_force", "q", {"force": 1.0}, Gate(region={"q": (0.0, 1.0)}))
+    b = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (1.0, 2.0)}))
+    same = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (0.0, 1.0)}))
+    assert Hypothesis((a, b), ((), ())).patchwork
+    assert not Hypothesis((a, same), ((), ())).patchwork
+    assert not Hypothesis((a,), ((),)).patchwork
+
+
+def test_a_rollout_that_ran_away_is_told_in_words():
+    errors = dict.fromkeys(("before", "tuned", "gp", "after", "after_gp", "noise_floor"))
+    errors = {**errors, "unit": "m", "typical": dict.fromkeys(("before", "after"))}
+    report = {
+        "verdict": "none",
+        "location": {"channels": {}, "region": {}, "since": None, "depends_on": []},
+        "effects": [],
+        "alternatives": [],
+        "tell_apart": None,
+        "fit": {"held_out": [], "one_step": {"q_acc": errors}, "rollout": {"horizon_s": 1.0, "q": errors}},
+        "remainder": {"structured": False, "depends_on": [], "p_value": 1.0},
+        "thinned": 1,
+        "not_measured": [],
+    }
+    assert "diverged" in "\n".join(paragraphs(report))

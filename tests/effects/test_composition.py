@@ -1,0 +1,103 @@
+"""Effects together, between substeps: order of integration, partial substeps at gates, fixed order, late sensors."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from gpsim.effects import Gate, Term
+from gpsim.effects.chain import Chain
+from gpsim.simulators import make_simulator
+
+
+def run(simulator, terms, state, action, h, seconds, parameters=None):
+    """The state after some seconds of one action."""
+    system = make_simulator(simulator)
+    chain = Chain(system, system.defaults(parameters or {}), tuple(terms), "fine", 0.02)
+    values = [{k: np.array([v]) for k, v in term.values.items()} for term in terms]
+    s, step = np.array([state], dtype=float), np.array([h])
+    for i in range(round(seconds / h)):
+        s = chain.advance(s, np.array([action], dtype=float), values, step, np.array([i * h]))
+    return s[0]
+
+
+def test_the_fine_scheme_is_of_third_order():
+    start, errors = [0.1, 0.3, 2.5, -1.0], []
+    exact = run("cartpole", [], start, [3.0], 1e-4, 1.0)
+    for h in (0.02, 0.01, 0.005):
+        errors.append(np.abs(run("cartpole", [], start, [3.0], h, 1.0) - exact).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all((orders > 2.7) & (orders < 3.4)), orders
+
+
+def test_an_onset_inside_a_substep_acts_for_the_rest_of_it():
+    force, mass, since = 4.0, 2.0, 0.0133
+    term = Term("constant_force", "q", {"force": force}, Gate(since=since))
+    end = run("slider", [term], [0.0, 0.0], [0.0], 0.01, 0.1, {"mass": mass})
+    assert end[1] == pytest.approx(force / mass * (0.1 - since), rel=1e-12)
+
+
+def test_an_edge_crossed_inside_a_substep_counts_for_the_share_of_the_way():
+    """A brake between two places: the energy it takes is force times the way between them, whatever the grid."""
+    force, mass, v = 3.0, 2.0, 2.0
+    left = np.sqrt(v**2 - 2 * force * 0.25 / mass)
+    for h in (0.02, 0.01):
+        term = Term("local_friction_patch", "q", {"force": force}, Gate(region={"q": (0.137, 0.387)}))
+        end = run("slider", [term], [0.0, v], [0.0], h, 0.6, {"mass": mass})
+        assert end[1] == pytest.approx(left, rel=5e-3)
+
+
+def test_several_effects_on_a_twist_act_in_a_fixed_order():
+    terms = [
+        Term("lateral_slip", "vehicle", {"slip": 0.2}),
+        Term("understeer", "vehicle", {"gradient": 0.5}),
+        Term("minimum_turning_radius", "vehicle", {"radius": 0.8}),
+        Term("steering_bias", "vehicle", {"curvature": 0.1}),
+    ]
+    ends = [
+        run("unicycle", order, [0, 0, 0.3], [0.7, 1.5], 0.01, 0.5) for order in itertools.permutations(terms)
+    ]
+    for end in ends[1:]:
+        np.testing.assert_array_equal(end, ends[0])
+    w = (0.7 / 0.8) / (
+        1 + 0.5 * 0.7**2
+    ) + 0.1 * 0.7  # what the wheels can do, understeered, and the bent linkage
+    assert ends[0][2] == pytest.approx(0.3 + 0.5 * w, rel=1e-9)
+
+
+def test_a_sensor_scales_before_it_is_biased_whatever_was_found_first():
+    slider = make_simulator("slider")
+    terms = [Term("sensor_bias", "q", {"offset": 0.1}), Term("sensor_scale", "q", {"scale": 2.0})]
+    for order in (terms, terms[::-1]):
+        chain = Chain(slider, slider.defaults({}), tuple(order), "fine", 0.02)
+        values = [{k: np.array([v]) for k, v in term.values.items()} for term in order]
+        read = chain.measure(np.array([[0.5, 0.0]]), values, {}, np.array([0.01]))
+        assert read[0, 0] == pytest.approx(1.1)
+
+
+def test_a_late_sensor_reads_between_substeps_to_fourth_order():
+    def read(h, delay=0.0337):
+        slider = make_simulator("slider")
+        chain = Chain(
+            slider, slider.defaults({}), (Term("sensor_delay", "q", {"delay": delay}),), "fine", 0.02
+        )
+        t = 1.0 + h * np.arange(-12, 1)
+        history = np.stack([np.sin(3 * t), 3 * np.cos(3 * t)], axis=1)[None]
+        said = chain.measure(
+            history[:, -1], [{"delay": np.array([delay])}], chain.watchers(history), np.array([h])
+        )
+        return abs(said[0, 0] - np.sin(3 * (1.0 - delay)))
+
+    assert read(0.01) < 1e-6
+    assert read(0.005) < read(0.01)
+
+
+@pytest.mark.parametrize("coordinate", [0, 1])
+def test_a_cart_poles_mobility_is_what_a_unit_force_changes(coordinate):
+    system = make_simulator("cartpole")
+    rng = np.random.default_rng(0)
+    state, action, parameters = rng.normal(size=(9, 4)), rng.normal(size=(9, 1)), system.defaults({})
+    unit = np.zeros((9, 2))
+    unit[:, coordinate] = 1.0
+    change = system.rates(state, action, parameters, unit) - system.rates(state, action, parameters, 0 * unit)
+    np.testing.assert_allclose(system.mobility(state, parameters, coordinate), change, rtol=1e-9, atol=1e-12)
