@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
@@ -18,6 +19,7 @@ BINS = 24
 SCANNED = 8  # places on each side of an edge
 NARROWS = 5.0  # the next scan's reach is so much shorter
 FLAT = 0.2  # nats that do not tell two places apart
+MOST_EFFORT = 3e7  # simulated rows after which no further scan begins
 FAR, NEAR = 1 / 5, 1 / 12  # of a channel's range: how far the first scan looks
 
 
@@ -71,8 +73,8 @@ def placed(problem: Problem, at: Fit, index: int, share: float, finest: float) -
     outer = bin_edges(problem, channel)
     spread = float(outer[-1] - outer[0])
     reach, stays = share * spread, 0
-    sides = {0, 1}
-    while sides and reach / SCANNED > finest * spread:
+    sides, most = {0, 1}, spent() + MOST_EFFORT
+    while sides and reach / SCANNED > finest * spread and spent() < most:
         moved = False
         for side in sorted(sides):
             at, step, tells = _scanned(problem, at, index, channel, outer, side, reach)
@@ -122,6 +124,7 @@ def _scanned(
         at.starts,
         iterations=5,
         tolerance=0.2,
+        near=True,
     )
     return (tried, abs(place - before), tells) if tried.objective < at.objective else (at, 0.0, tells)
 

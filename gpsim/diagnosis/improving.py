@@ -24,7 +24,7 @@ from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate
 
 MOST_TERMS = 6
-MOST_EFFORT = 1e9  # simulated rows after which no further round begins
+MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about a minute of one core
 ADDED, GATES, SWAPPED = (
     3,
     3,
@@ -45,27 +45,34 @@ def improved(
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     leader = polished(problem, _finely(problem, leader))
     tried: list[Fit] = []
-    begun = spent()
-    while spent() - begun < MOST_EFFORT:
+    most = spent() + MOST_EFFORT
+    while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
-        children = _children(problem, leader, offers)
-        tried += children
-        better = [child for child in children if pays(problem, child, leader)]
-        if better:
-            leader = polished(problem, _best(problem, better))
-            if leader.hypothesis.patchwork:
-                break
-            continue
+        leader, children = _extended(problem, leader, offers, most)
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = [
             f for i in range(len(leader.hypothesis.terms)) for f in _swapped(problem, leader, i, offers)
         ]
-        tried += others
-        best = _best(problem, [leader, *others])
-        if best is leader:
+        tried += [*children, *others]
+        before, leader = leader, _best(problem, [leader, *others])
+        if leader is before or spent() > most:
             break
-        leader = best
     return polished(problem, leader, FINEST), tried
+
+
+def _extended(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float
+) -> tuple[Fit, list[Fit]]:
+    """The leader with terms added and gated while that pays, and all that was tried; most: effort to stop at."""
+    tried: list[Fit] = []
+    while spent() < most and not leader.hypothesis.patchwork:
+        children = _children(problem, leader, offers, most)
+        tried += children
+        better = [child for child in children if pays(problem, child, leader)]
+        if not better:
+            break
+        leader = polished(problem, _best(problem, better))
+    return leader, tried
 
 
 def _finely(problem: Problem, leader: Fit) -> Fit:
@@ -84,8 +91,11 @@ def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
     return fits[int(nats.argmax())]
 
 
-def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with one term more, or where structure is left with one behind a gate."""
+def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:
+    """The leader with one term more, or where structure is left with one behind a gate.
+
+    most: the effort after which nothing more is begun.
+    """
     part, seen = _some(problem, leader)
     directions = Directions(part, seen)
     plain: list[Fit] = []
@@ -96,10 +106,10 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> lis
         chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
         orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
         plain = fit_all(problem, orders)
-    if whiteness(problem, leader)[0] >= GATED_BELOW:
+    if spent() > most or whiteness(problem, leader)[0] >= GATED_BELOW:
         return plain
     gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
-    if len(leader.hypothesis.terms) < MOST_TERMS:
+    if spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)
         gated += gated_children(part, directions, everywhere, offers)
     gated = sorted(gated, key=lambda f: f.objective)[:GATES]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import gain, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
@@ -28,6 +29,7 @@ PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
+MOST_EFFORT = 2e8  # simulated rows after which it grows no deeper; improving goes on from there
 EXACT = 2.0  # times the floor: no noise is left
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
@@ -72,7 +74,7 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
     null = nulls[0]
     fits, beam = list(nulls), list(nulls)
     total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
-    done = 0
+    done, most = 0, spent() + MOST_EFFORT
     for depth in range(DEPTH):
         children: list[Fit] = []
         for parent in beam:
@@ -89,7 +91,7 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")
         children = _distinct(children)
         fits += children
-        if not children or not _structured(problem, fits):
+        if not children or not _structured(problem, fits) or spent() > most:
             break
         beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
     note(total, total, "")

@@ -65,15 +65,19 @@ def fit(
     *,
     iterations: int = 25,
     tolerance: float = 0.02,
+    near: bool = False,
 ) -> Fit:
-    """Minimise the profile likelihood over theta (from the hypothesis's values) and the start states (W, S)."""
+    """Minimise the profile likelihood over theta (from the hypothesis's values) and the start states (W, S).
+
+    near: the values are known to be good, thresholds of jumping laws need not be looked for far away.
+    """
     low, high = _bounds(hypothesis)
     theta = np.clip(hypothesis.theta, low, high)
     at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
     damping, per_window = 1e-3, np.full(len(starts), 1e-3)
     converged, still = False, 0
     for round_ in range(iterations):
-        if round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
+        if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
             at = _searched_pattern(problem, hypothesis, at, low, high, per_window)
         by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
         variance = variance_of(problem, at.residual)
