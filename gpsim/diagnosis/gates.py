@@ -17,7 +17,7 @@ from gpsim.diagnosis.edges import FAR, NEAR, bin_edges, declared_edges, gate_bet
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
-from gpsim.diagnosis.shooting import Fit
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 
 GATED, PROMISING, PLACED = (
@@ -82,14 +82,20 @@ def gated_children(
     coarse = [placed(problem, f, last, NEAR, COARSE) for f in fits[:PLACED]]
     coarse.sort(key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
-    return [placed(problem, f, last, NEAR, FINE) for f in coarse[:1]] + coarse[1:] + fits[PLACED:]
+    return [placed(problem, f, last, NEAR, FINEST) for f in coarse[:1]] + coarse[1:] + fits[PLACED:]
 
 
 def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:
     """A fit with the edges of its gates where the likelihood is highest, to a share of their channels' ranges."""
-    for index, term in enumerate(at.hypothesis.terms):
-        if term.gate:
-            at = placed(problem, at, index, FAR, finest)
+    gated = [i for i, term in enumerate(at.hypothesis.terms) if term.gate]
+    for index in gated:
+        at = placed(problem, at, index, FAR, finest)
+    if gated and any(p.step for p in at.hypothesis.parameters):  # thresholds were held where they stood
+        again = fit(problem, at.hypothesis, at.starts, iterations=9)
+        if again.objective < at.objective:
+            at = again
+            for index in gated:
+                at = placed(problem, at, index, NEAR, finest)
     return at
 
 
