@@ -43,7 +43,7 @@ def improved(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
-    leader = polished(problem, _finely(problem, leader))
+    leader = _lean(problem, polished(problem, _finely(problem, leader)))
     tried: list[Fit] = []
     most = spent() + MOST_EFFORT
     while True:
@@ -54,10 +54,31 @@ def improved(
             f for i in range(len(leader.hypothesis.terms)) for f in _swapped(problem, leader, i, offers)
         ]
         tried += [*children, *others]
-        before, leader = leader, _best(problem, [leader, *others])
-        if leader is before or spent() > most:
+        best = _best(problem, [leader, *others])
+        if best is leader:
+            break
+        leader = _lean(problem, best)
+        if spent() > most:
             break
     return polished(problem, leader, FINEST), tried
+
+
+def weakest_left_out(problem: Problem, leader: Fit) -> Fit:
+    """The leader without the term that it misses least, fitted anew."""
+    parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+    return min(
+        fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts]), key=lambda f: f.objective
+    )
+
+
+def _lean(problem: Problem, leader: Fit) -> Fit:
+    """The leader without terms that no longer pay: what stood in for one that has been found since."""
+    while len(leader.hypothesis.terms) > 1:
+        less = weakest_left_out(problem, leader)
+        if pays(problem, leader, less):
+            break
+        leader = less
+    return leader
 
 
 def _extended(
@@ -71,7 +92,7 @@ def _extended(
         better = [child for child in children if pays(problem, child, leader)]
         if not better:
             break
-        leader = polished(problem, _best(problem, better))
+        leader = _lean(problem, polished(problem, _best(problem, better)))
     return leader, tried
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.improving import improved
+from gpsim.diagnosis.improving import improved, weakest_left_out
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import Found, pays
@@ -140,9 +140,7 @@ def _pruned(question: Question, leader: Fit) -> Fit:
     """Terms that do not pay, or do not help on held-out windows, are taken out."""
     problem = question.everything
     while leader.hypothesis.terms:
-        parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
-        reduced = fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
-        weakest = min(reduced, key=lambda f: f.objective)
+        weakest = weakest_left_out(problem, leader)
         keeps = pays(problem, leader, weakest)
         if keeps and len(question.held_out.windows):
             with_it = held_out_objective(question.held_out, leader.hypothesis)
