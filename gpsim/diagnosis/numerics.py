@@ -17,8 +17,8 @@ MARGIN = 2.0  # on the numerical error
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
 
-    The error of a second-order scheme is 4/3 of that change, and it is the same in all windows that look alike: what it
-    could pass off as physics must stay below the floor.
+    The error of a third-order scheme is 8/7 of that change (4/3 where friction stops a body), and it is the same in all
+    windows that look alike: what it could pass off as physics must stay below the floor.
     """
     null = at or fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=4)
     finer = replace(problem, substeps=2 * problem.substeps)

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected
+from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected, state_jacobian
 from gpsim.diagnosis.problem import Problem, objective, variance_of, window_costs
 
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
@@ -181,7 +181,7 @@ def _searched_pattern(
         thetas = np.tile(at.theta, (len(reaches), 1))
         thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
         got = problem.residuals(hypothesis, thetas, np.tile(at.starts, (len(thetas), 1, 1)))
-        by_state, _ = jacobians(problem, hypothesis, at.theta, at.starts, at.residual, states_only=True)
+        by_state = state_jacobian(problem, hypothesis.having(at.theta), at.starts, at.residual)
         variance = variance_of(problem, at.residual)
         steps = [
             damped_step(
