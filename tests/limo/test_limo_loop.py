@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.artifacts import MANIFEST, TIMINGS, folder_digests, read_artifact
+from gpsim.artifacts import MANIFEST, read_artifact
 
 TINY = (
     "experiment=limo",
@@ -26,14 +26,6 @@ pytestmark = pytest.mark.slow
 
 def run_loop(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*LOOP, *more], cwd=folder, capture_output=True, text=True, check=False)
-
-
-def tree(folder: Path) -> dict[str, str]:
-    found = folder_digests(folder / "runs")
-    manifests = {
-        p.relative_to(folder).as_posix(): p.read_text() for p in folder.glob(f"runs/*/*/v*/{MANIFEST}")
-    }
-    return {k: v for k, v in found.items() if not k.endswith(TIMINGS)} | manifests
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +54,7 @@ def test_the_loop_leaves_every_artifact_and_says_who_got_there(finished):
     assert "Traceback" not in ended.stderr
 
 
-def test_the_same_seed_gives_the_same_bytes(finished, tmp_path):
+def test_the_same_seed_gives_the_same_bytes(finished, tmp_path, tree):
     folder, _ = finished
     assert run_loop(tmp_path).returncode == 0
     assert tree(tmp_path) == tree(folder)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.artifacts import MANIFEST, TIMINGS, folder_digests, read_artifact
+from gpsim.artifacts import MANIFEST, folder_digests, read_artifact
 
 TINY = (
     "budget=smoke",
@@ -31,15 +31,6 @@ def run_loop(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
 
 def versions(folder: Path) -> list[Path]:
     return sorted(path.parent for path in folder.glob(f"runs/*/*/v*/{MANIFEST}"))
-
-
-def tree(folder: Path) -> dict[str, str]:
-    """Every artifact's files by path, without the wall-clock facts."""
-    found = folder_digests(folder / "runs")
-    manifests = {
-        p.relative_to(folder).as_posix(): p.read_text() for p in folder.glob(f"runs/*/*/v*/{MANIFEST}")
-    }
-    return {k: v for k, v in found.items() if not k.endswith(TIMINGS)} | manifests
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +71,7 @@ def test_the_loop_leaves_every_artifact_and_a_report(finished):
     assert "Traceback" not in ended.stderr
 
 
-def test_a_second_run_makes_nothing_anew(finished):
+def test_a_second_run_makes_nothing_anew(finished, tree):
     folder, _ = finished
     before = tree(folder)
     again = run_loop(folder, "--seeds", "2")
@@ -90,7 +81,7 @@ def test_a_second_run_makes_nothing_anew(finished):
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_bytes(finished, tmp_path):
+def test_the_same_seed_gives_the_same_bytes(finished, tmp_path, tree):
     folder, _ = finished
     assert run_loop(tmp_path, "--seeds", "2").returncode == 0
     assert tree(tmp_path) == tree(folder)
