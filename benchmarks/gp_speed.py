@@ -46,7 +46,7 @@ from gpsim.gp.kernels import covariance
 
 FloatArray = NDArray[np.float64]
 GRAVITY, CART, POLE, HALF_LENGTH, PUSH, DT = 9.8, 1.0, 0.1, 0.5, 10.0, 0.02
-OURS = "gpsim, default (4 starts)"
+OURS = "gpsim, default"
 
 
 def cartpole_rates(state: FloatArray, force: float, mu: float) -> FloatArray:
@@ -194,7 +194,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     if not HAS_GPYTORCH:
         print("GPyTorch is not installed and left out: pip install gpytorch")
-    predicted, large, fitted, grown = prediction(arguments.repeats), large_prediction(), fits(3), growth()
+    predicted, large, fitted, grown = prediction(arguments.repeats), large_prediction(), fits(6), growth()
     for what, times in predicted.items():
         print(f"\n{what}, N = 250, batch 10, D = 5, median of {arguments.repeats} rounds")
         for name, micro in times.items():

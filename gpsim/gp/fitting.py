@@ -15,24 +15,27 @@ from .training_data import Standardisation, TrainingData, checked_inputs, checke
 
 # Stands for "minus infinity" where no Cholesky factor exists: the line search needs a number to shrink from.
 _UNUSABLE = 1e25
+# Noise above this share of the targets' standard deviation may be structure that the ascent has missed.
+_MUCH_NOISE = 0.3
 
 
 @dataclass(frozen=True)
 class FitSettings:
     """How to fit. `bounds`: box of the optimiser in standardised units.
 
-    `restarts`: starts besides the data-driven first one (two more wiggly, the rest random); each start is followed
-    for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent stops when the
-    likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience` iterations, or
-    at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean; exact, and
-    faster where there are any.
+    `restarts`: starts besides the data-driven first one: the best of those that turn quickly along one input; and
+    where these two leave much of the targets to noise, one that turns along every input, then random ones. Each
+    start is followed for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent
+    stops when the likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience`
+    iterations, or at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean;
+    exact, and faster where there are any.
     """
 
     bounds: Bounds = field(default_factory=Bounds)
     restarts: int = 3
-    screening_iterations: int = 20
+    screening_iterations: int = 10
     max_iterations: int = 500
-    minimum_improvement: float = 1e-2
+    minimum_improvement: float = 3e-2
     patience: int = 5
     average_replicates: bool = True
 
@@ -99,8 +102,7 @@ def fit(
         scaling.inputs(raw_inputs), scaling.targets(raw_targets), settings.average_replicates
     )
     search = _Search(data, settings)
-    starts = _starts(data, settings.restarts, rng)
-    hyper = search.run(starts)
+    hyper = search.run(rng)
     reached = log_marginal_likelihood(data, hyper)
     report = FitReport(
         outcome=search.outcome,
@@ -138,7 +140,7 @@ def fit_outputs(
     )
 
 
-def first_start(data: TrainingData, lengthscale: float = 1.0, noise_std: float = 0.1) -> HyperParameters:
+def first_start(data: TrainingData) -> HyperParameters:
     """Start read off the data: slopes of the least-squares line for the linear term, the rest for the RBF.
 
     Lengthscales start at one standard deviation of each input and the noise at a tenth of the targets':
@@ -149,8 +151,7 @@ def first_start(data: TrainingData, lengthscale: float = 1.0, noise_std: float =
     # Ridge of one row's worth: defined for N < D and for constant columns as well.
     weighted = data.inputs * data.counts[:, None]
     slopes = np.linalg.solve(weighted.T @ data.inputs + np.eye(dimension), weighted.T @ data.targets)
-    lengthscales, linear_stds = np.full(dimension, lengthscale), np.maximum(np.abs(slopes), 0.05)
-    return HyperParameters(1.0, lengthscales, linear_stds, 0.1, noise_std)
+    return HyperParameters(1.0, np.ones(dimension), np.maximum(np.abs(slopes), 0.05), 0.1, 0.1)
 
 
 def random_start(data: TrainingData, rng: np.random.Generator) -> HyperParameters:
@@ -161,10 +162,20 @@ def random_start(data: TrainingData, rng: np.random.Generator) -> HyperParameter
     return HyperParameters.from_log_vector(rng.uniform(low, high))
 
 
-def _starts(data: TrainingData, restarts: int, rng: np.random.Generator) -> list[HyperParameters]:
-    """The first start; then two that trust the data more and turn more often; then random ones."""
-    read_off = [first_start(data), first_start(data, 0.7, 0.03), first_start(data, 0.4, 0.03)]
-    return read_off[: 1 + restarts] + [random_start(data, rng) for _ in range(restarts - 2)]
+def wiggly_start(data: TrainingData) -> HyperParameters:
+    """The first start, but trusting the data more and turning more often along every input."""
+    lengthscales = np.full(data.inputs.shape[1], 0.4)
+    return HyperParameters(1.0, lengthscales, first_start(data).linear_stds, 0.1, 0.03)
+
+
+def turning_starts(data: TrainingData) -> list[HyperParameters]:
+    """One start per input that turns quickly along it (a tenth of its spread) and hardly along the others.
+
+    A jump along one input, such as friction's, is an optimum of its own that ascents from other starts miss.
+    """
+    base, dimension = first_start(data), data.inputs.shape[1]
+    lengthscales = np.where(np.eye(dimension, dtype=bool), 0.1, 5.0)
+    return [HyperParameters(0.5, row, base.linear_stds, 0.1, 0.03) for row in lengthscales]
 
 
 class _Search:
@@ -179,19 +190,33 @@ class _Search:
         self.iterations = 0
         self.start_likelihoods: tuple[float, ...] = ()
 
-    def run(self, starts: list[HyperParameters]) -> HyperParameters:
+    def run(self, rng: np.random.Generator) -> HyperParameters:
         """Screen the starts, follow the best to the end."""
-        vectors = [np.clip(start.to_log_vector(), *self.box.T) for start in starts]
-        self.initial = -self._negative(vectors[0])[0]
-        if len(vectors) > 1:
-            screened = [self._ascend(vector, self.settings.screening_iterations) for vector in vectors]
-            self.start_likelihoods = tuple(_likelihood_of(result) for result in screened)
-            vectors = [screened[int(np.argmax(self.start_likelihoods))].x]
-        result = self._ascend(vectors[0], self.settings.max_iterations)
-        if len(starts) == 1:
-            self.start_likelihoods = (_likelihood_of(result),)
+        start = self._inside(first_start(self.likelihood.data))
+        self.initial = -self._negative(start)[0]
+        if self.settings.restarts > 0:
+            start = self._screened(start, rng)
+        result = self._ascend(start, self.settings.max_iterations)
+        self.start_likelihoods = self.start_likelihoods or (_likelihood_of(result),)
         self.outcome, self.iterations = _outcome_of(result), int(result.nit)
         return HyperParameters.from_log_vector(result.x)
+
+    def _screened(self, first: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Where the best of the starts stands after the screening."""
+        data, restarts = self.likelihood.data, self.settings.restarts
+        turning = [self._inside(start) for start in turning_starts(data)]
+        ends = [self._screen(first), self._screen(min(turning, key=lambda vector: self._negative(vector)[0]))]
+        if restarts > 1 and HyperParameters.from_log_vector(_best(ends).x).noise_std > _MUCH_NOISE:
+            others = [wiggly_start(data), *(random_start(data, rng) for _ in range(restarts - 2))]
+            ends += [self._screen(self._inside(start)) for start in others]
+        self.start_likelihoods = tuple(map(_likelihood_of, ends))
+        return np.asarray(_best(ends).x)
+
+    def _screen(self, start: FloatArray) -> OptimizeResult:
+        return self._ascend(start, self.settings.screening_iterations)
+
+    def _inside(self, start: HyperParameters) -> FloatArray:
+        return np.clip(start.to_log_vector(), *self.box.T)
 
     def _negative(self, log_vector: FloatArray) -> tuple[float, FloatArray]:
         try:
@@ -223,6 +248,10 @@ class _Search:
             callback=stop_early,
             options=options,
         )
+
+
+def _best(results: list[OptimizeResult]) -> OptimizeResult:
+    return min(results, key=lambda result: float(result.fun))
 
 
 def _likelihood_of(result: OptimizeResult) -> float:
