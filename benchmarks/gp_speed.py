@@ -202,7 +202,7 @@ def main() -> None:
     print(
         "\ngpsim alone, N = 3000, batch 10: " + ", ".join(f"{what} {us:.0f} us" for what, us in large.items())
     )
-    print("\nfit, N = 250, D = 5, three data sets: median seconds, log marginal likelihood of each")
+    print("\nfit, N = 250, D = 5, six data sets: median seconds, log marginal likelihood of each")
     for name, result in fitted.items():
         ratio = np.median(result["seconds"]) / np.median(fitted[OURS]["seconds"])
         reached = "  ".join(f"{value:8.1f}" for value in result["likelihood"])

@@ -52,6 +52,10 @@ class SacSettings:
     action_repeat: int = 5  # control steps that an action is held while training; it is deployed at every one
     initial_entropy: float = 0.1  # first value of the entropy coefficient, which then adapts
     target_entropy: float = -2.0  # what it adapts to, for all actions together
+    final_entropy: float | None = (
+        None  # it falls to this, linearly, over the last part of the training; None: it stays
+    )
+    final_part: float = 0.4  # that part, a share of the training
     hidden: Sequence[int] = (64, 64)  # rectified units, for the actor and for each critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
     reward_scale: float = 1.0  # rewards are multiplied by it while training
@@ -60,6 +64,18 @@ class SacSettings:
     )
     checkpoint_episodes: int = 200
     checkpoint_gamma: float = 0.995  # an evaluation's score is the mean return discounted by this a step
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.final_part <= 1.0:
+            raise ValueError(f"final_part is {self.final_part}: it must be more than 0 and at most 1")
+
+    def entropy_at(self, done: int) -> float:
+        """The target entropy after `done` steps."""
+        if self.final_entropy is None:
+            return self.target_entropy
+        left = max(1.0 - done / self.total_steps, 0.0)
+        share = max(1.0 - left / self.final_part, 0.0)
+        return self.target_entropy + share * (self.final_entropy - self.target_entropy)
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def train_sac(
         seed=seed,
         device="cpu",
     )
-    model.learn(settings.total_steps, callback=judge)
+    model.learn(settings.total_steps, callback=[_Sharpening(settings), judge])
     judge.judge()
     return judge.best, judge.curve(), judge.checkpoints()
 
@@ -154,6 +154,19 @@ class _Watcher(BaseCallback):
         """Everything so far."""
         columns = list(zip(*self._rows, strict=True))
         return LearningCurve(np.array(columns[0]), np.array(columns[1]), np.array(columns[2]))
+
+
+class _Sharpening(BaseCallback):
+    """Lets the target entropy fall near the end: exploration was for learning, and blurs what was learnt."""
+
+    def __init__(self, settings: SacSettings) -> None:
+        super().__init__()
+        self._settings = settings
+
+    def _on_step(self) -> bool:
+        assert isinstance(self.model, SAC)
+        self.model.target_entropy = self._settings.entropy_at(self.num_timesteps)
+        return True
 
 
 class _Judge(BaseCallback):

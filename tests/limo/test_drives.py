@@ -1,6 +1,7 @@
 """From a drive of the stand-in through bags and the importer; policies trained, exported, deployed and scored."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,23 @@ def proportional(observations):
     """A policy that anyone would write: full speed, turning towards the goal."""
     bearing = np.arctan2(observations[:, 1], observations[:, 0])
     return np.column_stack([np.full(len(bearing), 0.2), np.clip(bearing, -0.3, 0.3)])
+
+
+def test_the_target_entropy_falls_near_the_end_only():
+    falling = replace(SMALL, total_steps=1000, target_entropy=-1.0, final_entropy=-4.0, final_part=0.4)
+    assert [falling.entropy_at(done) for done in (0, 600, 800, 1000, 1100)] == pytest.approx(
+        [-1, -1, -2.5, -4, -4]
+    )
+    assert replace(falling, final_entropy=None).entropy_at(1000) == -1.0
+    with pytest.raises(ValueError, match="final_part"):
+        replace(SMALL, final_part=0.0)
+
+
+def test_what_the_target_entropy_falls_to_changes_the_policy():
+    env = BatchedEnv(PLANT, GoalReaching(max_steps=60), SMALL.n_envs, 0, SMALL.action_repeat)
+    sharp, _, _ = train_sac(env, replace(SMALL, final_entropy=-20.0), 0, lambda *_: None)
+    stayed, _, _ = train()
+    assert any((sharp.weights[name] != stayed.weights[name]).any() for name in sharp.weights)
 
 
 def test_a_sweep_is_a_grid_that_is_held():
