@@ -62,7 +62,8 @@ def _what(report: Report) -> str:
     said = "; ".join(effect["sentence"] for effect in effects)
     if verdict == "unknown":
         partial = f" A part of it looks like this: {said}." if said else ""
-        return f"What: nothing that I know explains it (remainder p = {report['remainder']['p_value']:.2g}).{partial}"
+        p_value = _number(report["remainder"]["p_value"], 2)
+        return f"What: nothing that I know explains it (remainder p = {p_value}).{partial}"
     if verdict == "ambiguous":
         others = " or ".join("; ".join(e["sentence"] for e in a["effects"]) for a in report["alternatives"])
         return f"What: {said} (probability {effects[0]['probability']:.2f}), but it could as well be that {others}."
@@ -71,7 +72,7 @@ def _what(report: Report) -> str:
 
 def _how_much(report: Report) -> str:
     numbers = [
-        f"{effect['family']} on {effect['on']}: {name} = {p['value']:.4g} [{p['low']:.4g}, {p['high']:.4g}] "
+        f"{effect['family']} on {effect['on']}: {name} = {p['value']:.4g} {_interval(p)} "
         f"{p['unit']}{' (AT ITS BOUND: do not trust it)' if p['at_bound'] else ''}"
         for effect in report["effects"]
         for name, p in effect["parameters"].items()
@@ -80,6 +81,14 @@ def _how_much(report: Report) -> str:
         return "How much: 0; there is no effect to measure."
     text = "How much (90 % intervals): " + "; ".join(numbers) + "."
     return text + (f" To tell the rivals apart, {report['tell_apart']}." if report["tell_apart"] else "")
+
+
+def _interval(parameter: Mapping[str, Any]) -> str:
+    """Where the curvature gave none, the contract's limits are null."""
+    low, high = parameter["low"], parameter["high"]
+    return (
+        "(no interval: the data do not determine it)" if None in (low, high) else f"[{low:.4g}, {high:.4g}]"
+    )
 
 
 def _better(report: Report) -> str:
@@ -109,9 +118,9 @@ def _run_errors(errors: Mapping[str, Any]) -> str:
     return f"{before} before, {gp} with a GP, {after} after {errors['unit']}"
 
 
-def _number(value: float | None) -> str:
-    """Three digits; a simulation that ran away has no error that JSON could hold."""
-    return "diverged" if value is None or not math.isfinite(value) else f"{value:.3g}"
+def _number(value: float | None, digits: int = 3) -> str:
+    """So many digits; a simulation that ran away has no error or p that JSON could hold."""
+    return "diverged" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
 def _ordinal(number: int) -> str:

@@ -78,10 +78,10 @@ def test_terms_in_two_regions_of_a_channel_are_a_patchwork():
     assert not Hypothesis((a,), ((),)).patchwork
 
 
-def test_a_rollout_that_ran_away_is_told_in_words():
+def _report(**changes):
     errors = dict.fromkeys(("before", "tuned", "gp", "after", "after_gp", "noise_floor"))
     errors = {**errors, "unit": "m", "typical": dict.fromkeys(("before", "after"))}
-    report = {
+    return {
         "verdict": "none",
         "location": {"channels": {}, "region": {}, "since": None, "depends_on": []},
         "effects": [],
@@ -91,5 +91,17 @@ def test_a_rollout_that_ran_away_is_told_in_words():
         "remainder": {"structured": False, "depends_on": [], "p_value": 1.0},
         "thinned": 1,
         "not_measured": [],
+        **changes,
     }
-    assert "diverged" in "\n".join(paragraphs(report))
+
+
+def test_a_rollout_that_ran_away_is_told_in_words():
+    assert "diverged" in "\n".join(paragraphs(_report()))
+
+
+def test_what_could_not_be_computed_is_told_in_words():
+    force = {"value": 1.0, "low": None, "high": None, "unit": "N", "at_bound": False}
+    effect = {"family": "spring", "on": "q", "sentence": "a spring", "parameters": {"stiffness": force}}
+    unknown = {"structured": True, "depends_on": [], "p_value": None}
+    told = "\n".join(paragraphs(_report(verdict="unknown", effects=[effect], remainder=unknown)))
+    assert "no interval" in told
