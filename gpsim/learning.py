@@ -52,10 +52,8 @@ class SacSettings:
     action_repeat: int = 5  # control steps that an action is held while training; it is deployed at every one
     initial_entropy: float = 0.1  # first value of the entropy coefficient, which then adapts
     target_entropy: float = -2.0  # what it adapts to, for all actions together
-    final_entropy: float | None = (
-        None  # it falls to this, linearly, over the last part of the training; None: it stays
-    )
-    final_part: float = 0.4  # that part, a share of the training
+    final_entropy: float | None = None  # it falls to this, linearly, near the end; None: it stays
+    final_part: float = 0.4  # share of the training over which it falls
     hidden: Sequence[int] = (64, 64)  # rectified units, for the actor and for each critic
     observation_scale: Sequence[float] = ()  # observations are divided by it; empty: 1
     reward_scale: float = 1.0  # rewards are multiplied by it while training

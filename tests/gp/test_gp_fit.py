@@ -49,10 +49,7 @@ def test_known_hyper_parameters_are_recovered_within_four_errors(seed: int) -> N
     rng = np.random.default_rng(seed)
     inputs = rng.uniform(-5.0, 5.0, (250, 2))
     truth = HyperParameters(2.0, np.array([0.8, 2.5]), np.array([0.3, 0.3]), 0.5, 0.2)
-    exactly = FitSettings(
-        minimum_improvement=1e-3
-    )  # a curvature is one of an optimum, also along the flat directions
-    process = fit(inputs, draw_from_prior(inputs, truth, rng), exactly, rng)
+    process = fit(inputs, draw_from_prior(inputs, truth, rng), FitSettings(), rng)
     found, errors = process.hyper_parameters_original.to_log_vector(), standard_errors(process)
     # One draw holds one slope per input and one bias: the data do not determine those standard deviations.
     for index in (0, 1, 2, -1):
