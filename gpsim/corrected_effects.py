@@ -75,9 +75,7 @@ class EffectsPlant:
         step = np.full(count, self._step)
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
-            command = self.chain.commands(
-                action[:, None], state[:, None], values, effects, step[:, None], now[:, None]
-            )[:, 0]
+            command = self.chain.command(action, state, values, effects, step, now)
             state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step
         return state
@@ -96,7 +94,7 @@ class EffectsPlant:
 
     @property
     def _step(self) -> float:
-        return self.dt / (self.substeps if self.scheme == "fine" else 1)
+        return self.dt / (self.substeps * self.chain.refinement if self.scheme == "fine" else 1)
 
     @property
     def _latest(self) -> float:

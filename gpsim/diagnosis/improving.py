@@ -53,6 +53,10 @@ def improved(
         others = [
             f for i in range(len(leader.hypothesis.terms)) for f in _swapped(problem, leader, i, offers)
         ]
+        near = sorted(
+            (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
+        )
+        others += [lean for f in near[:SWAPPED] if (lean := _lean(problem, f)) is not f]
         tried += [*children, *others]
         best = _best(problem, [leader, *others])
         if best is leader:
@@ -72,13 +76,24 @@ def weakest_left_out(problem: Problem, leader: Fit) -> Fit:
 
 
 def _lean(problem: Problem, leader: Fit) -> Fit:
-    """The leader without terms that no longer pay: what stood in for one that has been found since."""
-    while len(leader.hypothesis.terms) > 1:
-        less = weakest_left_out(problem, leader)
-        if pays(problem, leader, less):
-            break
-        leader = less
-    return leader
+    """The leader without terms and gates that no longer pay: what stood in for something found since."""
+    while True:
+        options = _opened(problem, leader)
+        if len(leader.hypothesis.terms) > 1:
+            options.append(weakest_left_out(problem, leader))
+        less = [f for f in options if not pays(problem, leader, f)]
+        if not less:
+            return leader
+        leader = min(less, key=lambda f: f.objective)
+
+
+def _opened(problem: Problem, leader: Fit) -> list[Fit]:
+    """The leader with one gate less each, fitted anew."""
+    terms = leader.hypothesis.terms
+    gated = [i for i, t in enumerate(terms) if t.gate and not t.effect.needs_region]
+    return fit_all(
+        problem, [Order(leader.hypothesis.gated(i, Gate()), leader.starts, 12, 0.1) for i in gated]
+    )
 
 
 def _extended(

@@ -12,7 +12,7 @@ from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.numerics import numerical_error, settled
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.shooting import Fit
+from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.thinning import PACE, thinned
 from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut
 from gpsim.errors import UsageError
@@ -24,6 +24,7 @@ from gpsim.simulators.simulator import INTEGRATORS
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
 FEWEST_WINDOWS = 4
+SAMPLED = 40  # windows on which the base simulator's own errors are measured
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
 USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
 USUAL_MOST = 6  # substeps that this may ask for
@@ -64,7 +65,7 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen)
         problem = _problem(seen, simulator, parameters, training, hidden)
-    problem = _fine_enough(problem)
+    problem = _measured(_fine_enough(problem))
     return Question(
         seen,
         problem.on(spread_out(training, FITTED)),
@@ -104,12 +105,15 @@ def _problem(
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     floor = np.sqrt(known**2 + (1e-8 * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), SUBSTEPS[0], USUAL_MOST))
-    return Problem(simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, usual)
+    nothing = np.zeros(len(names))
+    return Problem(
+        simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, nothing, usual
+    )
 
 
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
-    sample = problem.on(spread_out(problem.windows, 40))
+    sample = problem.on(spread_out(problem.windows, SAMPLED))
     stands = any(problem.simulator.coordinates) and problem.dt <= SLOW  # friction may hold something at rest
     fewest = problem.substeps if stands else SUBSTEPS[0]
     tolerated = np.maximum(NUMERICAL * problem.scale, problem.floor / 3)[problem.observed]
@@ -119,6 +123,13 @@ def _fine_enough(problem: Problem) -> Problem:
         if (error[problem.observed] <= tolerated).all():
             break
     return chosen
+
+
+def _measured(problem: Problem) -> Problem:
+    """The problem with how far the base simulator is off."""
+    sample = problem.on(spread_out(problem.windows, SAMPLED))
+    null = fit(sample, Hypothesis(), sample.windows.measured[:, 0], iterations=8)
+    return replace(problem, mismatch=null.variance)
 
 
 def settled_question(question: Question, best: Fit) -> Question:

@@ -21,7 +21,7 @@ class Problem:
 
     observed: (S,) which channels were measured; floor: (S,) the least standard deviation of what a perfect hypothesis
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
-    scale: (S,) typical size of each channel.
+    scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
     """
 
     simulator: Simulator
@@ -32,6 +32,7 @@ class Problem:
     floor: FloatArray
     stated: BoolArray
     scale: FloatArray
+    mismatch: FloatArray
     substeps: int
 
     @cached_property

@@ -28,6 +28,7 @@ FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
+LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
 MOST_EFFORT = 2e8  # simulated rows after which it grows no deeper; improving goes on from there
 EXACT = 2.0  # times the floor: no noise is left
@@ -102,12 +103,15 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     """Whether the additional terms earn their parameters and remove a share worth speaking of.
 
-    One that does nothing never does: it may change the grid, and with it the numerical error.
+    Of what was left, and of the whole mismatch: with clean sensors the numbers of a law that is nearly right would
+    otherwise be mended by another one. A term that does nothing never pays: it may change the grid, and with it the
+    numerical error.
     """
     if richer.hypothesis.idle or gain(problem, richer, poorer) < PAYS:
         return False
-    share = 1.0 - richer.variance / poorer.variance
-    return bool((share[problem.observed] > LEAST_SHARE).any())
+    removed = poorer.variance - richer.variance
+    worth = (removed > LEAST_SHARE * poorer.variance) & (removed > LEAST_PART * problem.mismatch)
+    return bool(worth[problem.observed].any())
 
 
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:

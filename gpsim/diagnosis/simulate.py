@@ -13,8 +13,11 @@ from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
-Drive = Callable[[int, int], FloatArray]
-"""What reaches the simulator (B, A) at transition k, substep j; transitions before the window are -1, -2, ..."""
+Drive = Callable[[int, int, FloatArray], FloatArray]
+"""What reaches the simulator (B, A) at transition k, substep j, in state (B, S); called in the order of time.
+
+Transitions before the window are -1, -2, ..., their commands are known whatever the state.
+"""
 Extra = Callable[[FloatArray, FloatArray], FloatArray]
 """State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
@@ -47,39 +50,58 @@ def simulate(
 
 
 def _as_recorded(windows: Windows, rows: IntArray) -> Drive:
-    def drive(k: int, j: int) -> FloatArray:
+    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
         return np.asarray(windows.actions[rows, k] if k >= 0 else windows.before_actions[rows, k])
 
     return drive
 
 
 def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int) -> Drive:
-    """All commands at once: they do not depend on the simulated state, nor on parameters of other sites."""
+    """All commands at once: they do not depend on the simulated state, nor on parameters of other sites.
+
+    Where they do depend on the state, those before the window are taken at the measured one, those in it step by step.
+    """
     count = len(windows)
     single = [np.stack(list(v.values()), axis=1) for i, v in enumerate(spread(thetas, 1)) if chain.acts(i)]
     _, first, inverse = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
     values = spread(thetas[first], count)
     rows = np.tile(np.arange(count), len(first))
+    before = n * windows.before_actions.shape[1]
+    end = before if chain.looks else None
     actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
     begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
-    t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)
+    t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
     memory = chain.rest(len(rows), float(np.median(steps)))
-    step = np.repeat(steps, n, axis=1)
-    states = _measured_between(windows, n, chain.simulator.state)[rows]
-    acted = chain.commands(np.repeat(actions, n, axis=1)[rows], states, values, memory, step[rows], t[rows])
-    before = n * windows.before_actions.shape[1]
+    step = np.repeat(steps, n, axis=1)[:, :end]
+    states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1][rows]
+    acted = chain.commands(
+        np.repeat(actions, n, axis=1)[:, :end][rows], states, values, memory, step[rows], t[rows]
+    )
     by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
     which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
-    return lambda k, j: by_time[before + n * k + j][which]
+    if not chain.looks:
+        return lambda k, j, state: by_time[before + n * k + j][which]
+    held, every = {key: kept[which] for key, kept in memory.items()}, spread(thetas, count)
+    row = np.tile(np.arange(count), len(thetas))
+
+    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
+        if k < 0:
+            return np.asarray(by_time[before + n * k + j][which])
+        begin = windows.t[row, k]
+        substep = (windows.t[row, k + 1] - begin) / n
+        return chain.command(windows.actions[row, k], state, every, held, substep, begin + j * substep)
+
+    return drive
 
 
 def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:
-    """(W, K, S) the measured states at all substeps, before and in the window: where the gates of actuators look."""
+    """(W, K + 1, S) the measured states at all substeps, before and in the window: where gates of actuators look."""
     states = np.concatenate([windows.before_states, windows.measured], axis=1)
     share = np.arange(n)[:, None] / n
     between = states[:, :-1, None] + share * difference(states[:, 1:], states[:, :-1], channels)[:, :, None]
-    return np.asarray(between.reshape(len(states), -1, states.shape[2]))
+    flat = between.reshape(len(states), -1, states.shape[2])
+    return np.concatenate([flat, states[:, -1:]], axis=1)
 
 
 def _run(
@@ -104,7 +126,7 @@ def _run(
         step = (windows.t[rows, k + 1] - t) / n
         added = extra(state, windows.actions[rows, k]) if extra is not None else None
         for j in range(n):
-            state = chain.advance(state, drive(k, j), values, step, t + j * step, added)
+            state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
             if watching:
                 chain.watch(state, seen)
         state = np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)
@@ -127,7 +149,9 @@ def _history(
     past = [starts]
     for back in range(1, min(chain.reach(values, step), n * windows.before_actions.shape[1] + 1)):
         k, j = divmod(-back, n)
-        state = chain.advance(state, drive(k, j), values, -step, windows.t[rows, 0] - (back - 1) * step)
+        state = chain.advance(
+            state, drive(k, j, state), values, -step, windows.t[rows, 0] - (back - 1) * step
+        )
         state = np.where(fresh, starts, np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR))
         past.append(state)
     return np.stack(past[::-1], axis=1)

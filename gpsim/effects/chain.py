@@ -41,7 +41,7 @@ class Chain:
     @cached_property
     def refinement(self) -> int:
         """How many times finer than usual the grid must be: entering a region is a jump inside a substep."""
-        return 2 if any(t.gate.region and not self.acts(i) for i, t in enumerate(self.terms)) else 1
+        return 2 if any(t.gate.region for t in self.terms) else 1
 
     @cached_property
     def channels(self) -> Channels:
@@ -72,7 +72,8 @@ class Chain:
     ) -> FloatArray:
         """(B, K, A): what reaches the simulator during K substeps; memory moves on.
 
-        actions: (B, K, A); states: (B, K, S), at which gates look; step: (B, K) s each; t: (B, K) s, when they begin.
+        actions: (B, K, A); states: (B, K + 1, S) at their ends, at which gates look; step: (B, K) s each; t: (B, K) s,
+        when they begin.
         """
         if not self.actuates:
             return actions
@@ -82,12 +83,33 @@ class Chain:
             acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
             gate = self.terms[i].gate
             if gate:
-                ahead = np.concatenate([states[:, 1:], states[:, -1:]], axis=1)
-                looked = step if self.scheme == "fine" else np.zeros_like(step)
-                share = gate.share((states, ahead), actions, t, looked, self.channels, columns)
+                fine = self.scheme == "fine"
+                path = states[:, :-1], states[:, 1:] if fine else states[:, :-1]
+                looked = step if fine else np.zeros_like(step)
+                share = gate.share(path, actions, t, looked, self.channels, columns)
                 acted = _blended(share, acted, out[:, :, column])
             out[:, :, column] = acted
         return out
+
+    def command(
+        self,
+        action: FloatArray,
+        state: FloatArray,
+        values: Sequence[Values],
+        memory: Memory,
+        step: FloatArray,
+        t: FloatArray,
+    ) -> FloatArray:
+        """(B, A): what reaches the simulator during one substep (B,) that begins in state (B, S); memory moves on."""
+        if not self.actuates:
+            return action
+        states = np.stack([state, self._ahead(state, action, step)], axis=1)
+        return self.commands(action[:, None], states, values, memory, step[:, None], t[:, None])[:, 0]
+
+    @cached_property
+    def looks(self) -> bool:
+        """Whether what happens to a command depends on where the system is."""
+        return any(self.terms[i].gate.region for i, _, _ in self._actuators)
 
     @cached_property
     def actuates(self) -> bool:
@@ -205,14 +227,16 @@ class Chain:
         gated = [i for i, term in enumerate(self.terms) if term.gate and not self.acts(i)]
         if not gated:
             return {}
-        ahead, looked = state, np.zeros_like(step)
-        if self.scheme == "fine":
-            looked = step
-            if any(self.terms[i].gate.region for i in gated):
-                rates = self.simulator.rates(state, action, self.parameters)
-                ahead = state + step[:, None] * self.simulator.derivative(state, rates)
-        path = state, ahead
+        looked = step if self.scheme == "fine" else np.zeros_like(step)
+        path = state, self._ahead(state, action, step)
         return {i: self.terms[i].gate.share(path, action, t, looked, self.channels, values[i]) for i in gated}
+
+    def _ahead(self, state: FloatArray, action: FloatArray, step: FloatArray) -> FloatArray:
+        """(B, S): about where a substep ends, for gates that look at the state."""
+        if self.scheme != "fine" or self.refinement == 1:
+            return state
+        rates = self.simulator.rates(state, action, self.parameters)
+        return np.asarray(state + step[:, None] * self.simulator.derivative(state, rates))
 
     def _corrected(
         self, values: Sequence[Values], shares: Mapping[int, FloatArray], count: int

@@ -2,8 +2,9 @@
 
 Rivals are fitted to the noise-free truth, with the world's own noise as the yardstick. One that loses less than 3 nats
 of expected log likelihood over the whole recording could not be told from the truth by anybody. Rivals are the truth
-with one effect left out, and with one effect replaced by another family or place (and the same gate); those that could
-not explain half of what the missing effect does, by a linear estimate, are not fitted.
+with one effect left out, and with one effect replaced by another family or place (and the same gate); then the same
+once more with each equivalent in the truth's place, since two effects may have to change their places together. Those
+that could not explain a fiftieth of what the missing effect does, by a linear estimate, are not fitted.
 
 The fitting engine is the diagnosis's own; the data, the noise and the truth's parameters are not.
 """
@@ -27,8 +28,9 @@ from gpsim.trials.revealing import Answer
 from gpsim.trials.worlds import TrueEffect
 
 LOST = 3.0  # nats
-WINDOWS, FITTED = 60, 6
-PROMISING = 0.5  # share of a parent's misfit that a replacement must explain by the linear estimate
+WINDOWS, FITTED = 60, 10
+PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
+EXPANDED = 4  # equivalents that get rivals of their own
 Claims = tuple[tuple[str, str], ...]
 
 
@@ -42,8 +44,11 @@ class Rival:
 
     @property
     def equivalent(self) -> bool:
-        """Whether no recording of the kind could tell it from the truth; one that gains as much is a failed fit."""
-        return abs(self.loss) < LOST and not self.richer
+        """Whether no recording of the kind could tell it from the truth.
+
+        One that gains does so on the engine's numerical error, which is all that is left between the two.
+        """
+        return self.loss < LOST and not self.richer
 
 
 def rivals(answer: Answer, recording: Recording) -> list[Rival]:
@@ -85,9 +90,21 @@ class _Judge:
             for effect in inside:
                 rest = rest if effect is dropped else self._plus(rest, effect)
             parent = self._fitted(rest)
-            found += [parent, *self._replacements(parent, dropped)]
-        least = self._least(inside, found) if len(inside) == len(effects) else 0.0
+            own = None if dropped.outside else (dropped.family, dropped.on)
+            found += [parent, *self._replacements(parent, own, Gate(dropped.region, dropped.since))]
         size = sum(len(e.values) for e in effects)
+        if len(inside) < len(effects):
+            return self._judged(found, 0.0, size)
+        truth = frozenset((e.family, e.on) for e in inside)
+        equal = [f for f in self._distinct(found, self._least(inside, found), size) if f.hypothesis.terms]
+        for fit_ in equal[:EXPANDED]:
+            for i, term in enumerate(fit_.hypothesis.terms):
+                parent = self._fitted(fit_.hypothesis.without(i))
+                others = self._replacements(parent, term.identity, term.gate)
+                found += [f for f in (parent, *others) if f.hypothesis.claims != truth]
+        return self._judged(found, self._least(inside, found), size)
+
+    def _judged(self, found: Sequence[Fit], least: float, size: int) -> list[Rival]:
         return [
             Rival(
                 _claims(f.hypothesis),
@@ -96,6 +113,16 @@ class _Judge:
             )
             for f in found
         ]
+
+    def _distinct(self, found: Sequence[Fit], least: float, size: int) -> list[Fit]:
+        """The equivalents among the fits, one for each set of claims, the best first."""
+        best: dict[Claims, Fit] = {}
+        for rival, f in zip(self._judged(found, least, size), found, strict=True):
+            if rival.equivalent and (
+                rival.claims not in best or self._misfit(f) < self._misfit(best[rival.claims])
+            ):
+                best[rival.claims] = f
+        return sorted(best.values(), key=self._misfit)
 
     def _least(self, effects: Sequence[TrueEffect], found: Sequence[Fit]) -> float:
         """The truth's own misfit: the engine's numerical error. A rival that beats it shows where its fit got stuck."""
@@ -109,14 +136,13 @@ class _Judge:
         again = fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)
         return min(self._misfit(first), self._misfit(again))
 
-    def _replacements(self, parent: Fit, dropped: TrueEffect) -> list[Fit]:
-        own = (dropped.family, dropped.on)
-        taken = parent.hypothesis.claims | ({own} if not dropped.outside else frozenset())
+    def _replacements(self, parent: Fit, own: tuple[str, str] | None, gate: Gate) -> list[Fit]:
+        """The parent with one more of what is not there yet, behind the gate of the effect that is gone, too."""
+        taken = parent.hypothesis.claims | ({own} if own else frozenset())
         offers = [c for c in self._offers if c.identity not in taken and not c.only_gated]
         directions = Directions(self._problem, parent)
         ranking = screened(directions, offers)
         needed = PROMISING * 0.5 * float((directions.rest**2).sum())
-        gate = Gate(dropped.region, dropped.since)
         out = []
         for worth, candidate, start in ranking[:FITTED]:
             term = candidate.term(start)
