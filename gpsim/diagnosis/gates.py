@@ -16,7 +16,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.edges import FAR, NEAR, bin_edges, declared_edges, gate_between, placed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import Directions
+from gpsim.diagnosis.screening import Directions, starts_of
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 
@@ -65,9 +65,12 @@ def gated_children(
     for candidate in (c for c in offers if c.gateable and c.identity not in claims):
         family = "coulomb_friction" if candidate.only_gated else candidate.family
         everywhere = best.get((family, candidate.place.on))
-        if everywhere is None or len(everywhere.hypothesis.declared[-1]) != len(candidate.declared):
+        if everywhere is not None and len(everywhere.hypothesis.declared[-1]) == len(candidate.declared):
+            values = tuple(everywhere.hypothesis.theta[-len(candidate.declared) :])
+        elif candidate.only_gated:  # a narrow one leaves no trace that acting everywhere could explain
+            values = starts_of(candidate)[0]
+        else:
             continue
-        values = tuple(everywhere.hypothesis.theta[-len(candidate.declared) :])
         found = (
             _best_gate(problem, directions, candidate, values, channel)
             for channel in looked_at
@@ -75,7 +78,9 @@ def gated_children(
         )
         proposals += [proposal for proposal in found if proposal is not None]
     proposals.sort(key=lambda p: -p.gain)
-    children = [_child(directions.parent.hypothesis, proposal) for proposal in proposals[:GATED]]
+    # A patch that stops a body gains far more when fitted than its direction promises.
+    patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
+    children = [_child(directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
     last = len(directions.parent.hypothesis.terms)
     fits.sort(key=lambda f: f.objective)

@@ -58,7 +58,7 @@ def improved(
         )
         others += [lean for f in near[:SWAPPED] if (lean := _lean(problem, f)) is not f]
         tried += [*children, *others]
-        best = _best(problem, [leader, *others])
+        best = _simplest(problem, [leader, *others])
         if best is leader:
             break
         leader = _lean(problem, best)
@@ -125,6 +125,18 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
 def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
     nats = scores(problem, list(fits))
     return fits[int(nats.argmax())]
+
+
+def _simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
+    """The best, or one of fewer parameters over which it does not pay: a special case of its law, say."""
+    best = _best(problem, fits)
+    while True:
+        size = len(best.hypothesis.parameters)
+        fewer = [f for f in fits if f.hypothesis.terms and len(f.hypothesis.parameters) < size]
+        simpler = [f for f in fewer if not pays(problem, best, f)]
+        if not simpler:
+            return best
+        best = min(simpler, key=lambda f: f.objective)
 
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:
