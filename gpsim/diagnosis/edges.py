@@ -1,8 +1,13 @@
-"""Edges of gates: where they could lie, and where they do, by scans of the likelihood that narrow."""
+"""Edges of gates: where they could lie, and where they do: scans of the likelihood that narrow, and joint fits.
+
+A scan finds its way over the steps that an edge makes where it meets a sample; a joint fit follows the valleys in which
+both edges and the law's own parameters move together.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,10 +22,13 @@ from gpsim.effects.term import FROM, TO
 
 BINS = 24
 SCANNED = 8  # places on each side of an edge
+JOINT = 8  # iterations of a joint fit
 NARROWS = 5.0  # the next scan's reach is so much shorter
 FLAT = 0.2  # nats that do not tell two places apart
 MOST_EFFORT = 3e7  # simulated rows after which no further scan begins
 FAR, NEAR = 1 / 5, 1 / 12  # of a channel's range: how far the first scan looks
+SIZE = 0.1  # of a channel's range: what a joint fit takes for the typical size of an edge
+EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO))
 
 
 def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
@@ -51,15 +59,21 @@ def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Ga
 
 
 def declared_edges(
-    hypothesis: Hypothesis, index: int, channel: str | None, low: float, high: float, ends: bool
+    hypothesis: Hypothesis,
+    index: int,
+    channel: str | None,
+    low: float,
+    high: float,
+    ends: bool,
+    edges: Sequence[EffectParameter] = EDGES,
 ) -> Hypothesis:
-    """The hypothesis with the edges of one term's gate as two parameters more, behind the term's own."""
+    """The hypothesis with the edges of one term's gate as parameters more, behind the term's own."""
     gate = gate_between(channel, low, high, ends)
     term = replace(
         hypothesis.terms[index], gate=gate, values={**hypothesis.terms[index].values, FROM: low, TO: high}
     )
     terms, declared = list(hypothesis.terms), list(hypothesis.declared)
-    terms[index], declared[index] = term, (*declared[index], _edge(FROM), _edge(TO))
+    terms[index], declared[index] = term, (*declared[index], *edges)
     return replace(hypothesis, terms=tuple(terms), declared=tuple(declared))
 
 
@@ -75,31 +89,69 @@ def placed(problem: Problem, at: Fit, index: int, share: float, finest: float) -
     reach, stays = share * spread, 0
     sides, most = {0, 1}, spent() + MOST_EFFORT
     while sides and reach / SCANNED > finest * spread and spent() < most:
-        moved = False
+        moved, before = False, at
         for side in sorted(sides):
-            at, step, tells = _scanned(problem, at, index, channel, outer, side, reach)
+            at, step, tells = _scanned(problem, at, index, outer, side, reach)
             moved |= step > reach / SCANNED
             if not tells:
                 sides.discard(side)
+        if at is not before:
+            at = _joint(problem, at, index, outer)
         stays = 0 if not moved else stays + 1
         if not moved or stays > 2:  # a move changes the other edge and the parameters: look as far once more
             reach, stays = reach / NARROWS, 0
     return at
 
 
+@dataclass(frozen=True)
+class _Span:
+    """What a term's gate lets through, an open edge at the end of the range `outer`; ends: whether it ends at all."""
+
+    channel: str | None
+    low: float
+    high: float
+    ends: bool
+    outer: tuple[float, float]
+
+    @classmethod
+    def of(cls, at: Fit, index: int, outer: FloatArray) -> _Span:
+        """That of one term."""
+        gate = at.hypothesis.terms[index].gate
+        channel = next(iter(gate.region), None)
+        low, high = gate.region[channel] if channel else (gate.since, gate.until)
+        first, last = float(outer[0]), float(outer[-1])
+        ends = channel is not None or high is not None
+        return cls(
+            channel, first if low is None else low, last if high is None else high, ends, (first, last)
+        )
+
+    def inside(self, place: float) -> bool:
+        """Whether a place lies inside the range."""
+        return self.outer[0] < place < self.outer[1]
+
+    @property
+    def gate(self) -> Gate:
+        """The gate."""
+        return gate_between(self.channel, self.low, self.high, self.ends)
+
+    def declared(
+        self, hypothesis: Hypothesis, index: int, edges: Sequence[EffectParameter] = EDGES
+    ) -> Hypothesis:
+        """The hypothesis with `edges` as parameters of the term."""
+        return declared_edges(hypothesis, index, self.channel, self.low, self.high, self.ends, edges)
+
+
 def _scanned(
-    problem: Problem, at: Fit, index: int, channel: str | None, outer: FloatArray, side: int, reach: float
+    problem: Problem, at: Fit, index: int, outer: FloatArray, side: int, reach: float
 ) -> tuple[Fit, float, bool]:
     """The fit with one edge at the best of many places, all parameters fitted anew there.
 
     With how far that is, and whether the likelihood tells these places apart.
     """
-    gate = at.hypothesis.terms[index].gate
-    low, high = gate.region[channel] if channel else (gate.since, gate.until)
-    edges = [float(outer[0] if low is None else low), float(outer[-1] if high is None else high)]
-    ends = channel is not None or high is not None
-    if not (outer[0] < edges[side] < outer[-1]):
-        return at, 0.0, False  # an open end stays open
+    span = _Span.of(at, index, outer)
+    edges = np.array([span.low, span.high])
+    if span.channel is None and not span.inside(edges[side]):
+        return at, 0.0, False  # what acts from the start on, or to the end, goes on doing so
     places = edges[side] + reach * np.linspace(-1, 1, 2 * SCANNED + 1)
     kept = (places > outer[0]) & (places < outer[-1])
     kept &= (places < edges[1]) if side == 0 else (places > edges[0])
@@ -107,26 +159,39 @@ def _scanned(
     places = places[kept]
     both = np.tile(edges, (len(places), 1))
     both[:, side] = places
-    hypothesis = declared_edges(at.hypothesis, index, channel, edges[0], edges[1], ends)
     split = sum(len(group) for group in at.hypothesis.declared[: index + 1])
     theta = np.tile(at.hypothesis.theta, (len(places), 1))
     thetas = np.hstack([theta[:, :split], both, theta[:, split:]])
-    costs = Directions(problem, at).objectives(hypothesis, thetas)
+    costs = Directions(problem, at).objectives(span.declared(at.hypothesis, index), thetas)
     place = _middle(places, costs)
     here = float(costs[np.argmin(np.abs(places - edges[side]))])
     tells = bool(costs.max() > costs.min() + FLAT)
     if costs.min() > here - FLAT:
         return at, 0.0, tells
-    edges[side], before = place, edges[side]
-    tried = fit(
-        problem,
-        at.hypothesis.gated(index, gate_between(channel, edges[0], edges[1], ends)),
-        at.starts,
-        iterations=5,
-        tolerance=0.2,
-        near=True,
-    )
-    return (tried, abs(place - before), tells) if tried.objective < at.objective else (at, 0.0, tells)
+    moved = replace(span, low=place) if side == 0 else replace(span, high=place)
+    hypothesis = at.hypothesis.gated(index, moved.gate)
+    tried = fit(problem, hypothesis, at.starts, iterations=5, tolerance=0.2, near=True)
+    better = tried.objective < at.objective
+    return (tried, abs(place - float(edges[side])), tells) if better else (at, 0.0, tells)
+
+
+def _joint(problem: Problem, at: Fit, index: int, outer: FloatArray) -> Fit:
+    """The fit with the edges that lie inside the range and all parameters fitted together."""
+    span = _Span.of(at, index, outer)
+    first, last = span.outer
+    movable = [e for e, place in zip(EDGES, (span.low, span.high), strict=True) if span.inside(place)]
+    free = [replace(e, low=first, high=last, scale=SIZE * (last - first)) for e in movable]
+    loose = span.declared(at.hypothesis, index, free)
+    found = fit(problem, loose, at.starts, iterations=JOINT, tolerance=0.2, near=True)
+    values = dict(found.hypothesis.terms[index].values)
+    span = replace(span, low=values.pop(FROM), high=values.pop(TO))
+    if span.low >= span.high or found.objective >= at.objective:
+        return at
+    terms = list(found.hypothesis.terms)
+    terms[index] = replace(terms[index], values=values, gate=span.gate)
+    hypothesis = replace(at.hypothesis, terms=tuple(terms))
+    tried = fit(problem, hypothesis, found.starts, iterations=1, near=True)
+    return tried if tried.objective < at.objective else at
 
 
 def _middle(places: FloatArray, costs: FloatArray) -> float:
@@ -140,7 +205,3 @@ def _middle(places: FloatArray, costs: FloatArray) -> float:
     while last < len(places) - 1 and good[last + 1]:
         last += 1
     return float(places[first] + places[last]) / 2
-
-
-def _edge(name: str) -> EffectParameter:
-    return EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0)

@@ -21,7 +21,7 @@ from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
-from gpsim.effects import Gate
+from gpsim.effects import Gate, Term
 
 MOST_TERMS = 6
 MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about a minute of one core
@@ -187,9 +187,12 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
         for worth, candidate, start in found
         if worth > max(1.0, LEAST_SWAP * found[0][0]) and candidate.identity != old.identity
     ]
+    special = _special_cases(old, open_offers)
+    names = {candidate.identity for candidate, _ in special}
+    others = [(c, start) for c, start in promising if c.identity not in names]
     children = [
         child
-        for candidate, start in promising[:SWAPPED]
+        for candidate, start in [*special, *others[:SWAPPED]]
         if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
     ]
     fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
@@ -198,6 +201,17 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     near = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     return [
         placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < near else f for f in fits
+    ]
+
+
+def _special_cases(old: Term, offers: Sequence[Candidate]) -> list[tuple[Candidate, tuple[float, ...]]]:
+    """Simpler laws that the old one holds, from where it stands; a screening from afar may miss them."""
+    values = old.effect.special_cases(old.values)
+    return [
+        (c, values[c.family])
+        for c in offers
+        if c.family in values and c.place.on == old.on and len(c.declared) == len(values[c.family])
+        if c.variant == ""
     ]
 
 

@@ -31,6 +31,10 @@ class ActuatorAsymmetry(ActuatorEffect):
         """Each direction with its own gain."""
         return np.where(commands > 0, values["gain_positive"], values["gain_negative"]) * commands
 
+    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        """One gain for both directions."""
+        return {"actuator_gain": ((values["gain_positive"] + values["gain_negative"]) / 2,)}
+
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return f"{on} acts with {values['gain_positive']} times its command forward, {values['gain_negative']} backward"

@@ -89,6 +89,10 @@ class Effect(ABC):
         """Whether a variant of the law makes sense there."""
         return variant == ""
 
+    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        """Families with fewer parameters that this law holds as special cases, and their values nearest."""
+        return {}
+
 
 class ForceEffect(Effect):
     """A generalised force on a coordinate."""

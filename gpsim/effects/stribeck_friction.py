@@ -38,6 +38,10 @@ class StribeckFriction(ForceEffect):
         fall = np.exp(-((speed / values["stribeck_velocity"]) ** 2))
         return np.asarray(values["force"] + np.maximum(values["static_force"] - values["force"], 0.0) * fall)
 
+    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        """Coulomb friction; in a region of its own coordinate that is a patch."""
+        return {"coulomb_friction": (values["force"],), "local_friction_patch": (values["force"],)}
+
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return (
