@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.leaning import CLEAR, lean, sampled, simplest
+from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import grown, pays
@@ -32,7 +32,6 @@ ADDED, GATES, SWAPPED = (
 )  # candidates fitted on all windows to add, behind a gate, and to replace a term
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 GATED_BELOW = 1e-3  # whiteness: what is left that a gate may explain
-LOOKED_AT = 120  # windows on which candidates are screened
 AS_WELL = 5.0  # nats
 DRIFTS = ("battery_sag",)  # families that change with time by themselves
 JUMPS = 3  # candidates for what may have jumped instead
@@ -43,7 +42,7 @@ def improved(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
-    leader = _lean(problem, polished(problem, _finely(problem, leader)))
+    leader = lean(problem, polished(problem, _finely(problem, leader)))
     tried: list[Fit] = []
     most = spent() + MOST_EFFORT
     while True:
@@ -56,44 +55,15 @@ def improved(
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
-        others += [lean for f in near[:SWAPPED] if (lean := _lean(problem, f)) is not f]
+        others += [less for f in near[:SWAPPED] if (less := lean(problem, f)) is not f]
         tried += [*children, *others]
-        best = _simplest(problem, [leader, *others])
+        best = simplest(problem, [leader, *others])
         if best is leader:
             break
-        leader = _lean(problem, best)
+        leader = lean(problem, best)
         if spent() > most:
             break
     return polished(problem, leader, FINEST), tried
-
-
-def weakest_left_out(problem: Problem, leader: Fit) -> Fit:
-    """The leader without the term that it misses least, fitted anew."""
-    parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
-    return min(
-        fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts]), key=lambda f: f.objective
-    )
-
-
-def _lean(problem: Problem, leader: Fit) -> Fit:
-    """The leader without terms and gates that no longer pay: what stood in for something found since."""
-    while True:
-        options = _opened(problem, leader)
-        if len(leader.hypothesis.terms) > 1:
-            options.append(weakest_left_out(problem, leader))
-        less = [f for f in options if not pays(problem, leader, f)]
-        if not less:
-            return leader
-        leader = min(less, key=lambda f: f.objective)
-
-
-def _opened(problem: Problem, leader: Fit) -> list[Fit]:
-    """The leader with one gate less each, fitted anew."""
-    terms = leader.hypothesis.terms
-    gated = [i for i, t in enumerate(terms) if t.gate and not t.effect.needs_region]
-    return fit_all(
-        problem, [Order(leader.hypothesis.gated(i, Gate()), leader.starts, 12, 0.1) for i in gated]
-    )
 
 
 def _extended(
@@ -107,7 +77,7 @@ def _extended(
         better = [child for child in children if pays(problem, child, leader)]
         if not better:
             break
-        leader = _lean(problem, polished(problem, _best(problem, better)))
+        leader = lean(problem, polished(problem, _best(problem, better)))
     return leader, tried
 
 
@@ -127,24 +97,12 @@ def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
     return fits[int(nats.argmax())]
 
 
-def _simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
-    """The best, or one of fewer parameters over which it does not pay: a special case of its law, say."""
-    best = _best(problem, fits)
-    while True:
-        size = len(best.hypothesis.parameters)
-        fewer = [f for f in fits if f.hypothesis.terms and len(f.hypothesis.parameters) < size]
-        simpler = [f for f in fewer if not pays(problem, best, f)]
-        if not simpler:
-            return best
-        best = min(simpler, key=lambda f: f.objective)
-
-
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:
     """The leader with one term more, or where structure is left with one behind a gate.
 
     most: the effort after which nothing more is begun.
     """
-    part, seen = _some(problem, leader)
+    part, seen = sampled(problem, leader)
     directions = Directions(part, seen)
     plain: list[Fit] = []
     if len(leader.hypothesis.terms) < MOST_TERMS:
@@ -178,7 +136,7 @@ def _gated(part: Problem, seen: Fit, index: int, offers: Sequence[Candidate]) ->
 def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
     old = leader.hypothesis.terms[index]
-    part, seen = _some(problem, leader)
+    part, seen = sampled(problem, leader)
     parent = fit(part, leader.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     found = screened(Directions(part, parent), open_offers, old.gate)
@@ -195,7 +153,9 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
         for candidate, start in [*special, *others[:SWAPPED]]
         if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
     ]
-    fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+    most = rescored(part, seen).objective + CLEAR
+    looks = fit_all(part, [Order(child, seen.starts, 12) for child in children])
+    fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in looks if f.objective < most])
     if not old.gate:
         return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
     near = leader.objective + 2 * AS_WELL  # its own edges may make the difference
@@ -240,12 +200,3 @@ def _fits_gate(candidate: Candidate, gate: Gate) -> bool:
     if not gate:
         return not candidate.only_gated
     return candidate.gateable and makes_sense(candidate, next(iter(gate.region), None))
-
-
-def _some(problem: Problem, at: Fit) -> tuple[Problem, Fit]:
-    """The problem on evenly spread windows, enough to screen candidates, and the fit's share of it."""
-    count = len(problem.windows)
-    rows = np.linspace(0, count - 1, min(count, LOOKED_AT)).round().astype(np.int64)
-    return problem.on(problem.windows.take(rows)), replace(
-        at, starts=at.starts[rows], residuals=at.residuals[rows]
-    )

@@ -11,7 +11,8 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.improving import improved, weakest_left_out
+from gpsim.diagnosis.improving import improved
+from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import Found, pays
@@ -140,15 +141,20 @@ def _pruned(question: Question, leader: Fit) -> Fit:
     """Terms that do not pay, or do not help on held-out windows, are taken out."""
     problem = question.everything
     while leader.hypothesis.terms:
-        weakest = weakest_left_out(problem, leader)
-        keeps = pays(problem, leader, weakest)
-        if keeps and len(question.held_out.windows):
-            with_it = held_out_objective(question.held_out, leader.hypothesis)
-            keeps = with_it < held_out_objective(question.held_out, weakest.hypothesis)
-        if keeps:
+        less = [f for f in without_a_term(problem, leader) if not _needed(question, leader, f)]
+        if not less:
             break
-        leader = weakest
+        leader = min(less, key=lambda f: f.objective)
     return leader
+
+
+def _needed(question: Question, leader: Fit, without: Fit) -> bool:
+    if not pays(question.everything, leader, without):
+        return False
+    if not len(question.held_out.windows):
+        return True
+    with_it = held_out_objective(question.held_out, leader.hypothesis)
+    return with_it < held_out_objective(question.held_out, without.hypothesis)
 
 
 def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:

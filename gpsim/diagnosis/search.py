@@ -27,7 +27,8 @@ BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
-LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove
+LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
+BEYOND_DOUBT, SLIGHT_SHARE = 20.0, 0.002  # or so little where it gains so many nats, and leaves white noise
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
 MOST_EFFORT = 2e8  # simulated rows after which it grows no deeper; improving goes on from there
@@ -107,11 +108,15 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     otherwise be mended by another one. A term that does nothing never pays: it may change the grid, and with it the
     numerical error.
     """
-    if richer.hypothesis.idle or gain(problem, richer, poorer) < PAYS:
+    won = gain(problem, richer, poorer)
+    if richer.hypothesis.idle or won < PAYS:
         return False
     removed = poorer.variance - richer.variance
-    worth = (removed > LEAST_SHARE * poorer.variance) & (removed > LEAST_PART * problem.mismatch)
-    return bool(worth[problem.observed].any())
+    worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
+    if (worth & (removed > LEAST_SHARE * poorer.variance)).any():
+        return True
+    slight = bool((worth & (removed > SLIGHT_SHARE * poorer.variance)).any())
+    return slight and won > BEYOND_DOUBT and whiteness(problem, richer)[0] > STRUCTURED
 
 
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:

@@ -1,0 +1,84 @@
+"""Leaving out what is not needed: terms, gates, and laws of which a special case does as well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.diagnosis.evidence import scores
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.numerics import rescored
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.search import pays
+from gpsim.diagnosis.shooting import Fit
+from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.effects import Gate
+
+LOOKED_AT = 120  # windows at which a first look is taken
+CLEAR = 30.0  # nats on those windows that settle that something is needed,
+CLEAR_SHARE = 0.2  # and the share of the variance left over without it
+
+
+def lean(problem: Problem, leader: Fit) -> Fit:
+    """The leader without terms and gates that no longer pay: what stood in for something found since."""
+    while True:
+        terms = leader.hypothesis.terms
+        gated = [i for i, t in enumerate(terms) if t.gate and not t.effect.needs_region]
+        parts = [leader.hypothesis.gated(i, Gate()) for i in gated]
+        if len(terms) > 1:
+            parts += _parts(leader)
+        less = [f for f in _doubtful(problem, leader, parts) if not pays(problem, leader, f)]
+        if not less:
+            return leader
+        leader = min(less, key=lambda f: f.objective)
+
+
+def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
+    """The leader with one term less each, fitted anew; those that it clearly needs are left out."""
+    return _doubtful(problem, leader, _parts(leader))
+
+
+def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
+    """The best, or one of fewer parameters over which it does not pay: a special case of its law, say."""
+    nats = scores(problem, list(fits))
+    best = fits[int(nats.argmax())]
+    while True:
+        size = len(best.hypothesis.parameters)
+        fewer = [f for f in fits if f.hypothesis.terms and len(f.hypothesis.parameters) < size]
+        simpler = [f for f in fewer if not pays(problem, best, f)]
+        if not simpler:
+            return best
+        best = min(simpler, key=lambda f: f.objective)
+
+
+def sampled(problem: Problem, at: Fit) -> tuple[Problem, Fit]:
+    """The problem on evenly spread windows, enough for a first look, and the fit's share of it."""
+    count = len(problem.windows)
+    rows = np.linspace(0, count - 1, min(count, LOOKED_AT)).round().astype(np.int64)
+    return problem.on(problem.windows.take(rows)), replace(
+        at, starts=at.starts[rows], residuals=at.residuals[rows]
+    )
+
+
+def _parts(leader: Fit) -> list[Hypothesis]:
+    return [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+
+
+def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
+    """The parts fitted on all windows, but for those that a first look at some of them rules out."""
+    if len(problem.windows) > 2 * LOOKED_AT:
+        some, seen = sampled(problem, leader)
+        seen = rescored(some, seen)
+        looks = fit_all(some, [Order(part, seen.starts, 12) for part in parts])
+        parts = [
+            part for part, look in zip(parts, looks, strict=True) if not _clearly_worse(some, look, seen)
+        ]
+    return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
+
+
+def _clearly_worse(problem: Problem, look: Fit, leader: Fit) -> bool:
+    share = 1.0 - leader.variance / look.variance
+    large = bool((share[problem.observed] > CLEAR_SHARE).any())
+    return large and look.objective > leader.objective + CLEAR
