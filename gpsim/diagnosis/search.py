@@ -16,7 +16,7 @@ from gpsim.diagnosis.evidence import gain, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.numerics import rescored, settled
-from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.problem import Problem, window_costs
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
@@ -109,7 +109,7 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     numerical error.
     """
     won = gain(problem, richer, poorer)
-    if richer.hypothesis.idle or won < PAYS:
+    if richer.hypothesis.idle or won < PAYS or _in_one_window(problem, richer, poorer):
         return False
     removed = poorer.variance - richer.variance
     worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
@@ -117,6 +117,18 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
         return True
     slight = bool((worth & (removed > SLIGHT_SHARE * poorer.variance)).any())
     return slight and won > BEYOND_DOUBT and whiteness(problem, richer)[0] > STRUCTURED
+
+
+def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether the richer one pays in a single window only: a moment that went wrong is no law."""
+    costs = [window_costs(problem, f.residuals[None], poorer.variance)[0] for f in (poorer, richer)]
+    kept = np.arange(len(problem.windows)) != int(np.argmax(costs[0] - costs[1]))
+    rest = problem.on(problem.windows.take(kept))
+    left = [
+        rescored(rest, replace(f, residuals=f.residuals[kept], starts=f.starts[kept]))
+        for f in (richer, poorer)
+    ]
+    return gain(rest, *left) < PAYS
 
 
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
