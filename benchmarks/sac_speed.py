@@ -1,6 +1,6 @@
 """Steps and seconds of soft actor-critic to 95 % success on the Limo's source task: our settings beside the library's.
 
-python benchmarks/sac_speed.py [--seeds 3] [--limit 600]
+python benchmarks/sac_speed.py [--seeds 3] [--limit 600] [--only defaults]
 
 All train on one core (seconds are the processor's), with the same evaluation (200 starts, most probable actions at
 every control step), whose time counts. `ours` is conf/policy/sac.yaml; `defaults` is stable-baselines3's SAC as it
@@ -80,10 +80,13 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--limit", type=float, default=600.0)
+    parser.add_argument("--only", choices=[*settings()], help="one of the variants")
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     result: dict[str, list[tuple[float, float, float]]] = {}
     for name, chosen in settings().items():
+        if arguments.only not in (None, name):
+            continue
         result[name] = [run(chosen, seed, arguments.limit) for seed in range(arguments.seeds)]
         for seed, (decisions, steps, seconds) in enumerate(result[name]):
             said = f"{decisions:8.0f} decisions, {steps:8.0f} control steps, {seconds:5.0f} s"

@@ -1,0 +1,98 @@
+"""Leaving out what is not needed, and gates that look at where the system is, not at where it was measured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.leaning import lean, simplest, without_a_term
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.search import pays
+from gpsim.diagnosis.shooting import fit
+from gpsim.effects import Gate
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+FRICTION = {"force": 2.5}
+
+
+@pytest.fixture(scope="module")
+def braked():
+    """A slider with Coulomb friction everywhere, and the problem that it poses."""
+    world = World("slider")
+    world.grips[0] = lambda q, v, normal: 2.5 + 0 * q
+    recording = record(world, seed=4, noise=0.1, episodes=6)
+    simulator = make_simulator("slider")
+    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+    return question.everything, candidates(question.recording, simulator, simulator.defaults({}))
+
+
+def having(braked, *terms):
+    """A fit with terms (family, on, values, gate)."""
+    problem, offers = braked
+    hypothesis = Hypothesis()
+    for family, on, values, gate in terms:
+        offer = next(c for c in offers if c.identity == (family, on))
+        term = replace(offer.term([values[p.name] for p in offer.declared]), gate=gate)
+        hypothesis = hypothesis.plus(term, offer.declared)
+    return fit(problem, hypothesis, problem.windows.measured[:, 0])
+
+
+def said(found):
+    return [(term.family, term.gate.region) for term in found.hypothesis.terms]
+
+
+def test_a_gate_and_a_term_that_do_not_pay_go(braked):
+    wide = Gate(region={"q": (-100.0, 100.0)})
+    start = having(
+        braked, ("constant_force", "q", {"force": 0.1}, wide), ("coulomb_friction", "q", FRICTION, Gate())
+    )
+    assert said(lean(braked[0], start)) == [("coulomb_friction", {})]
+
+
+def test_what_is_needed_stays(braked):
+    start = having(braked, ("coulomb_friction", "q", FRICTION, Gate()))
+    assert lean(braked[0], start) is start
+    null = fit(braked[0], Hypothesis(), braked[0].windows.measured[:, 0])
+    assert all(pays(braked[0], start, less) for less in without_a_term(braked[0], start))
+    assert simplest(braked[0], [null, start]) is start
+
+
+def test_a_special_case_that_does_as_well_is_taken(braked):
+    law = {"force": 2.5, "static_force": 2.6, "stribeck_velocity": 0.1}
+    rich = having(braked, ("stribeck_friction", "q", law, Gate()))
+    plain = having(braked, ("coulomb_friction", "q", FRICTION, Gate()))
+    assert said(simplest(braked[0], [rich, plain])) == [("coulomb_friction", {})]
+    term = rich.hypothesis.terms[0]
+    assert term.effect.special_cases(term.values)["coulomb_friction"] == (term.values["force"],)
+
+
+def test_what_pays_in_one_window_only_does_not_pay(braked):
+    problem = braked[0]
+    plain = having(braked, ("coulomb_friction", "q", FRICTION, Gate()))
+    spoilt = plain.residuals.copy()
+    spoilt[7] += 30 * np.sqrt(plain.variance)
+    variance = (spoilt**2).sum(axis=(0, 1)) / problem.counts
+    worse = replace(plain, residuals=spoilt, variance=variance)
+    richer = having(
+        braked, ("constant_force", "q", {"force": 0.01}, Gate()), ("coulomb_friction", "q", FRICTION, Gate())
+    )
+    assert not pays(problem, richer, worse)
+
+
+@pytest.mark.parametrize("edges", [(-0.2, 0.3), (0.05, 10.0)])
+def test_a_bias_of_the_actuator_in_a_region_is_a_force_in_that_region(braked, edges):
+    """Both look at where the body is at every moment, so no data can tell one from the other."""
+    problem, offers = braked
+    gate = Gate(region={"q": edges})
+    residuals = []
+    for family, on in (("actuator_bias", "force"), ("constant_force", "q")):
+        offer = next(c for c in offers if c.identity == (family, on))
+        hypothesis = Hypothesis().plus(replace(offer.term([1.7]), gate=gate), offer.declared)
+        starts = problem.windows.measured[:, 0]
+        residuals.append(problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0])
+    assert np.abs(residuals[0]).max() > 0
+    np.testing.assert_allclose(residuals[0], residuals[1], rtol=0, atol=1e-9)

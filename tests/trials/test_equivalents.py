@@ -1,0 +1,49 @@
+"""The rule for equivalents: what no recording of the kind could tell from the truth."""
+
+from dataclasses import replace
+
+import pytest
+
+from gpsim.trials import concealing
+from gpsim.trials.drawing import draw
+from gpsim.trials.equivalents import Rival, rivals
+from gpsim.trials.revealing import Answer
+from gpsim.trials.worlds import TrueEffect
+
+SEED, NUMBER = 5, 10
+
+
+@pytest.fixture
+def pushed_and_late(monkeypatch):
+    """A slider that is pushed and commanded late, seen by its position alone."""
+    effects = (
+        TrueEffect("constant_force", "q", {"force": 1.0}, strength="plain"),
+        TrueEffect("actuator_delay", "force", {"delay": 0.03}, strength="plain"),
+    )
+
+    def drawn(seed, number, attempt=0):
+        world = draw(seed, number, attempt)
+        assert world.system == "slider"
+        return replace(
+            world, effects=effects, engine="rk4", velocities="differentiated", episodes=10, steps=260
+        )
+
+    monkeypatch.setattr(concealing, "draw", drawn)
+    concealed = concealing.conceal(SEED, NUMBER)
+    content = concealing.answer_of(concealed, "")
+    return Answer(content, [e.states for e in concealed.clean.episodes], None, None), concealed.recording
+
+
+def test_two_effects_may_change_their_places_together(pushed_and_late):
+    equal = {frozenset(r.claims) for r in rivals(*pushed_and_late) if r.equivalent}
+    bias, push = ("actuator_bias", "force"), ("constant_force", "q")
+    late, late_sensor = ("actuator_delay", "force"), ("sensor_delay", "q")
+    assert {frozenset({bias, late}), frozenset({push, late_sensor}), frozenset({bias, late_sensor})} <= equal
+    assert frozenset({push}) not in equal
+    assert frozenset({push, late}) not in equal  # the truth is no rival of itself
+
+
+def test_one_that_gains_is_an_equivalent_and_a_richer_one_is_not():
+    assert Rival((("spring", "q"),), -50.0, richer=False).equivalent
+    assert not Rival((("spring", "q"),), 3.1, richer=False).equivalent
+    assert not Rival((("spring", "q"),), -50.0, richer=True).equivalent
