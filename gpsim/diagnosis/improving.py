@@ -33,6 +33,7 @@ ADDED, GATES, SWAPPED = (
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 GATED_BELOW = 1e-3  # whiteness: what is left that a gate may explain
 AS_WELL = 5.0  # nats
+CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 DRIFTS = ("battery_sag",)  # families that change with time by themselves
 JUMPS = 3  # candidates for what may have jumped instead
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
@@ -89,7 +90,7 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
     if leader.hypothesis.scheme == "fine":
         return leader
     fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts, iterations=25)
-    return fine if fine.objective < leader.objective + AS_WELL else leader
+    return fine if fine.objective < leader.objective + CONTINUOUS else leader
 
 
 def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
