@@ -37,4 +37,5 @@ class ActuatorAsymmetry(ActuatorEffect):
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
-        return f"{on} acts with {values['gain_positive']} times its command forward, {values['gain_negative']} backward"
+        forth, back = values["gain_positive"], values["gain_negative"]
+        return f"{on} acts with {forth} times a positive command and {back} times a negative one"
