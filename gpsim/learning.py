@@ -32,11 +32,6 @@ class PpoSettings:
     reward_scale: float = (
         1.0  # rewards are multiplied by it while training; a critic learns small targets faster
     )
-    checkpoint_every: int = (
-        30_000  # steps between evaluations in the training simulator, the best of which is kept
-    )
-    checkpoint_episodes: int = 100
-    checkpoint_gamma: float = 1.0  # an evaluation's score is the mean return discounted by this a step
 
 
 @dataclass(frozen=True)

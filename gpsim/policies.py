@@ -22,25 +22,19 @@ from gpsim.policy import Policy
 
 def train_ppo(
     env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress
-) -> tuple[Policy, LearningCurve, Checkpoints]:
-    """Train on one torch thread (two are no faster for networks of this size), and return plain arrays.
-
-    The policy is the checkpoint that did best in the training simulator, the later of equals: a training that ends in
-    a bad moment must not spoil what was learnt.
-    """
+) -> tuple[Policy, LearningCurve]:
+    """Train on one torch thread (two are no faster for networks of this size) and return plain arrays."""
     torch.set_num_threads(1)
     scale = _observation_scale(env, settings.observation_scale)
     watcher = _Watcher(settings.total_steps, progress)
-    judge = _Judge(env, settings, seed, lambda: _actor(model, scale))
     # A rollout longer than the whole budget would overshoot it (tiny budgets).
     n_steps = min(settings.n_steps, max(settings.total_steps // settings.n_envs, 2))
     with warnings.catch_warnings():
         # A last mini-batch that is smaller than the others is harmless, and tiny budgets have one.
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
         model = _ppo(env, scale, settings, n_steps, seed)
-    model.learn(settings.total_steps, callback=[watcher, judge])
-    judge.judge()
-    return judge.best, watcher.curve(), judge.checkpoints()
+    model.learn(settings.total_steps, callback=watcher)
+    return _actor(model, scale), watcher.curve()
 
 
 def train_sac(
@@ -53,7 +47,7 @@ def train_sac(
     """
     torch.set_num_threads(1)
     scale = _observation_scale(env, settings.observation_scale)
-    judge = _Reporting(env, settings, seed, lambda: _squashed_actor(model, scale), progress)
+    judge = _Judge(env, scale, settings, seed, progress)
     model = SAC(
         "MlpPolicy",
         _StableBaselinesEnv(env, scale, settings.reward_scale),
@@ -176,17 +170,23 @@ class _Sharpening(BaseCallback):
 
 
 class _Judge(BaseCallback):
-    """Evaluates in the training simulator now and then and keeps the best policy, the later of equals."""
+    """Evaluates in the training simulator now and then and keeps the best policy."""
 
     best: Policy
 
     def __init__(
-        self, env: BatchedEnv, settings: PpoSettings | SacSettings, seed: int, actor: Callable[[], Policy]
+        self,
+        env: BatchedEnv,
+        scale: NDArray[np.float32],
+        settings: SacSettings,
+        seed: int,
+        progress: Progress,
     ) -> None:
         super().__init__()
         self._plant, self._task = env.episodes.plant, env.episodes.task
-        self._settings, self._seed, self._actor = settings, seed, actor
+        self._scale, self._settings, self._seed, self._progress = scale, settings, seed, progress
         self._rows: list[tuple[int, float, float, float]] = []
+        self._returns: list[tuple[int, float, int]] = []
 
     def _on_step(self) -> bool:
         if self.num_timesteps >= (len(self._rows) + 1) * self._settings.checkpoint_every:
@@ -197,15 +197,17 @@ class _Judge(BaseCallback):
         """Try the policy as it is now."""
         if self._rows and self._rows[-1][0] == self.num_timesteps:
             return
-        policy = self._actor()
+        assert isinstance(self.model, SAC)
+        policy = _squashed_actor(self.model, self._scale)
         score, success, length = self._try(policy)
-        if not self._rows or score >= max(row[1] for row in self._rows):
+        if not self._rows or score > max(row[1] for row in self._rows):
             self.best = policy
         self._rows.append((self.num_timesteps, score, success, length))
-        self._report(success, length)
-
-    def _report(self, success: float, length: float) -> None:
-        """Nothing to say; the learning curve's watcher does."""
+        finished = self.training_env.take_finished()  # type: ignore[attr-defined]
+        mean = float(np.mean(finished)) if finished else float("nan")
+        self._returns.append((self.num_timesteps, mean, len(finished)))
+        total = self._settings.total_steps
+        self._progress(min(self.num_timesteps, total), total, f"success {success:.2f}, {length:.0f} steps")
 
     def _try(self, policy: Policy) -> tuple[float, float, float]:
         count = self._settings.checkpoint_episodes
@@ -223,38 +225,15 @@ class _Judge(BaseCallback):
             observations = running.observe()
         return float(score.mean()), float(1.0 - alive.mean()), float(length.mean())
 
-    def checkpoints(self) -> Checkpoints:
-        """Every evaluation."""
-        steps, score, success, length = zip(*self._rows, strict=True)
-        return Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
-
-
-class _Reporting(_Judge):
-    """Reports progress at every evaluation, too, and gathers the learning curve between them."""
-
-    def __init__(
-        self,
-        env: BatchedEnv,
-        settings: SacSettings,
-        seed: int,
-        actor: Callable[[], Policy],
-        progress: Progress,
-    ) -> None:
-        super().__init__(env, settings, seed, actor)
-        self._progress = progress
-        self._returns: list[tuple[int, float, int]] = []
-
-    def _report(self, success: float, length: float) -> None:
-        finished = self.training_env.take_finished()  # type: ignore[attr-defined]
-        mean = float(np.mean(finished)) if finished else float("nan")
-        self._returns.append((self.num_timesteps, mean, len(finished)))
-        total = self._settings.total_steps
-        self._progress(min(self.num_timesteps, total), total, f"success {success:.2f}, {length:.0f} steps")
-
     def curve(self) -> LearningCurve:
         """Returns in training between the checkpoints."""
         steps, means, episodes = zip(*self._returns, strict=True)
         return LearningCurve(np.array(steps), np.array(means), np.array(episodes))
+
+    def checkpoints(self) -> Checkpoints:
+        """Every evaluation."""
+        steps, score, success, length = zip(*self._rows, strict=True)
+        return Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
 
 
 class _StableBaselinesEnv(VecEnv):

@@ -49,11 +49,11 @@ def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path
     places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
     if isinstance(settings, PpoSettings):
         env = BatchedEnv(plant, task, settings.n_envs, places)
-        policy, curve, checkpoints = train_ppo(env, settings, weights, request.progress)
+        policy, curve = train_ppo(env, settings, weights, request.progress)
     else:
         env = BatchedEnv(plant, task, settings.n_envs, places, settings.action_repeat)
         policy, curve, checkpoints = train_sac(env, settings, weights, request.progress)
-    write_checkpoints(folder, checkpoints)
+        write_checkpoints(folder, checkpoints)
     write_policy(folder, policy)
     write_curve(folder, curve)
     return {"environment_steps": int(curve.steps[-1]) * env.repeat}
