@@ -70,8 +70,8 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
         fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=8)
         for s in dict.fromkeys(schemes)
     ]
-    if len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < SAME:
-        nulls = nulls[:1]
+    if "rk4" in schemes and len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < SAME:
+        nulls = nulls[:1]  # but a coarse step makes friction chatter, whatever it does without friction
     nulls.sort(key=lambda f: f.objective - (BENEFIT if f.hypothesis.scheme == "fine" else 0.0))
     null = nulls[0]
     fits, beam = list(nulls), list(nulls)
