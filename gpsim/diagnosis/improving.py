@@ -156,12 +156,14 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     ]
     most = rescored(part, seen).objective + CLEAR
     looks = fit_all(part, [Order(child, seen.starts, 12) for child in children])
-    fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in looks if f.objective < most])
+    near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
+    fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
     if not old.gate:
         return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
-    near = leader.objective + 2 * AS_WELL  # its own edges may make the difference
+    worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     return [
-        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < near else f for f in fits
+        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < worth_it else f
+        for f in fits
     ]
 
 
