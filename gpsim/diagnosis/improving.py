@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.effort import spent
-from gpsim.diagnosis.evidence import scores, whiteness
+from gpsim.diagnosis.evidence import whiteness
 from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.leaning import CLEAR, lean, sampled, simplest
+from gpsim.diagnosis.leaning import CLEAR, lean, likeliest, sampled, simplest
 from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
@@ -78,7 +78,7 @@ def _extended(
         better = [child for child in children if pays(problem, child, leader)]
         if not better:
             break
-        leader = lean(problem, polished(problem, _best(problem, better)))
+        leader = lean(problem, polished(problem, likeliest(problem, better)))
     return leader, tried
 
 
@@ -91,11 +91,6 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
         return leader
     fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts, iterations=25)
     return fine if fine.objective < leader.objective + CONTINUOUS else leader
-
-
-def _best(problem: Problem, fits: Sequence[Fit]) -> Fit:
-    nats = scores(problem, list(fits))
-    return fits[int(nats.argmax())]
 
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:

@@ -42,8 +42,7 @@ def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
 
 def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
     """The best, or one of fewer parameters over which it does not pay: a special case of its law, say."""
-    nats = scores(problem, list(fits))
-    best = fits[int(nats.argmax())]
+    best = likeliest(problem, fits)
     while True:
         size = len(best.hypothesis.parameters)
         fewer = [f for f in fits if f.hypothesis.terms and len(f.hypothesis.parameters) < size]
@@ -51,6 +50,11 @@ def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
         if not simpler:
             return best
         best = min(simpler, key=lambda f: f.objective)
+
+
+def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
+    """The best by evidence."""
+    return fits[int(scores(problem, list(fits)).argmax())]
 
 
 def sampled(problem: Problem, at: Fit) -> tuple[Problem, Fit]:

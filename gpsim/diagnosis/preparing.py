@@ -65,7 +65,7 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen)
         problem = _problem(seen, simulator, parameters, training, hidden)
-    problem = _measured(_fine_enough(problem))
+    problem = _with_mismatch(_fine_enough(problem))
     return Question(
         seen,
         problem.on(spread_out(training, FITTED)),
@@ -125,7 +125,7 @@ def _fine_enough(problem: Problem) -> Problem:
     return chosen
 
 
-def _measured(problem: Problem) -> Problem:
+def _with_mismatch(problem: Problem) -> Problem:
     """The problem with how far the base simulator is off."""
     sample = problem.on(spread_out(problem.windows, SAMPLED))
     null = fit(sample, Hypothesis(), sample.windows.measured[:, 0], iterations=8)

@@ -90,7 +90,7 @@ class Effect(ABC):
         return variant == ""
 
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Families with fewer parameters that this law holds as special cases, and their values nearest."""
+        """Families of fewer parameters that are special cases of this law, with their values nearest to `values`."""
         return {}
 
 

@@ -97,9 +97,9 @@ class _Judge:
             return self._judged(found, 0.0, size)
         truth = frozenset((e.family, e.on) for e in inside)
         equal = [f for f in self._distinct(found, self._least(inside, found), size) if f.hypothesis.terms]
-        for fit_ in equal[:EXPANDED]:
-            for i, term in enumerate(fit_.hypothesis.terms):
-                parent = self._fitted(fit_.hypothesis.without(i))
+        for rival in equal[:EXPANDED]:
+            for i, term in enumerate(rival.hypothesis.terms):
+                parent = self._fitted(rival.hypothesis.without(i))
                 others = self._replacements(parent, term.identity, term.gate)
                 found += [f for f in (parent, *others) if f.hypothesis.claims != truth]
         return self._judged(found, self._least(inside, found), size)
