@@ -49,10 +49,16 @@ def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
     """Nats by which the richer hypothesis wins, its additional parameters paid."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
     difference = channel_objectives(problem, poorer) - channel_objectives(problem, richer)
+    return float((difference / tau).sum()) - price(problem, richer, poorer)
+
+
+def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
+    """Nats that the additional parameters cost; each gate has edges, which count as two."""
+    tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
     extra = len(richer.hypothesis.parameters) - len(poorer.hypothesis.parameters)
     extra += 2 * (_gates(richer) - _gates(poorer))
     effective = float((problem.counts / tau)[problem.observed].sum())
-    return float((difference / tau).sum() - extra / 2 * np.log(max(effective, 2.0)))
+    return float(extra / 2 * np.log(max(effective, 2.0)))
 
 
 def scores(problem: Problem, fits: list[Fit]) -> FloatArray:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.effort import spent
-from gpsim.diagnosis.evidence import whiteness
+from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.leaning import CLEAR, lean, likeliest, sampled, simplest
@@ -33,6 +33,7 @@ ADDED, GATES, SWAPPED = (
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 GATED_BELOW = 1e-3  # whiteness: what is left that a gate may explain
 AS_WELL = 5.0  # nats
+ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 DRIFTS = ("battery_sag",)  # families that change with time by themselves
 JUMPS = 3  # candidates for what may have jumped instead
@@ -59,12 +60,20 @@ def improved(
         others += [less for f in near[:SWAPPED] if (less := lean(problem, f)) is not f]
         tried += [*children, *others]
         best = simplest(problem, [leader, *others])
-        if best is leader:
+        if not _advances(problem, best, leader):
             break
         leader = lean(problem, best)
         if spent() > most:
             break
     return polished(problem, leader, FINEST), tried
+
+
+def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
+    """Whether it says less than the leader or fits better; what merely says the same otherwise is a rival."""
+    if len(best.hypothesis.parameters) < len(leader.hypothesis.parameters):
+        return True
+    nats = scores(problem, [best, leader])
+    return bool(nats[0] > nats[1] + ANY)
 
 
 def _extended(
@@ -133,7 +142,7 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
     old = leader.hypothesis.terms[index]
     part, seen = sampled(problem, leader)
-    parent = fit(part, leader.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
+    parent = _left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     found = screened(Directions(part, parent), open_offers, old.gate)
     promising = [
@@ -160,6 +169,13 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
         placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < worth_it else f
         for f in fits
     ]
+
+
+def _left_open(problem: Problem, at: Fit, index: int) -> Fit:
+    """The fit with one term taken out and all else left as it is: what is missing then is that term, undistorted."""
+    hypothesis = at.hypothesis.without(index)
+    bare = fit(problem, hypothesis.frozen(), at.starts, iterations=0)
+    return replace(bare, hypothesis=hypothesis)
 
 
 def _special_cases(old: Term, offers: Sequence[Candidate]) -> list[tuple[Candidate, tuple[float, ...]]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.linearised import state_jacobian
+from gpsim.diagnosis.linearised import jacobians
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
 from gpsim.effects import Gate
@@ -20,7 +20,7 @@ MOST = 1e4  # standard deviations that a direction is clipped to
 
 
 class Directions:
-    """How hypotheses around a fitted parent change its residual, start states projected out.
+    """How hypotheses around a fitted parent change its residual, start states and its own parameters projected out.
 
     In standard deviations of the parent's residual, observed channels only: a vector has shape (W, M).
     """
@@ -28,10 +28,14 @@ class Directions:
     def __init__(self, problem: Problem, parent: Fit) -> None:
         self.problem, self.parent = problem, parent
         self._sd = np.sqrt(parent.variance[problem.observed])
-        slopes = state_jacobian(problem, parent.hypothesis, parent.starts, parent.residuals)
-        count = len(parent.starts)
-        js = (slopes[:, :, problem.observed] / self._sd[:, None]).reshape(count, -1, slopes.shape[-1])
-        self._basis = np.linalg.qr(js + 1e-12)[0]
+        hypothesis = parent.hypothesis
+        by_state, by_theta = jacobians(problem, hypothesis, hypothesis.theta, parent.starts, parent.residuals)
+        self._basis = np.linalg.qr(self._columns(by_state) + 1e-12)[0]
+        self._own: FloatArray | None = None
+        if by_theta.shape[-1]:
+            own = self._columns(by_theta)
+            own = own - self._basis @ (self._basis.transpose(0, 2, 1) @ own)
+            self._own = np.linalg.qr(own.reshape(-1, own.shape[-1]) + 1e-12)[0]
 
     @cached_property
     def rest(self) -> FloatArray:
@@ -62,14 +66,22 @@ class Directions:
         terms = problem.counts[problem.observed] / 2 * (np.log(variance) + square / variance)
         return np.asarray(terms.sum(axis=1))
 
+    def _columns(self, slopes: FloatArray) -> FloatArray:
+        """(W, L + 1, S, P) -> (W, M, P) in standard deviations."""
+        scaled = slopes[:, :, self.problem.observed] / self._sd[:, None]
+        return np.asarray(scaled.reshape(len(slopes), -1, slopes.shape[-1]))
+
     def _flat(self, residual: FloatArray) -> FloatArray:
         scaled = residual[..., self.problem.observed] / self._sd
         return np.asarray(scaled.reshape(len(residual), -1))
 
     def _without(self, vectors: FloatArray) -> FloatArray:
-        """(W, M) vectors with what the start states can explain taken off."""
+        """(W, M) vectors with what the start states (and the parameters) can explain taken off."""
         explained = self._basis @ (self._basis.transpose(0, 2, 1) @ vectors[..., None])
-        return np.asarray(vectors - explained[..., 0])
+        rest = np.asarray(vectors - explained[..., 0])
+        if self._own is None:
+            return rest
+        return np.asarray(rest - (self._own @ (self._own.T @ rest.ravel())).reshape(rest.shape))
 
 
 def screened(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.diagnosis.effort import spent
-from gpsim.diagnosis.evidence import gain, scores, whiteness
+from gpsim.diagnosis.evidence import gain, price, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.numerics import rescored, settled
@@ -120,7 +120,7 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 
 
 def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
-    """Whether the richer one pays in a single window only: a moment that went wrong is no law."""
+    """Whether the richer one is better in a single window only: a moment that went wrong is no law."""
     costs = [window_costs(problem, f.residuals[None], poorer.variance)[0] for f in (poorer, richer)]
     kept = np.arange(len(problem.windows)) != int(np.argmax(costs[0] - costs[1]))
     rest = problem.on(problem.windows.take(kept))
@@ -128,7 +128,7 @@ def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
         rescored(rest, replace(f, residuals=f.residuals[kept], starts=f.starts[kept]))
         for f in (richer, poorer)
     ]
-    return gain(rest, *left) < PAYS
+    return gain(rest, *left) + price(rest, *left) < PAYS
 
 
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:

@@ -11,31 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected, state_jacobian
+from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected
 from gpsim.diagnosis.problem import Problem, objective, variance_of, window_costs
 
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
 PATTERN_ROUNDS = (1, 3, 5, 8)
-PATTERN = (
-    12.0,
-    8.0,
-    6.0,
-    4.0,
-    3.0,
-    2.0,
-    1.5,
-    1.0,
-    0.7,
-    0.5,
-    0.35,
-    0.25,
-    0.15,
-    0.1,
-    0.06,
-    0.04,
-)  # in a parameter's own finite-difference steps
+NEAR_BY = (1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04, 0.02, 0.01)
+PATTERN = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, *NEAR_BY)  # in a parameter's own finite-difference steps
+FIRST_PATTERN = (*np.arange(12.0, 1.5, -0.5), *NEAR_BY)  # a threshold's valley may be as narrow as a step
 LEAST_DAMPING = 1e-9
 
 
@@ -78,7 +63,8 @@ def fit(
     converged, still = False, 0
     for round_ in range(iterations):
         if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
-            at = _searched_pattern(problem, hypothesis, at, low, high, per_window)
+            pattern = np.array(FIRST_PATTERN if round_ == PATTERN_ROUNDS[0] else PATTERN)
+            at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
         by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
         variance = variance_of(problem, at.residual)
         step = damped_step(
@@ -164,39 +150,65 @@ def _searched_pattern(
     problem: Problem,
     hypothesis: Hypothesis,
     at: _Point,
+    pattern: FloatArray,
     low: FloatArray,
     high: FloatArray,
     per_window: FloatArray,
 ) -> _Point:
     """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum.
 
-    All places of a parameter are judged with start states that follow them linearly; the best is taken if it holds.
+    All places of a parameter are judged with start states that follow them linearly, and once more with the other
+    parameters following, too; the best of either is taken if it holds.
     """
-    every = np.arange(len(at.starts))
-    none = np.empty((*at.residual.shape, 0))
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:
             continue
-        reaches = parameter.step * np.concatenate([-np.array(PATTERN), PATTERN])
+        reaches = parameter.step * np.concatenate([-pattern, pattern])
         thetas = np.tile(at.theta, (len(reaches), 1))
         thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
         got = problem.residuals(hypothesis, thetas, np.tile(at.starts, (len(thetas), 1, 1)))
-        by_state = state_jacobian(problem, hypothesis.having(at.theta), at.starts, at.residual)
-        variance = variance_of(problem, at.residual)
-        steps = [
-            damped_step(
-                problem, r, by_state, none, variance, 0.0, per_window, at.theta[:0], low[:0], high[:0]
-            )
-            for r in got
-        ]
-        followed = [
-            r + (by_state @ s.starts_alone[:, None, :, None])[..., 0] for r, s in zip(got, steps, strict=True)
-        ]
-        best = int(np.argmin([objective(problem, r) for r in followed]))
-        copies = np.stack([at.starts, at.starts + steps[best].starts_alone, problem.windows.measured[:, 0]])
-        tried = problem.residuals(hypothesis, np.tile(thetas[best], (3, 1)), copies)
-        pick = np.argmin(window_costs(problem, tried, variance), axis=0)
-        at = min(
-            at, _point(problem, thetas[best], copies[pick, every], tried[pick, every]), key=lambda p: p.value
-        )
+        by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+        others = np.flatnonzero(np.arange(at.theta.size) != j)
+        for free in dict.fromkeys(((), tuple(others))):
+            following = np.array(free, dtype=np.int64)
+            moved = _followed(problem, at, got, by_state, by_theta, following, low, high, per_window)
+            best = int(np.argmin([objective(problem, r) for _, r in moved]))
+            theta, start = np.array(thetas[best]), moved[best][0]
+            theta[following] += start.theta
+            theta = np.clip(theta, low, high)
+            at = min(at, _best_starts(problem, hypothesis, theta, at, start), key=lambda p: p.value)
     return at
+
+
+def _followed(
+    problem: Problem,
+    at: _Point,
+    got: FloatArray,
+    by_state: FloatArray,
+    by_theta: FloatArray,
+    following: IntArray,
+    low: FloatArray,
+    high: FloatArray,
+    per_window: FloatArray,
+) -> list[tuple[Step, FloatArray]]:
+    """For each of the residuals got (C, W, L + 1, S): how start states and some parameters adapt, and what is left."""
+    variance, slopes = variance_of(problem, at.residual), by_theta[..., following]
+    theta, low, high = at.theta[following], low[following], high[following]
+    out = []
+    for r in got:
+        step = damped_step(problem, r, by_state, slopes, variance, 1e-3, per_window, theta, low, high)
+        start = step.starts_alone + step.starts_by_theta @ step.theta
+        out.append((step, r + (by_state @ start[:, None, :, None])[..., 0] + slopes @ step.theta))
+    return out
+
+
+def _best_starts(
+    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: _Point, step: Step
+) -> _Point:
+    """Theta with the start state that suits each window best: where it stood, as it follows, or as measured."""
+    follows = at.starts + step.starts_alone + step.starts_by_theta @ step.theta
+    copies = np.stack([at.starts, follows, problem.windows.measured[:, 0]])
+    tried = problem.residuals(hypothesis, np.tile(theta, (3, 1)), copies)
+    pick = np.argmin(window_costs(problem, tried, variance_of(problem, at.residual)), axis=0)
+    every = np.arange(len(at.starts))
+    return _point(problem, theta, copies[pick, every], tried[pick, every])

@@ -31,6 +31,13 @@ class ActuatorDelay(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """What was commanded a delay ago, between two substeps their weighted mean."""
+        commands, shares = self.pieces(commands, values, memory, step)
+        return np.asarray((commands * shares).sum(axis=2))
+
+    def pieces(
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The earlier of two neighbouring commands, then the later one."""
         past = memory["past"]
         depth, count = past.shape[1], commands.shape[1]
         line = np.concatenate([past, commands], axis=1)
@@ -39,7 +46,7 @@ class ActuatorDelay(ActuatorEffect):
         near = depth + np.arange(count) - whole
         recent, earlier = np.take_along_axis(line, near, axis=1), np.take_along_axis(line, near - 1, axis=1)
         past[:] = line[:, count:]
-        return np.asarray(recent + (back - whole) * (earlier - recent))
+        return np.stack([earlier, recent], axis=2), np.stack([back - whole, 1.0 - (back - whole)], axis=2)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

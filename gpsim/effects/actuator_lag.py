@@ -31,7 +31,7 @@ class ActuatorLag(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """The mean over each substep of the exponential approach to the command."""
-        ratio = step / np.maximum(values["time_constant"], 1e-9)
+        ratio = np.maximum(step, 1e-12) / np.maximum(values["time_constant"], 1e-9)
         decay, share = np.exp(-ratio), -np.expm1(-ratio) / ratio
         level, out = memory["level"], np.empty_like(commands)
         for k, command in enumerate(commands.T):

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
+from gpsim.effects.commands import Grid, blended, on_its_way
 from gpsim.effects.effect import (
     ActuatorEffect,
     ParameterEffect,
@@ -77,18 +78,16 @@ class Chain:
         """
         if not self.actuates:
             return actions
+        # The base simulator's own step takes what acts at its start.
+        grid = Grid(actions, states[:, :-1], states[:, 1:], t, step, self.channels, self.scheme == "fine")
         out = np.array(actions)
-        for i, effect, column in self._actuators:
-            columns = {name: value[:, None] for name, value in values[i].items()}
-            acted = effect.actuate(out[:, :, column], columns, _part(memory, i), step, t)
-            gate = self.terms[i].gate
-            if gate:
-                fine = self.scheme == "fine"
-                path = states[:, :-1], states[:, 1:] if fine else states[:, :-1]
-                looked = step if fine else np.zeros_like(step)
-                share = gate.share(path, actions, t, looked, self.channels, columns)
-                acted = _blended(share, acted, out[:, :, column])
-            out[:, :, column] = acted
+        for column in dict.fromkeys(column for _, _, column in self._actuators):
+            way = [
+                (self.terms[i].gate, e, values[i], _part(memory, i))
+                for i, e, c in self._actuators
+                if c == column
+            ]
+            out[:, :, column] = on_its_way(way, column, grid)
         return out
 
     def command(
@@ -245,7 +244,7 @@ class Chain:
         for i, effect in self._parameter_terms:
             believed = np.asarray(out[self.terms[i].on] + np.zeros(count))
             value = effect.corrected(believed, values[i])
-            out[self.terms[i].on] = _blended(shares[i], value, believed) if i in shares else value
+            out[self.terms[i].on] = blended(shares[i], value, believed) if i in shares else value
         return out
 
     def _rates(
@@ -271,17 +270,12 @@ class Chain:
             v, lateral, w = rates[:, columns].T
             new = np.array(rates)
             new[:, columns] = np.stack(effect.twist(v, lateral, w, values[i]), axis=1)
-            rates = _blended(shares[i][:, None], new, rates) if i in shares else new
+            rates = blended(shares[i][:, None], new, rates) if i in shares else new
         return rates
 
 
 def _sum(rates: FloatArray, extra: FloatArray | None) -> FloatArray:
     return rates if extra is None else rates + extra
-
-
-def _blended(share: FloatArray, acted: FloatArray, untouched: FloatArray) -> FloatArray:
-    """What an effect makes of a quantity during its share of a substep, with what it was for the rest."""
-    return np.asarray(np.where(share == 1.0, acted, share * acted + (1.0 - share) * untouched))
 
 
 def _part(memory: Memory, term: int) -> Memory:

@@ -144,6 +144,16 @@ class ActuatorEffect(Effect):
         recording's clock. memory is left as it is after the last one.
         """
 
+    def pieces(
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """What `actuate` takes the mean of, where a substep holds more than one command; in the place of `actuate`.
+
+        (B, K, P) commands in the order of time, and which shares of the substep (B, K, P) they last. What follows on
+        the way to the simulator needs them: a dead zone of a mean is not the mean of a dead zone.
+        """
+        return None
+
 
 class ParameterEffect(Effect):
     """A parameter of the simulator that is not what was believed."""
