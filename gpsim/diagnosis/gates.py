@@ -16,7 +16,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.edges import FAR, NEAR, bin_edges, declared_edges, gate_between, placed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import Directions, starts_of
+from gpsim.diagnosis.screening import Directions, screened, starts_of
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 
@@ -52,10 +52,13 @@ def gated_children(
     plain: Sequence[Fit],
     offers: Sequence[Candidate],
     channels: Sequence[str | None] | None = None,
+    *,
+    few: Directions | None = None,
 ) -> list[Fit]:
     """Terms that did well everywhere once more, each in the region or since the moment that promises most.
 
-    channels: where gates may look, None among them for time; `region_channels` unless given.
+    channels: where gates may look, None among them for time; `region_channels` unless given. few: directions around
+    the same parent on a few windows, to look at all other terms, too; some show behind a gate only.
     """
     looked_at = region_channels(problem) if channels is None else channels
     promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
@@ -65,14 +68,17 @@ def gated_children(
     for candidate in (c for c in offers if c.gateable and c.identity not in claims):
         family = "coulomb_friction" if candidate.only_gated else candidate.family
         everywhere = best.get((family, candidate.place.on))
+        seen = directions
         if everywhere is not None and len(everywhere.hypothesis.declared[-1]) == len(candidate.declared):
             values = tuple(everywhere.hypothesis.theta[-len(candidate.declared) :])
         elif candidate.only_gated:  # a narrow one leaves no trace that acting everywhere could explain
             values = starts_of(candidate)[0]
+        elif few is not None:
+            seen, values = few, screened(few, [candidate])[0][2]
         else:
             continue
         found = (
-            _best_gate(problem, directions, candidate, values, channel)
+            _best_gate(seen, candidate, values, channel, len(problem.windows))
             for channel in looked_at
             if makes_sense(candidate, channel)
         )
@@ -117,13 +123,14 @@ def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:
 
 
 def _best_gate(
-    problem: Problem,
     directions: Directions,
     candidate: Candidate,
     values: tuple[float, ...],
     channel: str | None,
+    count_windows: int,
 ) -> Proposal | None:
-    edges = bin_edges(problem, channel)
+    """The run of bins that promises most over acting everywhere; its gain is that on so many windows."""
+    edges = bin_edges(directions.problem, channel)
     if len(edges) < 4:
         return None
     hypothesis, count = directions.parent.hypothesis, len(edges) - 1
@@ -133,13 +140,14 @@ def _best_gate(
     changes = directions.of(binned, thetas).reshape(count, -1)
     pull, size = changes @ directions.rest.ravel(), changes @ changes.T
     first, last, gain, whole = _best_run(pull, size, suffix=channel is None)
-    if gain < whole + WORTH:
+    more = count_windows / len(directions.problem.windows)
+    if more * (gain - whole) < WORTH:
         return None
     if len(values) == 1:  # a law that grows with its only parameter, which acting everywhere diluted
         share = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
         p = candidate.declared[0]
         values = (float(np.clip(p.none + share * (values[0] - p.none), p.low, p.high)),)
-    return Proposal(gain, candidate, values, channel, edges[first], edges[last + 1], last < count - 1)
+    return Proposal(more * gain, candidate, values, channel, edges[first], edges[last + 1], last < count - 1)
 
 
 def _best_run(pull: FloatArray, size: FloatArray, suffix: bool) -> tuple[int, int, float, float]:

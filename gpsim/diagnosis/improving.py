@@ -37,6 +37,7 @@ ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 DRIFTS = ("battery_sag",)  # families that change with time by themselves
 JUMPS = 3  # candidates for what may have jumped instead
+GLANCED_AT = 40  # windows at which every term is looked at behind every gate
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
@@ -122,7 +123,8 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
     gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
     if spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)
-        gated += gated_children(part, directions, everywhere, offers)
+        few = Directions(*sampled(part, seen, GLANCED_AT))
+        gated += gated_children(part, directions, everywhere, offers, few=few)
     gated = sorted(gated, key=lambda f: f.objective)[:GATES]
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
 

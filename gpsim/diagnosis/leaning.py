@@ -59,10 +59,10 @@ def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
     return fits[int(scores(problem, list(fits)).argmax())]
 
 
-def sampled(problem: Problem, at: Fit) -> tuple[Problem, Fit]:
+def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, Fit]:
     """The problem on evenly spread windows, enough for a first look, and the fit's share of it."""
     count = len(problem.windows)
-    rows = np.linspace(0, count - 1, min(count, LOOKED_AT)).round().astype(np.int64)
+    rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
     return problem.on(problem.windows.take(rows)), replace(
         at, starts=at.starts[rows], residuals=at.residuals[rows]
     )
