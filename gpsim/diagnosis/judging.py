@@ -25,7 +25,7 @@ REFITTED, WITHIN = (
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
 MOST_RIVALS = 6
-TIE = 3.0  # nats: rivals this near (odds of 20) cannot be ruled out
+TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
 UNEXPLAINED = {
     1e-2: 0.15,
     1e-3: 0.03,
@@ -160,24 +160,28 @@ def _needed(question: Question, leader: Fit, without: Fit) -> bool:
 def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """Other explanations that these data cannot rule out: as good, and not the leading one with something added.
 
-    They must do as well on held-out windows too, as the leader had to.
+    Training and held-out windows count together: all that was recorded has to fail to tell them from the leader.
     """
     problem, held_out = question.everything, question.held_out
     claims = leader.hypothesis.claims
     if not claims:
         return []
     others = [f for f in fits if not claims <= f.hypothesis.claims and not f.hypothesis.idle]
+    if leader.hypothesis.scheme == "fine":  # in coarse steps many a law passes for another
+        others = [f for f in others if f.hypothesis.scheme == "fine"]
     if not others:
         return []
     nats = scores(problem, [leader, *others])
-    limit = held_out_objective(held_out, leader.hypothesis) + TIE
+    judged = held_out_objective(held_out, leader.hypothesis)
     out: list[Fit] = []
     for i in np.argsort(-nats[1:]):
-        near = nats[0] - nats[1 + int(i)] < TIE
-        fresh = not any(o.hypothesis.claims <= others[int(i)].hypothesis.claims for o in out)
-        wanted = near and fresh and len(out) < MOST_RIVALS and _earned(problem, leader, others[int(i)])
-        if wanted and held_out_objective(held_out, others[int(i)].hypothesis) < limit:
-            out.append(others[int(i)])
+        rival, behind = others[int(i)], float(nats[0] - nats[1 + int(i)])
+        fresh = not any(o.hypothesis.claims <= rival.hypothesis.claims for o in out)
+        if not (behind < TIE and fresh and len(out) < MOST_RIVALS and _earned(problem, leader, rival)):
+            continue
+        worse = held_out_objective(held_out, rival.hypothesis) - judged
+        if worse < TIE and behind + worse < TIE:
+            out.append(rival)
     return out
 
 

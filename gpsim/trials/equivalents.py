@@ -3,8 +3,8 @@
 Rivals are fitted to the noise-free truth, with the world's own noise as the yardstick. One that loses less than 3 nats
 of expected log likelihood over the whole recording could not be told from the truth by anybody. Rivals are the truth
 with one effect left out, and with one effect replaced by another family or place (and the same gate); then the same
-once more with each equivalent in the truth's place, since two effects may have to change their places together. Those
-that could not explain a fiftieth of what the missing effect does, by a linear estimate, are not fitted.
+once more with those that lose nothing in the truth's place, since two effects may have to change their places
+together. Those that could not explain a fiftieth of what the missing effect does, by a linear estimate, are not fitted.
 
 The fitting engine is the diagnosis's own; the data, the noise and the truth's parameters are not.
 """
@@ -96,7 +96,7 @@ class _Judge:
         if len(inside) < len(effects):
             return self._judged(found, 0.0, size)
         truth = frozenset((e.family, e.on) for e in inside)
-        equal = [f for f in self._distinct(found, self._least(inside, found), size) if f.hypothesis.terms]
+        equal = [f for f in self._as_good(found, self._least(inside, found), size) if f.hypothesis.terms]
         for rival in equal[:EXPANDED]:
             for i, term in enumerate(rival.hypothesis.terms):
                 parent = self._fitted(rival.hypothesis.without(i))
@@ -114,11 +114,15 @@ class _Judge:
             for f in found
         ]
 
-    def _distinct(self, found: Sequence[Fit], least: float, size: int) -> list[Fit]:
-        """The equivalents among the fits, one for each set of claims, the best first."""
+    def _as_good(self, found: Sequence[Fit], least: float, size: int) -> list[Fit]:
+        """Those that lose nothing, one for each set of claims, the best first.
+
+        Richer ones, too: without another term one of them may be as simple as the truth (an asymmetry of two pushes is
+        a gain and a bias).
+        """
         best: dict[Claims, Fit] = {}
         for rival, f in zip(self._judged(found, least, size), found, strict=True):
-            if rival.equivalent and (
+            if rival.loss < LOST and (
                 rival.claims not in best or self._misfit(f) < self._misfit(best[rival.claims])
             ):
                 best[rival.claims] = f
