@@ -18,7 +18,7 @@ from gpsim.diagnosis.leaning import CLEAR, lean, likeliest, sampled, simplest
 from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
-from gpsim.diagnosis.search import grown, pays
+from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate, Term
@@ -35,6 +35,7 @@ GATED_BELOW = 1e-3  # whiteness: what is left that a gate may explain
 AS_WELL = 5.0  # nats
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
+FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
 DRIFTS = ("battery_sag",)  # families that change with time by themselves
 JUMPS = 3  # candidates for what may have jumped instead
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
@@ -82,14 +83,23 @@ def _extended(
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added and gated while that pays, and all that was tried; most: effort to stop at."""
     tried: list[Fit] = []
+    firm, steps = leader, 0
     while spent() < most and not leader.hypothesis.patchwork:
         children = _children(problem, leader, offers, most)
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
+        if (
+            not better and steps < FORESEEN
+        ):  # a slight term may pay once another one has left nothing but noise
+            better = [child for child in children if may_pay(problem, child, leader)]
+            steps += 1
         if not better:
             break
-        leader = lean(problem, polished(problem, likeliest(problem, better)))
-    return leader, tried
+        leader = polished(problem, likeliest(problem, better))
+        if steps == 0 or whiteness(problem, leader)[0] > STRUCTURED:
+            leader = firm = lean(problem, leader)
+            steps = 0
+    return firm, tried
 
 
 def _finely(problem: Problem, leader: Fit) -> Fit:

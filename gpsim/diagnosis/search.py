@@ -108,15 +108,26 @@ def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     otherwise be mended by another one. A term that does nothing never pays: it may change the grid, and with it the
     numerical error.
     """
+    plainly, slightly = _worth(problem, richer, poorer)
+    return plainly or (slightly and whiteness(problem, richer)[0] > STRUCTURED)
+
+
+def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether they would pay if nothing else were left over, which another term may yet bring about."""
+    return any(_worth(problem, richer, poorer))
+
+
+def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
+    """Whether the additional terms remove a good share, or at least a slight one beyond doubt."""
     won = gain(problem, richer, poorer)
     if richer.hypothesis.idle or won < PAYS or _in_one_window(problem, richer, poorer):
-        return False
+        return False, False
     removed = poorer.variance - richer.variance
     worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
-    if (worth & (removed > LEAST_SHARE * poorer.variance)).any():
-        return True
-    slight = bool((worth & (removed > SLIGHT_SHARE * poorer.variance)).any())
-    return slight and won > BEYOND_DOUBT and whiteness(problem, richer)[0] > STRUCTURED
+    plainly, slightly = (
+        bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
+    )
+    return plainly, slightly and won > BEYOND_DOUBT
 
 
 def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
