@@ -16,6 +16,9 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
 
 LONGEST_LAG = 12
+PER_TERM = (
+    4.0  # nats that a term must bring beside its parameters' price: it is one of dozens (log of their number)
+)
 MOST_PROJECTED = 60  # windows over which the start states' share is averaged
 
 
@@ -62,19 +65,22 @@ def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
 
 
 def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
-    """(F,) nats of each fit under one noise model, that of the best: their differences are log posterior odds."""
+    """(F,) nats of each fit under one noise model, that of the best: their differences are log posterior odds.
+
+    A priori every further effect is as improbable as that it is this one of dozens.
+    """
     best = min(fits, key=lambda f: f.objective + _price(problem, f))
     tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
     effective = float((problem.counts / tau)[problem.observed].sum())
     size = [len(f.hypothesis.parameters) + 2 * _gates(f) for f in fits]
     nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
-    return np.asarray(np.array(nats) - np.array(size) / 2 * np.log(max(effective, 2.0)))
+    terms = np.array([len(f.hypothesis.terms) for f in fits])
+    return np.asarray(np.array(nats) - PER_TERM * terms - np.array(size) / 2 * np.log(max(effective, 2.0)))
 
 
 def _price(problem: Problem, fit: Fit) -> float:
-    return (
-        (len(fit.hypothesis.parameters) + 2 * _gates(fit)) / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
-    )
+    size = len(fit.hypothesis.parameters) + 2 * _gates(fit)
+    return PER_TERM * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
 
 
 def _gates(fit: Fit) -> int:

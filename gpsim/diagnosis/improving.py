@@ -31,7 +31,7 @@ ADDED, GATES, SWAPPED = (
     3,
 )  # candidates fitted on all windows to add, behind a gate, and to replace a term
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
-GATED_BELOW = 1e-3  # whiteness: what is left that a gate may explain
+GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate may explain
 AS_WELL = 5.0  # nats
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
@@ -128,10 +128,13 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
         orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
         plain = fit_all(problem, orders)
-    if spent() > most or whiteness(problem, leader)[0] >= GATED_BELOW:
+    if spent() > most:
+        return plain
+    structured = whiteness(problem, leader)[0] < GATED_BELOW
+    if not structured and any(pays(problem, f, leader) for f in plain):
         return plain
     gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
-    if spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
+    if structured and spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)
         few = Directions(*sampled(part, seen, GLANCED_AT))
         gated += gated_children(part, directions, everywhere, offers, few=few)
@@ -140,9 +143,12 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
 
 
 def _gated(part: Problem, seen: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with a term that acts everywhere put behind a gate."""
+    """The leader with a term that acts everywhere put behind a gate, where one promises more."""
     term = seen.hypothesis.terms[index]
-    itself = [c for c in offers if (c.identity, c.variant) == (term.identity, term.variant) and c.gateable]
+    same = [c for c in offers if c.place.on == term.on and c.variant == term.variant and c.gateable]
+    itself = [c for c in same if c.family == term.family]
+    if term.family == "coulomb_friction":
+        itself += [c for c in same if c.only_gated]
     if term.gate or not itself:
         return []
     parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.diagnosis.effort import spent
-from gpsim.diagnosis.evidence import gain, price, scores, whiteness
+from gpsim.diagnosis.evidence import PER_TERM, gain, price, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.numerics import rescored, settled
@@ -25,10 +25,9 @@ from gpsim.effects.chain import Scheme
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
-PAYS = 4.0  # nats that a further term must gain after paying for its parameters
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
-BEYOND_DOUBT, SLIGHT_SHARE = 20.0, 0.002  # or so little where it gains so many nats, and leaves white noise
+BEYOND_DOUBT, SLIGHT_SHARE = 10.0, 0.002  # or so little where it gains so many nats, and leaves white noise
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
 MOST_EFFORT = 2e8  # simulated rows after which it grows no deeper; improving goes on from there
@@ -120,7 +119,7 @@ def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     """Whether the additional terms remove a good share, or at least a slight one beyond doubt."""
     won = gain(problem, richer, poorer)
-    if richer.hypothesis.idle or won < PAYS or _in_one_window(problem, richer, poorer):
+    if richer.hypothesis.idle or won < PER_TERM or _in_one_window(problem, richer, poorer):
         return False, False
     removed = poorer.variance - richer.variance
     worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
@@ -139,7 +138,7 @@ def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
         rescored(rest, replace(f, residuals=f.residuals[kept], starts=f.starts[kept]))
         for f in (richer, poorer)
     ]
-    return gain(rest, *left) + price(rest, *left) < PAYS
+    return gain(rest, *left) + price(rest, *left) < PER_TERM
 
 
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
