@@ -8,12 +8,19 @@ from __future__ import annotations
 CALL = 300.0  # simulated rows that the overhead of one substep is worth
 DRY = 2.5  # times as much where dry friction acts
 
+COMMAND = 0.45  # times as much for each actuator that a command passes
+
 _spent = 0.0
 
 
 def spend(rows: int, substeps: int, *, dry: bool) -> None:
     """Count `substeps` substeps of `rows` states each."""
     add(substeps * (CALL + rows) * (DRY if dry else 1.0))
+
+
+def spend_on_commands(rows: int, substeps: int, actuators: int) -> None:
+    """Count what becomes of `rows` commands in each of `substeps` on their way through so many actuators."""
+    add(COMMAND * actuators * substeps * (CALL + rows))
 
 
 def add(amount: float) -> None:

@@ -24,7 +24,7 @@ from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects import Gate, Term
 
 MOST_TERMS = 6
-MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about a minute of one core
+MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about half a minute of one core
 ADDED, GATES, SWAPPED = (
     3,
     3,

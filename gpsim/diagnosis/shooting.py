@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected
+from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected, state_jacobian
 from gpsim.diagnosis.problem import Problem, objective, variance_of, window_costs
 
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
@@ -21,6 +21,7 @@ PATTERN_ROUNDS = (1, 3, 5, 8)
 NEAR_BY = (1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04, 0.02, 0.01)
 PATTERN = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, *NEAR_BY)  # in a parameter's own finite-difference steps
 FIRST_PATTERN = (*np.arange(12.0, 1.5, -0.5), *NEAR_BY)  # a threshold's valley may be as narrow as a step
+PATTERN_WINDOWS = 80  # windows on which the places of a pattern are judged
 LEAST_DAMPING = 1e-9
 
 
@@ -160,23 +161,27 @@ def _searched_pattern(
     All places of a parameter are judged with start states that follow them linearly, and once more with the other
     parameters following, too; the best of either is taken if it holds.
     """
+    count = len(at.starts)
+    rows = np.linspace(0, count - 1, min(count, PATTERN_WINDOWS)).round().astype(np.int64)
+    some, damped = problem.on(problem.windows.take(rows)), per_window[rows]
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:
             continue
+        here = _point(some, at.theta, at.starts[rows], at.residual[rows])
         reaches = parameter.step * np.concatenate([-pattern, pattern])
         thetas = np.tile(at.theta, (len(reaches), 1))
         thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
-        got = problem.residuals(hypothesis, thetas, np.tile(at.starts, (len(thetas), 1, 1)))
-        by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+        got = some.residuals(hypothesis, thetas, np.tile(here.starts, (len(thetas), 1, 1)))
+        by_state, by_theta = jacobians(some, hypothesis, here.theta, here.starts, here.residual)
         others = np.flatnonzero(np.arange(at.theta.size) != j)
         for free in dict.fromkeys(((), tuple(others))):
             following = np.array(free, dtype=np.int64)
-            moved = _followed(problem, at, got, by_state, by_theta, following, low, high, per_window)
-            best = int(np.argmin([objective(problem, r) for _, r in moved]))
-            theta, start = np.array(thetas[best]), moved[best][0]
-            theta[following] += start.theta
+            moved = _followed(some, here, got, by_state, by_theta, following, low, high, damped)
+            best = int(np.argmin([objective(some, r) for _, r in moved]))
+            theta = np.array(thetas[best])
+            theta[following] += moved[best][0].theta
             theta = np.clip(theta, low, high)
-            at = min(at, _best_starts(problem, hypothesis, theta, at, start), key=lambda p: p.value)
+            at = min(at, _best_starts(problem, hypothesis, theta, at, per_window), key=lambda p: p.value)
     return at
 
 
@@ -203,12 +208,17 @@ def _followed(
 
 
 def _best_starts(
-    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: _Point, step: Step
+    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: _Point, per_window: FloatArray
 ) -> _Point:
     """Theta with the start state that suits each window best: where it stood, as it follows, or as measured."""
-    follows = at.starts + step.starts_alone + step.starts_by_theta @ step.theta
-    copies = np.stack([at.starts, follows, problem.windows.measured[:, 0]])
-    tried = problem.residuals(hypothesis, np.tile(theta, (3, 1)), copies)
-    pick = np.argmin(window_costs(problem, tried, variance_of(problem, at.residual)), axis=0)
+    residual = problem.residuals(hypothesis, theta[None], at.starts[None])[0]
+    by_state = state_jacobian(problem, hypothesis.having(theta), at.starts, residual)
+    variance, none = variance_of(problem, at.residual), np.empty((*residual.shape, 0))
+    bounds = theta[:0]
+    step = damped_step(problem, residual, by_state, none, variance, 0.0, per_window, bounds, bounds, bounds)
+    copies = np.stack([at.starts, at.starts + step.starts_alone, problem.windows.measured[:, 0]])
+    others = problem.residuals(hypothesis, np.tile(theta, (2, 1)), copies[1:])
+    tried = np.concatenate([residual[None], others])
+    pick = np.argmin(window_costs(problem, tried, variance), axis=0)
     every = np.arange(len(at.starts))
     return _point(problem, theta, copies[pick, every], tried[pick, every])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
-from gpsim.diagnosis.effort import spend
+from gpsim.diagnosis.effort import spend, spend_on_commands
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
@@ -72,11 +72,14 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
     t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
+    spend_on_commands(len(rows), n * actions.shape[1], chain.actuators)
     memory = chain.rest(len(rows), float(np.median(steps)))
     step = np.repeat(steps, n, axis=1)[:, :end]
-    states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1][rows]
+    states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
+    if chain.looks:
+        states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1]
     acted = chain.commands(
-        np.repeat(actions, n, axis=1)[:, :end][rows], states, values, memory, step[rows], t[rows]
+        np.repeat(actions, n, axis=1)[:, :end][rows], states[rows], values, memory, step[rows], t[rows]
     )
     by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
     which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
@@ -88,6 +91,7 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     def drive(k: int, j: int, state: FloatArray) -> FloatArray:
         if k < 0:
             return np.asarray(by_time[before + n * k + j][which])
+        spend_on_commands(len(row), 1, chain.actuators)
         begin = windows.t[row, k]
         substep = (windows.t[row, k + 1] - begin) / n
         return chain.command(windows.actions[row, k], state, every, held, substep, begin + j * substep)

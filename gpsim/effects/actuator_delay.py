@@ -31,22 +31,28 @@ class ActuatorDelay(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """What was commanded a delay ago, between two substeps their weighted mean."""
-        commands, shares = self.pieces(commands, values, memory, step)
-        return np.asarray((commands * shares).sum(axis=2))
+        earlier, recent, share = self._neighbours(commands, values, memory, step)
+        return np.asarray(recent + share * (earlier - recent))
 
     def pieces(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """The earlier of two neighbouring commands, then the later one."""
+        earlier, recent, share = self._neighbours(commands, values, memory, step)
+        return np.stack([earlier, recent], axis=2), np.stack([share, 1.0 - share], axis=2)
+
+    def _neighbours(
+        self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(B, K) each: the two commands of a substep a delay ago, and the earlier one's share of it."""
         past = memory["past"]
-        depth, count = past.shape[1], commands.shape[1]
+        depth, (rows, count) = past.shape[1], commands.shape
         line = np.concatenate([past, commands], axis=1)
         back = np.minimum(values["delay"] / step, depth - 1.0)
         whole = back.astype(np.int64)
-        near = depth + np.arange(count) - whole
-        recent, earlier = np.take_along_axis(line, near, axis=1), np.take_along_axis(line, near - 1, axis=1)
+        place = np.arange(depth, depth + count) + (depth + count) * np.arange(rows)[:, None] - whole
         past[:] = line[:, count:]
-        return np.stack([earlier, recent], axis=2), np.stack([back - whole, 1.0 - (back - whole)], axis=2)
+        return line.take(place - 1), line.take(place), back - whole
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

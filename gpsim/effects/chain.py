@@ -110,6 +110,11 @@ class Chain:
         """Whether what happens to a command depends on where the system is."""
         return any(self.terms[i].gate.region for i, _, _ in self._actuators)
 
+    @property
+    def actuators(self) -> int:
+        """How many effects change commands."""
+        return len(self._actuators)
+
     @cached_property
     def actuates(self) -> bool:
         """Whether anything happens to the commands."""

@@ -38,13 +38,18 @@ class Grid:
         moment = np.zeros_like(self.step)
         return gate.share((self.begin, self.begin), self.actions, self.t, moment, self.channels, values)
 
-    def split(self, shares: FloatArray) -> Grid:
-        """The grid with every substep cut into P pieces of these shares (B, K, P) of it."""
-        count = shares.shape[2]
+    def split(self, shares: FloatArray, gated: bool) -> Grid:
+        """The grid with every substep cut into P pieces of these shares (B, K, P) of it.
+
+        gated: gates will look at it; actions and states are left out else.
+        """
         lengths = self.step[:, :, None] * shares
         begins = self.t[:, :, None] + np.cumsum(lengths, axis=2) - lengths
-        actions, begin, end = (np.repeat(a, count, axis=1) for a in (self.actions, self.begin, self.end))
         t, step = (a.reshape(len(a), -1) for a in (begins, lengths))
+        if not gated:
+            return replace(self, t=t, step=step)
+        count = shares.shape[2]
+        actions, begin, end = (np.repeat(a, count, axis=1) for a in (self.actions, self.begin, self.end))
         return replace(self, actions=actions, begin=begin, end=end, t=t, step=step)
 
 
@@ -61,7 +66,7 @@ def on_its_way(way: Sequence[Stage], column: int, grid: Grid) -> FloatArray:
             acted = effect.actuate(u, values, memory, grid.step, grid.t)
         else:
             commands, shares = several
-            pieces, grid = shares.shape[2], grid.split(shares)
+            pieces, grid = shares.shape[2], grid.split(shares, any(later for later, *_ in way[place + 1 :]))
             acted, u = commands.reshape(len(u), -1), np.repeat(u, pieces, axis=1)
             share = None if share is None else np.repeat(share, pieces, axis=1)
         u = acted if share is None else blended(share, acted, u)
