@@ -79,7 +79,8 @@ def diagnose(
 
 def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
     problem = question.everything
-    leader, structured = judgement.leader, judgement.p_value < STRUCTURED
+    leader, lack = judgement.leader, judgement.lack
+    structured = judgement.p_value < STRUCTURED or (lack is not None and lack.significant)
     held = sorted(
         {question.recording.episodes[i].name for i in question.held_out.windows.episode}, key=_natural
     )
@@ -98,6 +99,7 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
             "structured": structured,
             "depends_on": _remaining(problem, comparison) if structured else [],
             "p_value": judgement.p_value,
+            "lack_of_fit": _lack_of_fit(judgement),
         },
         "integration": leader.hypothesis.scheme,
         "tuned": comparison.tuned,
@@ -112,6 +114,14 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
             for nats, h in judgement.ranking[:40]
         ],
     }
+
+
+def _lack_of_fit(judgement: Judgement) -> dict[str, Any] | None:
+    """Which smooth law of which rate would explain more, whether chance could have done it."""
+    lack = judgement.lack
+    if lack is None:
+        return None
+    return {"rate": lack.rate, "on": list(lack.on), "nats": round(lack.nats, 2), "p_value": lack.p_value}
 
 
 def _remaining(problem: Problem, comparison: Comparison) -> list[str]:

@@ -14,6 +14,7 @@ from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.leaning import CLEAR, lean, likeliest, sampled, simplest
 from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
@@ -133,6 +134,9 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
     structured = whiteness(problem, leader)[0] < GATED_BELOW
     if not structured and any(pays(problem, f, leader) for f in plain):
         return plain
+    if not structured:
+        lack = lack_of_fit(problem, leader)
+        structured = lack is not None and lack.significant
     gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
     if structured and spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)

@@ -12,6 +12,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
+from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
@@ -30,6 +31,7 @@ UNEXPLAINED = {
     1e-2: 0.15,
     1e-3: 0.03,
 }  # whiteness: share of the excess over noise that makes a partial account
+LACKING = 0.01  # of the squares that the named effects take off, that a smooth law would take off beside them
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
 
 
@@ -44,6 +46,7 @@ class Judgement:
     probabilities: list[float]  # of the leader, then of the rivals
     ranking: list[tuple[float, Hypothesis]]  # nats behind the best, on the search's windows
     p_value: float
+    lack: LackOfFit | None
     unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
 
@@ -67,9 +70,10 @@ def judge(
     weights = np.exp(odds - odds.max())
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
+    lack = lack_of_fit(problem, leader)
     ranking_nats = scores(question.searched, found.fits)
     return Judgement(
-        _verdict(leader, rivals, p_value, unexplained),
+        _verdict(leader, rivals, p_value, unexplained, _lacking(problem, leader, null, lack)),
         leader,
         null,
         rivals,
@@ -79,6 +83,7 @@ def judge(
             for n, f in zip(ranking_nats, found.fits, strict=True)
         ],
         p_value,
+        lack,
         unexplained,
         noise,
     )
@@ -92,11 +97,23 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
     return found.objective
 
 
-def _verdict(leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray) -> Verdict:
+def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None) -> bool:
+    """Whether some smooth law of a rate is missing that explains a share of what the named effects do."""
+    if lack is None or not lack.significant:
+        return False
+    named = problem.counts * np.maximum(null.variance - leader.variance, 0.0) / leader.variance
+    return bool(2.0 * lack.nats > LACKING * float(named[problem.observed].sum()))
+
+
+def _verdict(
+    leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray, lacking: bool
+) -> Verdict:
     left = float(np.max(unexplained))
     if not leader.hypothesis.terms:
-        return "unknown" if p_value < UNNAMED else "none"
-    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()) or leader.hypothesis.patchwork:
+        return "unknown" if p_value < UNNAMED or lacking else "none"
+    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()):
+        return "unknown"
+    if lacking or leader.hypothesis.patchwork:
         return "unknown"
     return "ambiguous" if rivals else "named"
 

@@ -45,8 +45,11 @@ class Directions:
     def of(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
         """(C, W, M): what each of thetas (C, P) takes off the residual."""
         starts = np.broadcast_to(self.parent.starts, (len(thetas), *self.parent.starts.shape))
-        moved = self.problem.residuals(hypothesis, thetas, starts)
-        changes = [np.clip(self._flat(self.parent.residuals - m), -MOST, MOST) for m in moved]
+        return self.changes(self.problem.residuals(hypothesis, thetas, starts))
+
+    def changes(self, residuals: FloatArray) -> FloatArray:
+        """(C, W, M): the same for other residuals (C, W, L + 1, S)."""
+        changes = [np.clip(self._flat(self.parent.residuals - r), -MOST, MOST) for r in residuals]
         return np.stack([self._without(change) for change in changes])
 
     def gains(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:

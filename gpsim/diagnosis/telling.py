@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.diagnosis.comparing import KINDS
+from gpsim.diagnosis.lack_of_fit import SIGNIFICANT
 
 Report = Mapping[str, Any]
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
@@ -63,11 +64,20 @@ def _what(report: Report) -> str:
     if verdict == "unknown":
         partial = f" A part of it looks like this: {said}." if said else ""
         p_value = _number(report["remainder"]["p_value"], 2)
-        return f"What: nothing that I know explains it (remainder p = {p_value}).{partial}"
+        law = _missing_law(report["remainder"]["lack_of_fit"])
+        return f"What: nothing that I know explains it (remainder p = {p_value}).{law}{partial}"
     if verdict == "ambiguous":
         others = " or ".join("; ".join(e["sentence"] for e in a["effects"]) for a in report["alternatives"])
         return f"What: {said} (probability {effects[0]['probability']:.2f}), but it could as well be that {others}."
     return f"What: {said} (evidence {min(e['evidence_gain'] for e in effects):.0f} nats)."
+
+
+def _missing_law(lack: Mapping[str, Any] | None) -> str:
+    """What the missing law is about, as far as that can be told without knowing it."""
+    if lack is None or lack["p_value"] >= SIGNIFICANT:
+        return ""
+    on = " and ".join(lack["on"])
+    return f" In {lack['rate']} something is missing that depends on {on} ({lack['nats']:.0f} nats)."
 
 
 def _how_much(report: Report) -> str:

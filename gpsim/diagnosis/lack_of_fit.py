@@ -1,0 +1,173 @@
+"""Lack of fit: whether a smooth function of state and command, added to a rate, explains what is left over.
+
+A score test (Rao 1948; with smooth alternatives Neyman 1937): a hypothesis is widened by piecewise linear functions of
+one input or of two, multiplied; how the residual would change with each is simulated once, and what the best
+combination of them would take off half the sum of squares is chi-squared distributed, halved, if nothing is missing;
+not centrally, where the simulation's own error is left over, too. It tells that something is missing where no law of
+the catalogue does, and on what it depends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import ncx2
+
+from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.diagnosis.numerics import numerical_error
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.screening import Directions
+from gpsim.diagnosis.shooting import Fit
+from gpsim.diagnosis.simulate import Extra, simulate
+
+KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input
+WINDOWS = 240  # evenly spread ones are looked at
+STEP = 1e-3  # of a rate's typical size
+BATCH = 24  # functions that are simulated at once
+SIGNIFICANT = 1e-6  # p-value, corrected for the number of groups
+LEAST = 1e-6  # nats
+NEGLIGIBLE = 1e-6  # of the largest singular value: directions that are the same
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """The functions that explain most: of which rate, of which inputs; nats on all windows, corrected p-value."""
+
+    rate: str
+    on: tuple[str, ...]
+    nats: float
+    p_value: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether chance cannot have done it."""
+        return self.p_value < SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Functions of the same inputs (I,) of one rate; knots: (I, K)."""
+
+    rate: int
+    inputs: tuple[int, ...]
+    knots: FloatArray
+
+    @property
+    def size(self) -> int:
+        """How many functions: a product of hats each."""
+        return int(self.knots.shape[1] ** len(self.inputs))
+
+
+def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
+    """The group of functions with the smallest p-value; None where there is nothing to look at.
+
+    problem, at: the hypothesis fitted to these windows.
+    """
+    count = len(problem.windows)
+    rows = np.linspace(0, count - 1, min(count, WINDOWS)).round().astype(np.int64)
+    some = problem.on(problem.windows.take(rows))
+    part = Fit(**{**at.__dict__, "starts": at.starts[rows], "residuals": at.residuals[rows]})
+    directions = Directions(some, part)
+    groups, best = list(_groups(some)), None
+    own = _numerical(some, part)
+    for group in groups:
+        changes = _changes(some, part, directions, group)
+        nats, freedom = _explained(changes, directions.rest.ravel())
+        p_value = min(1.0, len(groups) * float(ncx2.sf(2 * nats, freedom, 2 * own))) if freedom else 1.0
+        if best is None or (p_value, -nats) < (best.p_value, -best.nats):
+            names = problem.simulator.state.names + problem.simulator.action.names
+            rate = problem.simulator.rate.names[group.rate]
+            on = tuple(names[i] for i in group.inputs)
+            best = LackOfFit(rate, on, nats * count / len(rows), p_value)
+    return best
+
+
+def _numerical(problem: Problem, at: Fit) -> float:
+    """Nats that the simulation's own error may take up, or a little where there is none."""
+    if at.hypothesis.scheme != "fine":
+        return LEAST
+    error = numerical_error(problem, at)
+    nats = problem.counts * error**2 / at.variance
+    return LEAST + 0.5 * float(nats[problem.observed].sum())
+
+
+def _groups(problem: Problem) -> Iterator[_Group]:
+    """Every rate as a function of every input, and of every two."""
+    inputs = _inputs(problem, problem.windows.measured[:, :-1], problem.windows.actions)
+    flat = inputs[problem.windows.valid[:, 1:]]
+    moving = [i for i in range(flat.shape[1]) if np.ptp(flat[:, i]) > 0]
+    for rate in range(len(problem.simulator.rate)):
+        for size, knots in ((1, KNOTS_OF_ONE), (2, KNOTS_OF_TWO)):
+            for chosen in combinations(moving, size):
+                places = [np.quantile(flat[:, i], np.linspace(0, 1, knots)) for i in chosen]
+                yield _Group(rate, chosen, np.array(places))
+
+
+def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatArray:
+    """(..., S + A) state and command; angles between -pi and pi."""
+    channels = problem.simulator.state
+    return np.concatenate([difference(states, np.zeros_like(states), channels), actions], axis=-1)
+
+
+def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -> FloatArray:
+    """(F, N): how the residual changes with each function, in standard deviations."""
+    chain = at.hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    windows, out = problem.windows, []
+    scale = STEP * max(float(np.abs(_rates(problem)[:, group.rate]).mean()), 1e-9)
+    for first in range(0, group.size, BATCH):
+        which = np.arange(first, min(first + BATCH, group.size))
+        starts = np.tile(at.starts, (len(which), 1, 1))
+        thetas = np.tile(at.hypothesis.theta, (len(which), 1))
+        extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
+        said = simulate(chain, windows, starts, at.hypothesis.spread, thetas, problem.substeps, extra)
+        residual = difference(windows.measured[None], said, problem.simulator.state)
+        residual *= windows.valid[None, :, :, None] & problem.observed
+        out.append(directions.changes(residual).reshape(len(which), -1))
+    return np.concatenate(out) / scale
+
+
+def _rates(problem: Problem) -> FloatArray:
+    """(W, R) the simulator's rates at the windows' starts."""
+    windows = problem.windows
+    return problem.simulator.rates(windows.measured[:, 0], windows.actions[:, 0], problem.parameters)
+
+
+def _extra(problem: Problem, group: _Group, which: IntArray, scale: float) -> Extra:
+    """What is added to the rates of a batch whose rows have one function `which` (B,) each."""
+    knots = group.knots
+    places = np.unravel_index(which, (knots.shape[1],) * len(group.inputs))
+
+    def extra(state: FloatArray, action: FloatArray) -> FloatArray:
+        inputs = _inputs(problem, state, action)
+        value = np.full(len(state), scale)
+        for i, channel in enumerate(group.inputs):
+            value = value * _hat(inputs[:, channel], knots[i], places[i])
+        added = np.zeros((len(state), len(problem.simulator.rate)))
+        added[:, group.rate] = value
+        return added
+
+    return extra
+
+
+def _hat(x: FloatArray, knots: FloatArray, place: IntArray) -> FloatArray:
+    """1 at a row's own knot, falling to 0 at its neighbours, constant beyond the outer knots."""
+    inside = np.clip(x, knots[0], knots[-1])
+    middle = knots[place]
+    left, right = knots[np.maximum(place - 1, 0)], knots[np.minimum(place + 1, len(knots) - 1)]
+    rising = np.where(middle > left, (inside - left) / np.where(middle > left, middle - left, 1.0), 1.0)
+    falling = np.where(right > middle, (right - inside) / np.where(right > middle, right - middle, 1.0), 1.0)
+    return np.asarray(np.clip(np.minimum(rising, falling), 0.0, 1.0))
+
+
+def _explained(changes: FloatArray, rest: FloatArray) -> tuple[float, int]:
+    """Nats that the best combination of the directions (F, N) takes off, and how many of them differ."""
+    size = np.sqrt((changes**2).sum(axis=1))
+    kept: Sequence[int] = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300)).tolist()
+    if not kept:
+        return 0.0, 0
+    basis, values, _ = np.linalg.svd((changes[kept] / size[kept, None]).T, full_matrices=False)
+    basis = basis[:, values > NEGLIGIBLE * values[0]]
+    return 0.5 * float(((basis.T @ rest) ** 2).sum()), basis.shape[1]
