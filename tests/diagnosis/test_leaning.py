@@ -9,6 +9,7 @@ from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.leaning import lean, simplest, without_a_term
 from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.search import pays
 from gpsim.diagnosis.shooting import fit
 from gpsim.effects import Gate
@@ -96,3 +97,36 @@ def test_a_bias_of_the_actuator_in_a_region_is_a_force_in_that_region(braked, ed
         residuals.append(problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0])
     assert np.abs(residuals[0]).max() > 0
     np.testing.assert_allclose(residuals[0], residuals[1], rtol=0, atol=1e-9)
+
+
+def test_a_region_a_little_off_is_no_sensor_bias():
+    world = World("slider")
+    world.grips[0] = lambda q, v, normal: 2.5 * ((q > 0.1) & (q < 0.4))
+    recording = record(world, seed=4, noise=0.1, episodes=6)
+    simulator = make_simulator("slider")
+    parameters = simulator.defaults(recording.parameters)
+    patched = (
+        prepare(recording, simulator, parameters).everything,
+        candidates(recording, simulator, parameters),
+    )
+    off = Gate(region={"q": (0.104, 0.404)})
+    start = having(
+        patched,
+        ("local_friction_patch", "q", FRICTION, off),
+        ("sensor_bias", "q", {"offset": -0.004}, Gate()),
+    )
+    ((family, region),) = said(lean(patched[0], start))
+    assert family == "local_friction_patch"
+    np.testing.assert_allclose(region["q"], (0.1, 0.4), atol=2e-3)
+
+
+def test_directions_leave_out_what_the_parameters_could_explain(braked):
+    """A gain looks like friction of another size where the pushes are always against it: only what differs counts."""
+    problem, _ = braked
+    found = having(braked, ("coulomb_friction", "q", FRICTION, Gate()))
+    directions = Directions(problem, found)
+    theta = found.hypothesis.theta
+    own = directions.of(found.hypothesis, np.array([theta * 1.001]))
+    alone = problem.residuals(found.hypothesis, np.array([theta * 1.001]), found.starts[None])[0]
+    size = (alone - found.residuals)[..., 0] / np.sqrt(found.variance[0])
+    assert np.linalg.norm(own) < 0.1 * np.linalg.norm(size)

@@ -101,3 +101,27 @@ def test_a_cart_poles_mobility_is_what_a_unit_force_changes(coordinate):
     unit[:, coordinate] = 1.0
     change = system.rates(state, action, parameters, unit) - system.rates(state, action, parameters, 0 * unit)
     np.testing.assert_allclose(system.mobility(state, parameters, coordinate), change, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("follower", ["actuator_dead_zone", "actuator_rate_limit", "actuator_backlash"])
+def test_what_follows_a_delay_sees_both_commands_of_a_substep(follower):
+    """Means over substeps of any length are the means over much shorter ones, whose delay is a whole number of them."""
+    given = {
+        "actuator_dead_zone": {"width": 1.0},
+        "actuator_rate_limit": {"rate": 200.0},
+        "actuator_backlash": {"half_width": 0.4},
+    }[follower]
+    terms = (Term("actuator_delay", "force", {"delay": 0.0266}), Term(follower, "force", given))
+    commands = np.random.default_rng(3).uniform(-3, 3, 12)
+    chain = Chain(make_simulator("slider"), {"mass": 1.0}, terms, "fine", 0.02)
+    values = [{k: np.array([v]) for k, v in term.values.items()} for term in terms]
+
+    def means(substeps):
+        h, count = 0.02 / substeps, 12 * substeps
+        held = np.repeat(commands, substeps)[None, :, None]
+        t, step = h * np.arange(count)[None], np.full((1, count), h)
+        memory = chain.rest(1, h)
+        acted = chain.commands(held, np.zeros((1, count + 1, 2)), values, memory, step, t)
+        return acted.reshape(12, substeps).mean(axis=1)
+
+    np.testing.assert_allclose(means(2), means(400), atol=2e-3)

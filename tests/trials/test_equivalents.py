@@ -13,25 +13,39 @@ from gpsim.trials.worlds import TrueEffect
 SEED, NUMBER = 5, 10
 
 
-@pytest.fixture
-def pushed_and_late(monkeypatch):
-    """A slider that is pushed and commanded late, seen by its position alone."""
-    effects = (
-        TrueEffect("constant_force", "q", {"force": 1.0}, strength="plain"),
-        TrueEffect("actuator_delay", "force", {"delay": 0.03}, strength="plain"),
-    )
+def concealed_slider(monkeypatch, effects, **how):
+    """A slider with these effects, seen by its position alone: the answer and the recording."""
 
     def drawn(seed, number, attempt=0):
         world = draw(seed, number, attempt)
         assert world.system == "slider"
-        return replace(
-            world, effects=effects, engine="rk4", velocities="differentiated", episodes=10, steps=260
-        )
+        usual = {"engine": "rk4", "velocities": "differentiated", "episodes": 10, "steps": 260}
+        return replace(world, effects=effects, **usual, **how)
 
     monkeypatch.setattr(concealing, "draw", drawn)
     concealed = concealing.conceal(SEED, NUMBER)
     content = concealing.answer_of(concealed, "")
     return Answer(content, [e.states for e in concealed.clean.episodes], None, None), concealed.recording
+
+
+@pytest.fixture
+def pushed_and_late(monkeypatch):
+    """Pushed and commanded late."""
+    effects = (
+        TrueEffect("constant_force", "q", {"force": 1.0}, strength="plain"),
+        TrueEffect("actuator_delay", "force", {"delay": 0.03}, strength="plain"),
+    )
+    return concealed_slider(monkeypatch, effects)
+
+
+def test_of_two_pushes_a_gain_and_a_bias_are_an_asymmetry(monkeypatch):
+    effects = (
+        TrueEffect("actuator_gain", "force", {"gain": 0.8}, strength="plain"),
+        TrueEffect("actuator_bias", "force", {"bias": 0.5}, strength="plain"),
+    )
+    world = concealed_slider(monkeypatch, effects, excitation="bang_bang")
+    equal = {frozenset(r.claims) for r in rivals(*world) if r.equivalent}
+    assert frozenset({("actuator_asymmetry", "force")}) in equal
 
 
 def test_two_effects_may_change_their_places_together(pushed_and_late):

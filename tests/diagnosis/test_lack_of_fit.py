@@ -1,0 +1,54 @@
+"""The score test of smooth laws: it sees what noise hides, and nothing where nothing is missing."""
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.lack_of_fit import lack_of_fit
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.shooting import fit
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+
+def posed(world, **how):
+    recording = record(world, seed=8, episodes=6, steps=155, **how)
+    simulator = make_simulator(world.system)
+    parameters = simulator.defaults(recording.parameters)
+    return prepare(recording, simulator, parameters).everything, candidates(recording, simulator, parameters)
+
+
+def without_a_name(problem):
+    return fit(problem, Hypothesis(), problem.windows.measured[:, 0])
+
+
+def test_a_law_is_found_with_its_rate_and_its_input():
+    problem, _ = posed(World("pendulum", forces={0: lambda q, v, t: 0.3 * np.sin(6 * q)}), noise=4.0)
+    lack = lack_of_fit(problem, without_a_name(problem))
+    assert lack.significant
+    assert (lack.rate, lack.on) == ("theta_acc", ("theta",))
+
+
+def test_a_law_of_two_inputs_is_found():
+    problem, _ = posed(World("unicycle", twist=lambda v, s, w: (v * (1 - 0.1 * np.abs(w)), s, w)), noise=2.0)
+    lack = lack_of_fit(problem, without_a_name(problem))
+    assert lack.significant
+    assert lack.rate == "v"
+    assert set(lack.on) == {"v_cmd", "w_cmd"}
+
+
+@pytest.mark.parametrize("system", ["slider", "pendulum", "unicycle", "cartpole"])
+@pytest.mark.parametrize("noise", [0.0, 1.0, 4.0])
+def test_nothing_is_found_where_nothing_is_missing(system, noise):
+    problem, _ = posed(World(system), noise=noise)
+    assert not lack_of_fit(problem, without_a_name(problem)).significant
+
+
+def test_nothing_is_found_beside_the_right_law():
+    problem, offers = posed(World("slider", forces={0: lambda q, v, t: -1.5 * v * np.abs(v)}))
+    drag = next(c for c in offers if c.family == "quadratic_drag")
+    named = fit(problem, Hypothesis().plus(drag.term([1.0]), drag.declared), problem.windows.measured[:, 0])
+    assert lack_of_fit(problem, without_a_name(problem)).significant
+    assert not lack_of_fit(problem, named).significant
