@@ -31,7 +31,9 @@ UNEXPLAINED = {
     1e-2: 0.15,
     1e-3: 0.03,
 }  # whiteness: share of the excess over noise that makes a partial account
-LACKING = 0.01  # of the squares that the named effects take off, that a smooth law would take off beside them
+LACKING = (
+    0.003  # of the squares that the named effects take off, that a smooth law would take off beside them
+)
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
 
 

@@ -29,6 +29,7 @@ LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
 BEYOND_DOUBT, SLIGHT_SHARE = 10.0, 0.002  # or so little where it gains so many nats, and leaves white noise
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
+ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
 MOST_EFFORT = 2e8  # simulated rows after which it grows no deeper; improving goes on from there
 EXACT = 2.0  # times the floor: no noise is left
@@ -130,9 +131,15 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
 
 
 def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
-    """Whether the richer one is better in a single window only: a moment that went wrong is no law."""
+    """Whether the richer one is better in a single window only, and does not explain that one to the noise.
+
+    A moment that went wrong is no law; a law that shows once leaves nothing of what happened.
+    """
     costs = [window_costs(problem, f.residuals[None], poorer.variance)[0] for f in (poorer, richer)]
-    kept = np.arange(len(problem.windows)) != int(np.argmax(costs[0] - costs[1]))
+    worst = int(np.argmax(costs[0] - costs[1]))
+    if costs[1][worst] < ORDINARY * float(np.median(costs[1])):
+        return False
+    kept = np.arange(len(problem.windows)) != worst
     rest = problem.on(problem.windows.take(kept))
     left = [
         rescored(rest, replace(f, residuals=f.residuals[kept], starts=f.starts[kept]))
