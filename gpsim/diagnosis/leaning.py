@@ -20,6 +20,7 @@ from gpsim.effects import Gate
 
 LOOKED_AT = 120  # windows at which a first look is taken
 CLEAR = 30.0  # nats on those windows that settle that something is needed,
+SLIGHT = 100.0  # nats that an edge which is a little off may be worth
 CLEAR_SHARE = 0.2  # and the share of the variance left over without it
 
 
@@ -90,10 +91,14 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
 def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
     """A fit with one term less and the edges of its gates moved to where they lie best without it.
 
-    An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias.
+    An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias, or
+    something slight.
     """
+    gone = leader.hypothesis.claims - less.hypothesis.claims
+    shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
     for index, term in enumerate(less.hypothesis.terms):
-        if term.gate and pays(problem, leader, less):
+        near = shifting or less.objective < leader.objective + SLIGHT
+        if term.gate and near and pays(problem, leader, less):
             less = placed(problem, less, index, NEAR, FINE)
     return less
 
