@@ -26,6 +26,7 @@ from gpsim.effects import Gate, Term
 
 MOST_TERMS = 6
 MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about half a minute of one core
+SWAPPING = 3.5e8  # as many more after which no further term is replaced
 ADDED, GATES, SWAPPED = (
     3,
     3,
@@ -55,7 +56,10 @@ def improved(
         leader, children = _extended(problem, leader, offers, most)
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = [
-            f for i in range(len(leader.hypothesis.terms)) for f in _swapped(problem, leader, i, offers)
+            f
+            for i in range(len(leader.hypothesis.terms))
+            if spent() < most + SWAPPING
+            for f in _swapped(problem, leader, i, offers)
         ]
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
@@ -150,9 +154,8 @@ def _gated(part: Problem, seen: Fit, index: int, offers: Sequence[Candidate]) ->
     """The leader with a term that acts everywhere put behind a gate, where one promises more."""
     term = seen.hypothesis.terms[index]
     same = [c for c in offers if c.place.on == term.on and c.variant == term.variant and c.gateable]
-    itself = [c for c in same if c.family == term.family]
-    if term.family == "coulomb_friction":
-        itself += [c for c in same if c.only_gated]
+    cases = term.effect.special_cases(term.values)
+    itself = [c for c in same if c.family == term.family or (c.only_gated and c.family in cases)]
     if term.gate or not itself:
         return []
     parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)

@@ -64,7 +64,7 @@ def _what(report: Report) -> str:
     if verdict == "unknown":
         partial = f" A part of it looks like this: {said}." if said else ""
         p_value = _number(report["remainder"]["p_value"], 2)
-        law = _missing_law(report["remainder"]["lack_of_fit"])
+        law = _missing_law(report["remainder"].get("lack_of_fit"))
         return f"What: nothing that I know explains it (remainder p = {p_value}).{law}{partial}"
     if verdict == "ambiguous":
         others = " or ".join("; ".join(e["sentence"] for e in a["effects"]) for a in report["alternatives"])

@@ -44,6 +44,10 @@ class CoulombFriction(ForceEffect):
         """A coefficient does."""
         return "coefficient" in values
 
+    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        """Of the same size in a region only; of the coefficient nothing is known there."""
+        return {"local_friction_patch": (values["force"],)} if "force" in values else {}
+
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return f"Coulomb friction on {on} ({', '.join(f'{k} {v}' for k, v in values.items())}) was left out"

@@ -30,6 +30,10 @@ from gpsim.trials.worlds import TrueEffect
 LOST = 3.0  # nats
 WINDOWS, FITTED = 60, 10
 PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
+UNEXPLAINED, NUMERICAL = (
+    0.2,
+    1000.0,
+)  # share of the misfit, and nats, that the engine's error may leave of a truth
 EXPANDED = 4  # equivalents that get rivals of their own
 Claims = tuple[tuple[str, str], ...]
 
@@ -96,6 +100,8 @@ class _Judge:
         if len(inside) < len(effects):
             return self._judged(found, 0.0, size)
         truth = frozenset((e.family, e.on) for e in inside)
+        if not self._explained(inside):
+            return []
         equal = [f for f in self._as_good(found, self._least(inside, found), size) if f.hypothesis.terms]
         for rival in equal[:EXPANDED]:
             for i, term in enumerate(rival.hypothesis.terms):
@@ -103,6 +109,14 @@ class _Judge:
                 others = self._replacements(parent, term.identity, term.gate)
                 found += [f for f in (parent, *others) if f.hypothesis.claims != truth]
         return self._judged(found, self._least(inside, found), size)
+
+    def _explained(self, effects: Sequence[TrueEffect]) -> bool:
+        """Whether the answer explains its own recording; of one that does not nothing can be said."""
+        truth = Hypothesis(scheme="fine")
+        for effect in effects:
+            truth = self._plus(truth, effect)
+        left, all_ = self._misfit(self._fitted(truth)), self._misfit(self._fitted(Hypothesis(scheme="fine")))
+        return left < UNEXPLAINED * all_ or self._whole * left < NUMERICAL
 
     def _judged(self, found: Sequence[Fit], least: float, size: int) -> list[Rival]:
         return [
