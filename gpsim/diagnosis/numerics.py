@@ -12,6 +12,8 @@ from gpsim.diagnosis.problem import Problem, objective, variance_of
 from gpsim.diagnosis.shooting import Fit, fit
 
 MARGIN = 2.0  # on the numerical error
+FINER_GAINS = 5.0  # nats that a grid twice as fine must gain
+MOST_FINER = 4  # times as many substeps as the base simulator needs
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
@@ -25,6 +27,22 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     theta = null.hypothesis.theta[None]
     change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
     return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+
+
+def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
+    """As many substeps as the best hypothesis needs, at most so many times more than the base simulator does.
+
+    What a coarse grid leaves over would pass for physics: a late command that changes inside a substep, say, of a
+    vehicle that turns no tighter than so. With the fit on the last grid.
+    """
+    substeps, at = problem.substeps, best
+    while at.hypothesis.scheme == "fine" and substeps < MOST_FINER * problem.substeps:
+        grid = replace(problem, substeps=2 * substeps)
+        finer = fit(grid, at.hypothesis, at.starts, iterations=8, near=True)
+        if finer.objective > at.objective - FINER_GAINS:
+            break
+        substeps, at = 2 * substeps, finer
+    return substeps, at
 
 
 def settled(problem: Problem, best: Fit) -> Problem:

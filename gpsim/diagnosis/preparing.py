@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import BoolArray
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.numerics import numerical_error, settled
+from gpsim.diagnosis.numerics import enough_substeps, numerical_error, settled
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.thinning import PACE, thinned
@@ -133,10 +133,12 @@ def _with_mismatch(problem: Problem) -> Problem:
 
 
 def settled_question(question: Question, best: Fit) -> Question:
-    """The question with the numerical error of the best hypothesis, a fit of the searched windows."""
-    floor = np.maximum(question.everything.floor, settled(question.searched, best).floor)
+    """The question with as fine a grid as the best hypothesis needs, a fit of the searched windows, and its error."""
+    substeps, best = enough_substeps(question.searched, best)
+    problem = replace(question.searched, substeps=substeps)
+    floor = np.maximum(question.everything.floor, settled(problem, best).floor)
     problems = (question.everything, question.searched, question.held_out)
-    everything, searched, held_out = (replace(problem, floor=floor) for problem in problems)
+    everything, searched, held_out = (replace(p, floor=floor, substeps=substeps) for p in problems)
     return replace(question, everything=everything, searched=searched, held_out=held_out)
 
 
