@@ -72,7 +72,7 @@ def improved(
         leader = lean(problem, best)
         if spent() > most:
             break
-    return polished(problem, leader, FINEST), tried
+    return polished(problem, _specialised(problem, leader, offers), FINEST), tried
 
 
 def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
@@ -194,6 +194,24 @@ def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
         placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < worth_it else f
         for f in fits
     ]
+
+
+def _specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
+    """The leader with special cases of its laws, where the laws do not pay over them."""
+    while True:
+        size = len(leader.hypothesis.parameters)
+        children = []
+        for i, old in enumerate(leader.hypothesis.terms):
+            rest = leader.hypothesis.without(i)
+            for candidate, start in _special_cases(old, [c for c in offers if _fits_gate(c, old.gate)]):
+                child = _in_place(rest, candidate, start, old.gate)
+                if child is not None and len(child.parameters) < size:
+                    children.append(child)
+        fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+        simpler = [f for f in fits if not pays(problem, leader, f)]
+        if not simpler:
+            return leader
+        leader = min(simpler, key=lambda f: f.objective)
 
 
 def _left_open(problem: Problem, at: Fit, index: int) -> Fit:
