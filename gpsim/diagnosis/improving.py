@@ -9,39 +9,33 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.gates import FINE, FINEST, PROMISING, gated_children, makes_sense, polished
-from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.gates import FINEST, PROMISING, gated_children, polished
+from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.lack_of_fit import lack_of_fit
-from gpsim.diagnosis.leaning import CLEAR, lean, likeliest, sampled, simplest
-from gpsim.diagnosis.numerics import rescored
+from gpsim.diagnosis.leaning import lean, likeliest, sampled, simplest
 from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.replacing import AS_WELL, specialised, swapped
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
-from gpsim.effects import Gate, Term
 
 MOST_TERMS = 6
 MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about half a minute of one core
 SWAPPING = 3.5e8  # as many more after which no further term is replaced
-ADDED, GATES, SWAPPED = (
+ADDED, GATES, LEANED = (
     3,
     3,
     3,
-)  # candidates fitted on all windows to add, behind a gate, and to replace a term
+)  # candidates fitted on all windows to add, behind a gate; rivals that are leaned
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
 GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate may explain
-AS_WELL = 5.0  # nats
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
-DRIFTS = ("battery_sag",)  # families that change with time by themselves
-JUMPS = 3  # candidates for what may have jumped instead
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
-LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 
 
 def improved(
@@ -59,12 +53,12 @@ def improved(
             f
             for i in range(len(leader.hypothesis.terms))
             if spent() < most + SWAPPING
-            for f in _swapped(problem, leader, i, offers)
+            for f in swapped(problem, leader, i, offers)
         ]
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
-        others += [less for f in near[:SWAPPED] if (less := lean(problem, f)) is not f]
+        others += [less for f in near[:LEANED] if (less := lean(problem, f)) is not f]
         tried += [*children, *others]
         best = simplest(problem, [leader, *others])
         if not _advances(problem, best, leader):
@@ -72,7 +66,7 @@ def improved(
         leader = lean(problem, best)
         if spent() > most:
             break
-    return polished(problem, _specialised(problem, leader, offers), FINEST), tried
+    return polished(problem, specialised(problem, leader, offers), FINEST), tried
 
 
 def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
@@ -161,99 +155,3 @@ def _gated(part: Problem, seen: Fit, index: int, offers: Sequence[Candidate]) ->
     parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
     whole = child_of(parent.hypothesis, itself[0], tuple(term.values[p.name] for p in itself[0].declared))
     return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself)
-
-
-def _swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
-    old = leader.hypothesis.terms[index]
-    part, seen = sampled(problem, leader)
-    parent = _left_open(part, seen, index)
-    open_offers = [c for c in offers if _fits_gate(c, old.gate)]
-    found = screened(Directions(part, parent), open_offers, old.gate)
-    promising = [
-        (candidate, start)
-        for worth, candidate, start in found
-        if worth > max(1.0, LEAST_SWAP * found[0][0]) and candidate.identity != old.identity
-    ]
-    special = _special_cases(old, open_offers)
-    names = {candidate.identity for candidate, _ in special}
-    others = [(c, start) for c, start in promising if c.identity not in names]
-    children = [
-        child
-        for candidate, start in [*special, *others[:SWAPPED]]
-        if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
-    ]
-    most = rescored(part, seen).objective + CLEAR
-    looks = fit_all(part, [Order(child, seen.starts, 12) for child in children])
-    near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
-    fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
-    if not old.gate:
-        return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
-    worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
-    return [
-        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < worth_it else f
-        for f in fits
-    ]
-
-
-def _specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
-    """The leader with special cases of its laws, where the laws do not pay over them."""
-    while True:
-        size = len(leader.hypothesis.parameters)
-        children = []
-        for i, old in enumerate(leader.hypothesis.terms):
-            rest = leader.hypothesis.without(i)
-            for candidate, start in _special_cases(old, [c for c in offers if _fits_gate(c, old.gate)]):
-                child = _in_place(rest, candidate, start, old.gate)
-                if child is not None and len(child.parameters) < size:
-                    children.append(child)
-        fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
-        simpler = [f for f in fits if not pays(problem, leader, f)]
-        if not simpler:
-            return leader
-        leader = min(simpler, key=lambda f: f.objective)
-
-
-def _left_open(problem: Problem, at: Fit, index: int) -> Fit:
-    """The fit with one term taken out and all else left as it is: what is missing then is that term, undistorted."""
-    hypothesis = at.hypothesis.without(index)
-    bare = fit(problem, hypothesis.frozen(), at.starts, iterations=0)
-    return replace(bare, hypothesis=hypothesis)
-
-
-def _special_cases(old: Term, offers: Sequence[Candidate]) -> list[tuple[Candidate, tuple[float, ...]]]:
-    """Simpler laws that the old one holds, from where it stands; a screening from afar may miss them."""
-    values = old.effect.special_cases(old.values)
-    return [
-        (c, values[c.family])
-        for c in offers
-        if c.family in values and c.place.on == old.on and len(c.declared) == len(values[c.family])
-        if c.variant == ""
-    ]
-
-
-def _in_place(
-    parent: Hypothesis, candidate: Candidate, start: Sequence[float], gate: Gate
-) -> Hypothesis | None:
-    """The parent with a term behind a gate; one that claimed the same everywhere makes room for it."""
-    same = [i for i, term in enumerate(parent.terms) if term.identity == candidate.identity]
-    if same and not gate:
-        return None
-    for i in same:
-        parent = parent.without(i)
-    return child_of(parent, candidate, start).gated(len(parent.terms), gate)
-
-
-def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequence[Candidate]) -> list[Fit]:
-    """In place of a drift: what changed at one moment."""
-    there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
-    directions = Directions(part, parent)
-    everywhere = grown(part, directions, there, JUMPS)
-    found = gated_children(part, directions, everywhere, there, (None,))
-    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
-
-
-def _fits_gate(candidate: Candidate, gate: Gate) -> bool:
-    if not gate:
-        return not candidate.only_gated
-    return candidate.gateable and makes_sense(candidate, next(iter(gate.region), None))
