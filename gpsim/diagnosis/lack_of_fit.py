@@ -17,6 +17,7 @@ import numpy as np
 from scipy.stats import ncx2
 
 from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.diagnosis.leaning import sampled
 from gpsim.diagnosis.numerics import numerical_error
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
@@ -66,10 +67,8 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 
     problem, at: the hypothesis fitted to these windows.
     """
-    count = len(problem.windows)
-    rows = np.linspace(0, count - 1, min(count, WINDOWS)).round().astype(np.int64)
-    some = problem.on(problem.windows.take(rows))
-    part = Fit(**{**at.__dict__, "starts": at.starts[rows], "residuals": at.residuals[rows]})
+    some, part = sampled(problem, at, WINDOWS)
+    more = len(problem.windows) / len(some.windows)
     directions = Directions(some, part)
     groups, best = list(_groups(some)), None
     own = _numerical(some, part)
@@ -81,7 +80,7 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
             names = problem.simulator.state.names + problem.simulator.action.names
             rate = problem.simulator.rate.names[group.rate]
             on = tuple(names[i] for i in group.inputs)
-            best = LackOfFit(rate, on, nats * count / len(rows), p_value)
+            best = LackOfFit(rate, on, nats * more, p_value)
     return best
 
 
