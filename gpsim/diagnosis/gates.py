@@ -18,7 +18,7 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, screened, starts_of
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 
 GATED, PROMISING, PLACED = (
     4,
@@ -64,7 +64,7 @@ def gated_children(
     promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
     best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
     claims = directions.parent.hypothesis.claims
-    proposals: list[Proposal] = []
+    looks: list[tuple[Directions, Candidate, tuple[float, ...], str | None, int]] = []
     for candidate in (c for c in offers if c.gateable and c.identity not in claims):
         family = "coulomb_friction" if candidate.only_gated else candidate.family
         everywhere = best.get((family, candidate.place.on))
@@ -77,12 +77,9 @@ def gated_children(
             seen, values = few, screened(few, [candidate])[0][2]
         else:
             continue
-        found = (
-            _best_gate(seen, candidate, values, channel, len(problem.windows))
-            for channel in looked_at
-            if makes_sense(candidate, channel)
-        )
-        proposals += [proposal for proposal in found if proposal is not None]
+        channels_of = (channel for channel in looked_at if makes_sense(candidate, channel))
+        looks += [(seen, candidate, values, channel, len(problem.windows)) for channel in channels_of]
+    proposals = [p for p in side_by_side(_best_gate, looks) if p is not None]
     proposals.sort(key=lambda p: -p.gain)
     # A patch that stops a body gains far more when fitted than its direction promises.
     patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
@@ -90,7 +87,7 @@ def gated_children(
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
     last = len(directions.parent.hypothesis.terms)
     fits.sort(key=lambda f: f.objective)
-    coarse = [placed(problem, f, last, NEAR, COARSE) for f in fits[:PLACED]]
+    coarse = side_by_side(placed, [(problem, f, last, NEAR, COARSE) for f in fits[:PLACED]])
     coarse.sort(key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
     return [placed(problem, f, last, NEAR, FINEST) for f in coarse[:1]] + coarse[1:] + fits[PLACED:]

@@ -25,6 +25,7 @@ REFITTED, WITHIN = (
     8,
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
+BEHIND = 60.0  # nats after a few iterations that no further ones make good
 MOST_RIVALS = 6
 TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
 UNEXPLAINED = {
@@ -127,8 +128,12 @@ def _near(problem: Problem, found: Found) -> list[Fit]:
 
 
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
+    """All fitted a little, those that are not far behind the best to the end."""
     starts = problem.windows.measured[:, 0]
-    return fit_all(problem, [Order(hypothesis, starts, 25, 0.02) for hypothesis in hypotheses])
+    begun = fit_all(problem, [Order(hypothesis, starts, 8) for hypothesis in hypotheses])
+    least = min((f.objective for f in begun), default=0.0) + BEHIND
+    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 17, 0.02) for f in begun if f.objective < least])
+    return [*ended, *(f for f in begun if f.objective >= least)]
 
 
 def _null_of(problem: Problem, leader: Fit) -> Fit:

@@ -15,7 +15,7 @@ from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import pays
 from gpsim.diagnosis.shooting import Fit
-from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import Gate
 
 LOOKED_AT = 120  # windows at which a first look is taken
@@ -78,14 +78,12 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
     if len(problem.windows) > 2 * LOOKED_AT:
         some, seen = sampled(problem, leader)
         seen = rescored(some, seen)
-        looks = [
-            _moved(some, look, seen)
-            for look in fit_all(some, [Order(part, seen.starts, 12) for part in parts])
-        ]
+        looks = fit_all(some, [Order(part, seen.starts, 12) for part in parts])
+        looks = side_by_side(_moved, [(some, look, seen) for look in looks])
         parts = [look.hypothesis for look in looks if not _clearly_worse(some, look, seen)]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
     fits = fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
-    return [_moved(problem, f, leader) for f in fits]
+    return side_by_side(_moved, [(problem, f, leader) for f in fits])
 
 
 def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:

@@ -14,7 +14,7 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import Gate, Term
 
 SWAPPED = 3  # candidates fitted on all windows to replace a term
@@ -51,10 +51,9 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     if not old.gate:
         return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
     worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
-    return [
-        placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) if f.objective < worth_it else f
-        for f in fits
-    ]
+    near = [f for f in fits if f.objective < worth_it]
+    sharper = side_by_side(placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near])
+    return [*sharper, *(f for f in fits if f.objective >= worth_it)]
 
 
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:

@@ -80,6 +80,8 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
     for depth in range(DEPTH):
         children: list[Fit] = []
         for parent in beam:
+            if children and spent() > most:
+                break
             directions = Directions(problem, parent)
             plain = grown(problem, directions, offers, FITTED[depth])
             if depth == 0 and parent is null:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.effort import add, spent
@@ -16,6 +17,7 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.workers import begin_worker, worker_pool
 
+Result = TypeVar("Result")
 _POOL: ContextVar[ProcessPoolExecutor | None] = ContextVar("pool", default=None)
 
 
@@ -31,7 +33,7 @@ class Order:
 
 @contextmanager
 def cores(count: int) -> Iterator[None]:
-    """Within it, `fit_all` uses `count` processes."""
+    """Within it, what goes `side_by_side` does so in `count` processes."""
     if count < 2:
         yield
         return
@@ -45,18 +47,23 @@ def cores(count: int) -> Iterator[None]:
 
 def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
     """The fits of all orders, in their order; raises what a fit raises."""
+    return side_by_side(_fit, [(problem, order) for order in orders])
+
+
+def side_by_side(function: Callable[..., Result], calls: Sequence[tuple[Any, ...]]) -> list[Result]:
+    """What a module's `function` makes of the arguments of every call, in their order; raises what it raises."""
     pool = _POOL.get()
-    if pool is None or len(orders) < 2:
-        return [_fit(problem, order) for order in orders]
-    results = [f.result() for f in [pool.submit(_counted, problem, order) for order in orders]]
+    if pool is None or len(calls) < 2:
+        return [function(*call) for call in calls]
+    results = [f.result() for f in [pool.submit(_counted, function, call) for call in calls]]
     add(sum(effort for _, effort in results))
-    return [found for found, _ in results]
+    return [result for result, _ in results]
 
 
-def _counted(problem: Problem, order: Order) -> tuple[Fit, float]:
-    """The fit, and the effort that it took in this process."""
+def _counted(function: Callable[..., Result], call: tuple[Any, ...]) -> tuple[Result, float]:
+    """What a function makes of its arguments, and the effort that it took in this process."""
     before = spent()
-    return _fit(problem, order), spent() - before
+    return function(*call), spent() - before
 
 
 def _fit(problem: Problem, order: Order) -> Fit:
