@@ -20,6 +20,7 @@ from gpsim.diagnosis.search import LEAST_SHARE
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import Windows, cut
+from gpsim.evenly import evenly
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
@@ -99,9 +100,7 @@ def _steps(question: Question, hypothesis: Hypothesis) -> _Steps:
 
 
 def _some(windows: Windows, most: int) -> Windows:
-    if len(windows) <= most:
-        return windows
-    return windows.take(np.linspace(0, len(windows) - 1, most).round().astype(np.int64))
+    return windows.take(evenly(len(windows), most))
 
 
 def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hypothesis:

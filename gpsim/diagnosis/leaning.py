@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.evidence import scores
 from gpsim.diagnosis.gates import FINE
@@ -17,6 +15,7 @@ from gpsim.diagnosis.search import pays
 from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import Gate
+from gpsim.evenly import evenly
 
 LOOKED_AT = 120  # windows at which a first look is taken
 CLEAR = 30.0  # nats on those windows that settle that something is needed,
@@ -62,8 +61,7 @@ def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
 
 def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, Fit]:
     """The problem on evenly spread windows, enough for a first look, and the fit's share of it."""
-    count = len(problem.windows)
-    rows = np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
+    rows = evenly(len(problem.windows), most)
     return problem.on(problem.windows.take(rows)), replace(
         at, starts=at.starts[rows], residuals=at.residuals[rows]
     )

@@ -16,6 +16,7 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.thinning import PACE, thinned
 from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut
 from gpsim.errors import UsageError
+from gpsim.evenly import evenly
 from gpsim.recordings import Recording
 from gpsim.residuals import check_match, check_varies
 from gpsim.simulators import Simulator
@@ -148,9 +149,7 @@ def spread_out(windows: Windows, most: int) -> Windows:
     rows = (
         later if len(later) >= max(FEWEST_WINDOWS, 2 * int(windows.fresh.sum())) else np.arange(len(windows))
     )
-    if len(rows) > most:
-        rows = rows[np.linspace(0, len(rows) - 1, most).round().astype(np.int64)]
-    return windows.take(rows)
+    return windows.take(rows[evenly(len(rows), most)])
 
 
 def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:

@@ -15,6 +15,7 @@ from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import Question, held_out_mask
 from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import LENGTH, Windows, cut
+from gpsim.evenly import evenly
 
 HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
 TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
@@ -78,6 +79,4 @@ def _held_out(question: Question, hypothesis: Hypothesis, length: int) -> Window
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() else ~held)
     windows = windows.take(windows.valid[:, -1])
-    if len(windows) > MOST:
-        windows = windows.take(np.linspace(0, len(windows) - 1, MOST).round().astype(np.int64))
-    return windows
+    return windows.take(evenly(len(windows), MOST))

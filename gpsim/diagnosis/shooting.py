@@ -15,6 +15,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected, state_jacobian
 from gpsim.diagnosis.problem import Problem, objective, variance_of, window_costs
+from gpsim.evenly import evenly
 
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
 PATTERN_ROUNDS = (1, 3, 5, 8)
@@ -161,8 +162,7 @@ def _searched_pattern(
     All places of a parameter are judged with start states that follow them linearly, and once more with the other
     parameters following, too; the best of either is taken if it holds.
     """
-    count = len(at.starts)
-    rows = np.linspace(0, count - 1, min(count, PATTERN_WINDOWS)).round().astype(np.int64)
+    rows = evenly(len(at.starts), PATTERN_WINDOWS)
     some, damped = problem.on(problem.windows.take(rows)), per_window[rows]
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:

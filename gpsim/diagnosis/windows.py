@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.evenly import evenly
 from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
@@ -59,8 +60,8 @@ def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> 
         for first, last in _pieces(episode, recording.dt)
         for low, high in _slices(first, last, length)
     ]
-    if most is not None and len(places) > most:
-        places = [places[i] for i in np.linspace(0, len(places) - 1, most).round().astype(np.int64)]
+    if most is not None:
+        places = [places[i] for i in evenly(len(places), most)]
     parts = [_window(recording, *place, length) for place in places]
     return (
         Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))

@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
+from gpsim.evenly import evenly
 from gpsim.recordings import Episode
 from gpsim.simulators.plant import Plant
 
@@ -44,7 +45,7 @@ def windows_of(episodes: Sequence[Episode], steps: int, most: int) -> Windows:
         for episode in episodes
         for first in range(0, len(episode) - WARM_UP - steps + 1, steps)
     ]
-    chosen = [pieces[i] for i in np.linspace(0, len(pieces) - 1, min(most, len(pieces))).round().astype(int)]
+    chosen = [pieces[i] for i in evenly(len(pieces), most)]
     return Windows(np.stack([states for states, _ in chosen]), np.stack([actions for _, actions in chosen]))
 
 

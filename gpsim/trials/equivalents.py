@@ -90,32 +90,34 @@ class _Judge:
         inside = [e for e in effects if not e.outside]
         found: list[Fit] = []
         for dropped in effects:
-            rest = Hypothesis(scheme="fine")
-            for effect in inside:
-                rest = rest if effect is dropped else self._plus(rest, effect)
-            parent = self._fitted(rest)
+            parent = self._fitted(self._hypothesis([e for e in inside if e is not dropped]))
             own = None if dropped.outside else (dropped.family, dropped.on)
             found += [parent, *self._replacements(parent, own, Gate(dropped.region, dropped.since))]
         size = sum(len(e.values) for e in effects)
         if len(inside) < len(effects):
             return self._judged(found, 0.0, size)
-        truth = frozenset((e.family, e.on) for e in inside)
-        if not self._explained(inside):
+        truth = self._hypothesis(inside)
+        fitted = self._fitted(truth)
+        if not self._explains(fitted):
             return []
-        equal = [f for f in self._as_good(found, self._least(inside, found), size) if f.hypothesis.terms]
+        least = self._least(truth, fitted, found)
+        equal = [f for f in self._as_good(found, least, size) if f.hypothesis.terms]
         for rival in equal[:EXPANDED]:
             for i, term in enumerate(rival.hypothesis.terms):
                 parent = self._fitted(rival.hypothesis.without(i))
                 others = self._replacements(parent, term.identity, term.gate)
-                found += [f for f in (parent, *others) if f.hypothesis.claims != truth]
-        return self._judged(found, self._least(inside, found), size)
+                found += [f for f in (parent, *others) if f.hypothesis.claims != truth.claims]
+        return self._judged(found, self._least(truth, fitted, found), size)
 
-    def _explained(self, effects: Sequence[TrueEffect]) -> bool:
-        """Whether the answer explains its own recording; of one that does not nothing can be said."""
-        truth = Hypothesis(scheme="fine")
+    def _hypothesis(self, effects: Sequence[TrueEffect]) -> Hypothesis:
+        out = Hypothesis(scheme="fine")
         for effect in effects:
-            truth = self._plus(truth, effect)
-        left, all_ = self._misfit(self._fitted(truth)), self._misfit(self._fitted(Hypothesis(scheme="fine")))
+            out = self._plus(out, effect)
+        return out
+
+    def _explains(self, truth: Fit) -> bool:
+        """Whether the answer explains its own recording; of one that does not nothing can be said."""
+        left, all_ = self._misfit(truth), self._misfit(self._fitted(Hypothesis(scheme="fine")))
         return left < UNEXPLAINED * all_ or self._whole * left < NUMERICAL
 
     def _judged(self, found: Sequence[Fit], least: float, size: int) -> list[Rival]:
@@ -142,17 +144,12 @@ class _Judge:
                 best[rival.claims] = f
         return sorted(best.values(), key=self._misfit)
 
-    def _least(self, effects: Sequence[TrueEffect], found: Sequence[Fit]) -> float:
+    def _least(self, truth: Hypothesis, fitted: Fit, found: Sequence[Fit]) -> float:
         """The truth's own misfit: the engine's numerical error. A rival that beats it shows where its fit got stuck."""
-        truth = Hypothesis(scheme="fine")
-        for effect in effects:
-            truth = self._plus(truth, effect)
-        first = self._fitted(truth)
-        best = min(found, key=self._misfit)
-        if self._misfit(first) - self._misfit(best) < LOST / self._whole:
-            return self._misfit(first)
-        again = fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)
-        return min(self._misfit(first), self._misfit(again))
+        own, best = self._misfit(fitted), min(found, key=self._misfit)
+        if own - self._misfit(best) < LOST / self._whole:
+            return own
+        return min(own, self._misfit(fit(self._problem, truth, best.starts, iterations=30, tolerance=0.01)))
 
     def _replacements(self, parent: Fit, own: tuple[str, str] | None, gate: Gate) -> list[Fit]:
         """The parent with one more of what is not there yet, behind the gate of the effect that is gone, too."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import IntArray
+from gpsim.evenly import evenly
 from gpsim.trials.replaying import Replay, base_residual, pick
 from gpsim.trials.running import Run
 from gpsim.trials.systems import SYSTEMS
@@ -75,6 +76,4 @@ def _picks(truth: Run, length: int, most: int) -> IntArray:
     steps, episodes = truth.commands.shape[:2]
     k, e = np.meshgrid(np.arange(0, steps - length + 1, length), np.arange(episodes), indexing="ij")
     picks = np.stack([k.ravel(), e.ravel()])
-    if picks.shape[1] > most:
-        picks = picks[:, np.linspace(0, picks.shape[1] - 1, most).round().astype(np.int64)]
-    return picks
+    return picks[:, evenly(picks.shape[1], most)]
