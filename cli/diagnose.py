@@ -62,7 +62,7 @@ def diagnose_command(
     for text in paragraphs(report):
         typer.echo(textwrap.fill(text, 100) + "\n")
     if explain:
-        typer.echo("Nats behind the best, integration, explanation:")
+        typer.echo("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
         for line in ranking(report):
             typer.echo(line)
     typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")

@@ -24,7 +24,8 @@ STAGES = {
     "train-source": "Train a policy in the base simulator (variant=source|randomised|target).",
     "build-residuals": "Subtract the simulator's prediction from the recording, rate by rate.",
     "fit-gp": "Fit one Gaussian process per rate to the residuals.",
-    "train-gp-policy": "Train a policy in the corrected simulator (prediction=mean|sample).",
+    "train-gp-policy": "Train a policy in the corrected simulator "
+    "(correction=gp|effects|effects+gp, prediction=mean|sample).",
     "certify": "Search which of the evaluation's starts can be solved at all.",
     "evaluate": "Compare policies, simulators and target: one step, rollouts, returns.",
 }

@@ -89,7 +89,8 @@ _NODE = '''#!/usr/bin/env python3
 
 Reads a pose (geometry_msgs/PoseStamped) and writes velocity commands (geometry_msgs/Twist); ~pose_topic,
 ~command_topic, ~goal_x, ~goal_y [m] and ~goal_radius [m] are parameters. It stops at the goal, after ~max_steps
-commands, and while no pose is newer than 0.3 s. Record both topics to score the trip: gpsim evaluate deployed=BAG.
+commands, and while no pose is newer than 0.3 s. Record both topics to score the trip: gpsim evaluate
+experiment=limo deployed=BAG.
 Needs rospy, numpy and onnxruntime.
 """
 

@@ -105,14 +105,7 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
         "tuned": comparison.tuned,
         "thinned": question.thinned,
         "not_measured": list(question.hidden),
-        "ranking": [
-            {
-                "nats_behind": round(-nats, 2),
-                "effects": [[t.family, t.on] for t in h.terms],
-                "scheme": h.scheme,
-            }
-            for nats, h in judgement.ranking[:40]
-        ],
+        "ranking": [ranked.entry for ranked in judgement.ranking],
     }
 
 

@@ -16,6 +16,7 @@ from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.ranking import Ranked, ranked
 from gpsim.diagnosis.search import Found, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
@@ -47,7 +48,7 @@ class Judgement:
     null: Fit
     rivals: list[Fit]
     probabilities: list[float]  # of the leader, then of the rivals
-    ranking: list[tuple[float, Hypothesis]]  # nats behind the best, on the search's windows
+    ranking: list[Ranked]
     p_value: float
     lack: LackOfFit | None
     unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
@@ -74,17 +75,13 @@ def judge(
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
-    ranking_nats = scores(question.searched, found.fits)
     return Judgement(
         _verdict(leader, rivals, p_value, unexplained, _lacking(problem, leader, null, lack)),
         leader,
         null,
         rivals,
         [float(w) for w in weights / weights.sum()],
-        [
-            (float(n - ranking_nats.max()), f.hypothesis)
-            for n, f in zip(ranking_nats, found.fits, strict=True)
-        ],
+        ranked((problem, [leader, null, *fits]), (question.searched, found.fits)),
         p_value,
         lack,
         unexplained,

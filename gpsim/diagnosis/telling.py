@@ -10,6 +10,8 @@ from gpsim.diagnosis.comparing import KINDS
 from gpsim.diagnosis.lack_of_fit import SIGNIFICANT
 
 Report = Mapping[str, Any]
+NOTHING = "nothing missing"
+RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
 
 
@@ -19,11 +21,13 @@ def paragraphs(report: Report) -> list[str]:
 
 
 def ranking(report: Report) -> list[str]:
-    """Every hypothesis that was fitted, the best first."""
-    return [
-        f"{entry['nats_behind']:10.1f}  {entry['scheme']:<14} {_terms(entry['effects'])}"
-        for entry in report["ranking"]
-    ]
+    """Every hypothesis that was fitted, the best first; those of the search alone, which had fewer data, at the end."""
+    lines = []
+    for windows, title in RANKINGS.items():
+        group = [entry for entry in report["ranking"] if entry.get("windows", "search") == windows]
+        if group:
+            lines += [title, *(_ranked(entry) for entry in group)]
+    return lines
 
 
 def _where(report: Report) -> str:
@@ -137,5 +141,14 @@ def _ordinal(number: int) -> str:
     return f"{number}{ {2: 'nd', 3: 'rd'}.get(number, 'th') }"
 
 
+def _ranked(entry: Report) -> str:
+    gates = entry.get("gates", [""] * len(entry["effects"]))
+    terms = [
+        f"{family} on {on}" + (f" (for some {gate})" if gate else "")
+        for (family, on), gate in zip(entry["effects"], gates, strict=True)
+    ]
+    return f"{entry['nats_behind']:10.1f}  {entry['scheme']:<14} {' + '.join(terms) or NOTHING}"
+
+
 def _terms(effects: list[list[str]]) -> str:
-    return " + ".join(f"{family} on {on}" for family, on in effects) or "nothing missing"
+    return " + ".join(f"{family} on {on}" for family, on in effects) or NOTHING

@@ -24,8 +24,8 @@ class FitSettings:
     """How to fit. `bounds`: box of the optimiser in standardised units.
 
     `restarts`: starts besides the data-driven first one: the best of those that turn quickly along one input; and
-    where these two leave much of the targets to noise, one that turns along every input, then random ones. Each
-    start is followed for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent
+    where the better of these leaves much of the targets to noise, one that turns along every input, then random
+    ones. Each start is followed for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent
     stops when the likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience`
     iterations, or at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean;
     exact, and faster where there are any.

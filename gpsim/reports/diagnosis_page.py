@@ -42,7 +42,7 @@ img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: 
 {% endfor %}
 {% for title, source in pictures.items() %}<h2>{{ title }}</h2><img alt="{{ title }}" src="{{ source }}">
 {% endfor %}
-<h2>All hypotheses that were fitted</h2><pre>{{ ranking }}</pre>
+<h2>All hypotheses that were fitted</h2><p>Nats behind the best, integration, explanation.</p><pre>{{ ranking }}</pre>
 <h2>diagnosis.json</h2><pre>{{ text }}</pre>
 </body></html>
 """

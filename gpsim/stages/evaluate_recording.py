@@ -22,7 +22,7 @@ from gpsim.stages.train_gp_policy import simulators_of
 
 WHY = (
     "layer 3 is left out: the target is known by its logs alone, there is nothing to drive; play an exported policy on "
-    "the robot (gpsim export policy) and score its logs (gpsim evaluate deployed=BAG)"
+    "the robot (gpsim export policy) and score its logs (gpsim evaluate experiment=limo deployed=BAG)"
 )
 
 

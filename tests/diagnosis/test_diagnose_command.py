@@ -37,7 +37,22 @@ def test_it_says_four_paragraphs_with_numbers(diagnosed):
     _, said = diagnosed
     for start in ("Verdict: ambiguous", "Where:", "What:", "How much", "Is the fit better"):
         assert start in said
-    assert "Nats behind the best" in said
+    assert "nats behind the best" in said
+
+
+def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagnosed):
+    out, said = diagnosed
+    report = json.loads((out / "diagnosis.json").read_text())
+    best, *others = report["ranking"]
+    options = [report["effects"], *(a["effects"] for a in report["alternatives"])]
+    assert best["effects"] in [[[e["family"], e["on"]] for e in option] for option in options]
+    assert best["windows"] == "all"
+    assert best["nats_behind"] == 0.0
+    assert [] in [entry["effects"] for entry in others]
+    for windows in ("all", "search"):
+        behind = [entry["nats_behind"] for entry in report["ranking"] if entry["windows"] == windows]
+        assert behind == sorted(behind)
+    assert sum(line.startswith("  ") for line in said.splitlines()) == len(report["ranking"])
 
 
 def test_the_files_keep_the_contract(diagnosed):

@@ -1,0 +1,60 @@
+"""The ranking: every hypothesis that was fitted, the best first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gpsim.diagnosis.evidence import scores
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit
+from gpsim.effects import Gate
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A hypothesis and how many nats it is behind the best; on all training windows, or on the search's alone."""
+
+    hypothesis: Hypothesis
+    behind: float
+    everything: bool
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """For diagnosis.json. gates: for each effect `time`, the channel of its region, or nothing."""
+        terms = self.hypothesis.terms
+        return {
+            "nats_behind": round(self.behind, 2),
+            "effects": [[t.family, t.on] for t in terms],
+            "gates": [_limited_in(t.gate) for t in terms],
+            "scheme": self.hypothesis.scheme,
+            "windows": "all" if self.everything else "search",
+        }
+
+
+def ranked(
+    everything: tuple[Problem, Sequence[Fit]], searched: tuple[Problem, Sequence[Fit]]
+) -> list[Ranked]:
+    """Those fitted on all windows, then those that the search alone has fitted, on its own."""
+    out: list[Ranked] = []
+    for (problem, fits), whole in ((everything, True), (searched, False)):
+        known = {_key(r.hypothesis) for r in out}
+        nats = scores(problem, list(fits))
+        for i in (-nats).argsort():
+            hypothesis = fits[int(i)].hypothesis
+            if _key(hypothesis) not in known:
+                known.add(_key(hypothesis))
+                out.append(Ranked(hypothesis, float(nats.max() - nats[i]), whole))
+    return out
+
+
+def _limited_in(gate: Gate) -> str:
+    if not gate:
+        return ""
+    return next(iter(gate.region), "time")
+
+
+def _key(hypothesis: Hypothesis) -> object:
+    return hypothesis.scheme, frozenset((t.identity, _limited_in(t.gate)) for t in hypothesis.terms)
