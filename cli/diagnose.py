@@ -44,6 +44,8 @@ def diagnose_command(
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     recording, settings = _split(words or [])
+    if recording is not None:
+        _refuse(settings)
     config = resolve(settings, None)
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.diagnosis.telling import paragraphs, ranking
@@ -53,7 +55,8 @@ def diagnose_command(
 
     if recording is None and simulator is not None:
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
-    stage = diagnose_loop.STAGE if recording is None else stage_for(Task(recording, simulator))
+    task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
+    stage = stage_for(task) if task else diagnose_loop.STAGE
     with single_progress("diagnose") as progress:
         request = Request(config, tuple(settings), progress, out, cores=cores or os.cpu_count() or 1)
         artifact, existed = stage.make(request)
@@ -66,6 +69,15 @@ def diagnose_command(
         for line in ranking(report):
             typer.echo(line)
     typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+
+
+def _refuse(settings: list[str]) -> None:
+    """What belongs to the loop's own recording would be ignored."""
+    others = {"simulator": "--simulator NAME", "recording": "the RECORDING alone"}
+    for word in settings:
+        name = word.partition("=")[0]
+        if name in others:
+            raise UsageError(f"diagnose: {word}: beside a RECORDING give {others[name]}")
 
 
 def _split(words: list[str]) -> tuple[Path | None, list[str]]:

@@ -17,6 +17,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from gpsim.provenance import git_commit, package_versions
 MANIFEST, TIMINGS = "manifest.json", "timings.json"
 SCHEMA = "gpsim.artifact/1"
 _VERSION = re.compile(r"v(\d{4,})")
+_TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{8}")
 Json = dict[str, Any]
 
 
@@ -228,23 +230,26 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
 
 def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None) -> Path:
     """Rename into place; another process may take a number at the same moment, so try until one is ours."""
-    if out is not None:
-        temporary.rename(out)
-        _fsync(shelf)
-        return out
     taken = [int(p.name[1:]) for p in shelf.iterdir() if _VERSION.fullmatch(p.name)]
     wanted = number if number is not None and number not in taken else max(taken, default=0) + 1
-    while True:
-        path = shelf / f"v{wanted:04d}"
+    # Somebody may have made `out` meanwhile: the work goes beside it rather than nowhere.
+    names = _names(out.name) if out is not None else (f"v{i:04d}" for i in count(wanted))
+    for path in (shelf / name for name in names):
         try:
             temporary.rename(path)  # fails when the folder exists, as a version never is empty
         except OSError as error:
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise
-            wanted += 1
             continue
         _fsync(shelf)
         return path
+    raise AssertionError("there is always a next name")
+
+
+def _names(name: str) -> Iterator[str]:
+    """The name, then the same with numbers."""
+    yield name
+    yield from (f"{name}-{i}" for i in count(2))
 
 
 def _fsync(path: Path) -> None:
@@ -258,8 +263,8 @@ def _fsync(path: Path) -> None:
 def _sweep(shelf: Path) -> None:
     """Remove the temporary folders of processes that are no more."""
     for path in shelf.glob(".tmp-*"):
-        owner = path.name.split("-")[1]
-        if owner.isdigit() and int(owner) != os.getpid() and not _alive(int(owner)):
+        made = _TEMPORARY.fullmatch(path.name)  # `--out` may lie among other programs' folders
+        if made and int(made[1]) != os.getpid() and not _alive(int(made[1])):
             shutil.rmtree(path, ignore_errors=True)
 
 

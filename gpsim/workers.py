@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -39,8 +40,12 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
 
 
 def begin_worker(parent: int) -> None:
-    """Ctrl-C reaches the whole group and the parent ends its workers; without the parent (kill -9) they leave."""
+    """Ctrl-C reaches the whole group and the parent ends its workers; without the parent (kill -9) they leave.
+
+    Who is ended by the parent leaves as after an exception, so that temporary folders go with it.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
 
 

@@ -173,7 +173,22 @@ def test_leftovers_of_dead_processes_are_swept(store):
     shelf = store.root / "cartpole" / "fit-gp"
     dead = subprocess.Popen(["true"])
     dead.wait()
-    for owner in (dead.pid, os.getppid()):
-        (shelf / f".tmp-{owner}-x").mkdir(parents=True)
+    ours = [f".tmp-{owner}-0123abcd" for owner in (dead.pid, os.getppid())]
+    theirs = f".tmp-{dead.pid}-x"  # another program's
+    for name in (*ours, theirs):
+        (shelf / name).mkdir(parents=True)
     store.publish(recipe(n=1), write)
-    assert {p.name for p in shelf.iterdir()} == {"v0001", f".tmp-{os.getppid()}-x"}
+    assert {p.name for p in shelf.iterdir()} == {"v0001", ours[1], theirs}
+
+
+def test_what_was_made_goes_beside_a_folder_that_came_meanwhile(store, tmp_path):
+    out = tmp_path / "mine"
+
+    def slow(folder: Path):
+        (out / "theirs").mkdir(parents=True)
+        return write(folder)
+
+    artifact = store.publish(recipe(n=1), slow, out=out)
+    assert artifact.path == tmp_path / "mine-2"
+    assert read_artifact(artifact.path) == artifact
+    assert [p.name for p in out.iterdir()] == ["theirs"]

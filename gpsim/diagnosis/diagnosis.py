@@ -87,7 +87,7 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
     return {
         "schema": SCHEMA,
         "verdict": judgement.verdict,
-        "location": locate(problem.simulator, judgement, comparison),
+        "location": locate(question, judgement, comparison),
         "effects": _effects(question, judgement, leader, judgement.probabilities[0]),
         "alternatives": [
             {"effects": _effects(question, judgement, rival, p), "probability": p}
@@ -149,7 +149,7 @@ def _effects(
                 "site": term.effect.site,
                 "parameters": parameters,
                 "region": {k: list(v) for k, v in term.gate.region.items()},
-                "since": term.gate.since,
+                "since": None if term.gate.since is None else term.gate.since + question.origin,
                 "probability": probability,
                 "evidence_gain": gain(problem, found, without),
                 "explains": _share(judgement.noise, found, without, problem.observed),

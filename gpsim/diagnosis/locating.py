@@ -9,18 +9,20 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.comparing import Comparison
 from gpsim.diagnosis.judging import Judgement
+from gpsim.diagnosis.preparing import Question
 from gpsim.simulators import Simulator
 
 BINS, DEPENDS = 8, 0.05
 GLITCH = 8.0  # times the typical residual: more is taken for a leap of the sensor
 
 
-def locate(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
+def locate(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
     """The contract's `location`."""
+    simulator = question.everything.simulator
     channels = _shares(simulator, judgement, comparison)
     gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
     region = {k: list(v) for gate in gates for k, v in gate.region.items()}
-    since = next((gate.since for gate in gates if gate.since is not None), None)
+    since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
     differs = judgement.verdict != "none"
     return {
         "channels": channels,
@@ -78,4 +80,4 @@ def _explained(values: FloatArray, targets: FloatArray) -> float:
         total = max(float(((target - target.mean()) ** 2).sum()), 1e-300)
         between = float((count * (means - target.mean()) ** 2).sum()) / total
         shares.append(between - BINS / len(target))
-    return max(shares)
+    return max(shares, default=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from gpsim.diagnosis.windows import Windows
 
 FIXED_POINT_ROUNDS = 20  # at most
 SETTLED = 1e-9  # of a channel's scale
+NUDGE = 1e-3  # of a channel's scale: how far a state is moved to see what its sensor makes of it
+GAINS = (0.01, 100.0)  # beyond these a sensor is taken for one that reads the truth
 
 
 def predicted(
@@ -37,7 +40,7 @@ def traced(problem: Problem, found: Fit) -> FloatArray:
 
 
 def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, S) true states whose measurement is what was measured, by a fixed point."""
+    """(W, S) true states whose measurement is what was measured: Newton's steps with each sensor's own gain."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     measured = windows.measured[:, 0]
     first = replace(
@@ -47,11 +50,30 @@ def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Float
         t=windows.t[:, :2],
         valid=windows.valid[:, :2],
     )
-    state, theta = measured, hypothesis.theta[None]
-    for _ in range(FIXED_POINT_ROUNDS if any(t.effect.site == "sensor" for t in hypothesis.terms) else 0):
-        said = simulate(chain, first, state[None], hypothesis.spread, theta, problem.substeps)[0, :, 0]
-        change = difference(measured, said, problem.simulator.state)
+    if not any(t.effect.site == "sensor" for t in hypothesis.terms):
+        return measured
+
+    def said(state: FloatArray) -> FloatArray:
+        theta = hypothesis.theta[None]
+        return np.asarray(
+            simulate(chain, first, state[None], hypothesis.spread, theta, problem.substeps)[0, :, 0]
+        )
+
+    state, gains = measured, _gains(problem, measured, said)
+    for _ in range(FIXED_POINT_ROUNDS):
+        change = difference(measured, said(state), problem.simulator.state) / gains
         state = state + change
         if (np.abs(change) < SETTLED * problem.scale).all():
             break
     return state
+
+
+def _gains(problem: Problem, state: FloatArray, said: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """(W, S) how much more each channel reads where its state is more."""
+    channels, before = problem.simulator.state, said(state)
+    gains = np.ones_like(state)
+    for i, nudge in enumerate(NUDGE * problem.scale):
+        moved = np.array(state)
+        moved[:, i] += nudge
+        gains[:, i] = difference(said(moved), before, channels)[:, i] / nudge
+    return np.where((gains > GAINS[0]) & (gains < GAINS[1]), gains, 1.0)

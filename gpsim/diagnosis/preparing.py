@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray
+from gpsim.diagnosis.clock import rebased
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.numerics import enough_substeps, numerical_error, settled
@@ -37,7 +38,8 @@ NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (
 class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
-    recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator.
+    recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
+    its clock 0 at `origin` s.
     """
 
     recording: Recording
@@ -47,6 +49,7 @@ class Question:
     base_scheme: str
     thinned: int = 1
     hidden: tuple[str, ...] = ()
+    origin: float = 0.0
 
 
 def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> Question:
@@ -58,7 +61,8 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
-    seen, every = thinned(recording)
+    seen, origin = rebased(recording)
+    seen, every = thinned(seen)
     seen = guessed(seen, simulator)
     training, held = _split(seen)
     problem = _problem(seen, simulator, parameters, training, hidden)
@@ -75,6 +79,7 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         recording.integrator,
         every,
         hidden,
+        origin,
     )
 
 
@@ -82,6 +87,11 @@ def _split(recording: Recording) -> tuple[Windows, Windows]:
     """Windows to learn from and held-out ones."""
     windows = cut(recording, _length(recording), most=CUT)
     held = held_out_mask(recording, windows)
+    if recording.held_out is not None and not held.any():
+        raise UsageError(
+            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
+            "or take it out to hold out the last fifth"
+        )
     training = windows.take(~held)
     if len(training) < FEWEST_WINDOWS:
         raise UsageError(
@@ -163,7 +173,7 @@ def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
     if count >= 5:
         return np.asarray(windows.episode >= count - max(1, count // 5))
     order = np.arange(len(windows))
-    return np.asarray(order >= 0.8 * len(windows))
+    return np.asarray(order >= min(0.8 * len(windows), max(len(windows) - 1, 1)))
 
 
 def _length(recording: Recording) -> int:

@@ -148,7 +148,8 @@ def _history(
     drive: Drive,
 ) -> FloatArray:
     """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began."""
-    step = (windows.before_t[rows, -1] - windows.before_t[rows, -2]) / n
+    # The window's own step, at which `measure` looks it up: before the window the log may have a gap.
+    step = (windows.t[rows, 1] - windows.t[rows, 0]) / n
     fresh, state = windows.fresh[rows, None], starts
     past = [starts]
     for back in range(1, min(chain.reach(values, step), n * windows.before_actions.shape[1] + 1)):

@@ -39,7 +39,7 @@ def _where(report: Report) -> str:
             + _looked_at(report)
         )
     parts = ", ".join(f"{100 * share:.0f} % of {name}'s residual" for name, share in shares if share > 0.01)
-    text = f"Where: beyond noise lies {parts or 'a small part of the residual'}"
+    text = f"Where: beyond noise lies {parts or _no_part(report)}"
     if location["depends_on"]:
         text += f"; it depends on {', '.join(location['depends_on'][:3])}"
     for name, (low, high) in location["region"].items():
@@ -67,7 +67,7 @@ def _what(report: Report) -> str:
     said = "; ".join(effect["sentence"] for effect in effects)
     if verdict == "unknown":
         partial = f" A part of it looks like this: {said}." if said else ""
-        p_value = _number(report["remainder"]["p_value"], 2)
+        p_value = number(report["remainder"]["p_value"], 2)
         law = _missing_law(report["remainder"].get("lack_of_fit"))
         return f"What: nothing that I know explains it (remainder p = {p_value}).{law}{partial}"
     if verdict == "ambiguous":
@@ -109,36 +109,41 @@ def _better(report: Report) -> str:
     steps = [f"{name} {_step_errors(e)}" for name, e in report["fit"]["one_step"].items()]
     rollout = report["fit"]["rollout"]
     runs = [f"{name} {_run_errors(e)}" for name, e in rollout.items() if name != "horizon_s"]
-    text = "Is the fit better, one step ahead on held-out data: " + "; ".join(steps) + "."
+    said = "; ".join(steps) or "no rate follows from what was recorded"
+    text = f"Is the fit better, one step ahead on held-out data: {said}."
     return text + (f" After {rollout['horizon_s']:.3g} s: {'; '.join(runs)}." if runs else "")
 
 
 def _step_errors(errors: Mapping[str, Any]) -> str:
     """RMS errors; where rare glitches make most of them, what is typical too."""
-    n = {kind: _number(errors[kind]) for kind in KINDS}
+    n = {kind: number(errors[kind]) for kind in KINDS}
     text = (
         f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after, "
         f"{n['after_gp']} after with a GP (noise floor {n['noise_floor']} {errors['unit']}"
     )
     usual = errors["typical"]
     if None not in (errors["after"], usual["after"]) and errors["after"] > GLITCHES * usual["after"]:
-        often = {kind: _number(value) for kind, value in usual.items()}
+        often = {kind: number(value) for kind, value in usual.items()}
         text += f"; rare glitches dominate, typically {often['before']} before and {often['after']} after"
     return text + ")"
 
 
 def _run_errors(errors: Mapping[str, Any]) -> str:
-    before, gp, after = (_number(errors[kind]) for kind in ("before", "gp", "after"))
+    before, gp, after = (number(errors[kind]) for kind in ("before", "gp", "after"))
     return f"{before} before, {gp} with a GP, {after} after {errors['unit']}"
 
 
-def _number(value: float | None, digits: int = 3) -> str:
+def number(value: float | None, digits: int = 3) -> str:
     """So many digits; a simulation that ran away has no error or p that JSON could hold."""
     return "diverged" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
 def _ordinal(number: int) -> str:
     return f"{number}{ {2: 'nd', 3: 'rd'}.get(number, 'th') }"
+
+
+def _no_part(report: Report) -> str:
+    return "a small part of the residual" if report["fit"]["one_step"] else "a rate that nobody measured"
 
 
 def _ranked(entry: Report) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -24,7 +25,7 @@ def tell_apart(problem: Problem, judgement: Judgement) -> str | None:
         return None
     hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals[:3])]
     names, actions = _excitations(problem)
-    windows = _windows(problem, actions)
+    windows = _windows(problem, actions, _latest(hypotheses))
     said = [_said(problem, windows, h) for h in hypotheses]
     noise = np.maximum(judgement.noise, 1e-300)
     worst = np.min([_apart(problem, a, b, noise) for a, b in pairwise(said)], axis=0)  # (E, S)
@@ -66,13 +67,19 @@ def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
     return names, np.stack(out)
 
 
-def _windows(problem: Problem, actions: FloatArray) -> Windows:
-    """Windows that start at the recording's first state, at rest."""
+def _latest(hypotheses: Sequence[Hypothesis]) -> float:
+    """When everything has begun [s]: what is recorded next is recorded afterwards."""
+    begun = (t.gate.since for h in hypotheses for t in h.terms if t.gate.since is not None)
+    return max(begun, default=0.0)
+
+
+def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
+    """Windows that start at a typical state, at rest, at the time `begin`."""
     count, steps = actions.shape[:2]
     start = np.median(problem.windows.measured[:, 0], axis=0)
     for coordinate in problem.simulator.coordinates:
         start[problem.simulator.state.index(coordinate.velocity)] = 0.0
-    t = problem.dt * np.arange(-PRE_ROLL, steps + 1)
+    t = begin + problem.dt * np.arange(-PRE_ROLL, steps + 1)
     return Windows(
         np.tile(start, (count, steps + 1, 1)),
         actions,

@@ -22,8 +22,8 @@ def thinned(recording: Recording) -> tuple[Recording, int]:
     most = round(PACE / recording.dt)
     longest = max(len(episode) for episode in recording.episodes)
     for k in range(min(most, longest), 1, -1):
-        episodes = tuple(_blocks(episode, k) for episode in recording.episodes if len(episode) >= k)
-        if len(episodes) == len(recording.episodes) and _share_kept(recording, k) >= KEPT:
+        if _share_kept(recording, k) >= KEPT:
+            episodes = tuple(_blocks(episode, k) for episode in recording.episodes)
             return replace(recording, episodes=episodes, dt=k * recording.dt), k
     return recording, 1
 
@@ -37,7 +37,7 @@ def _means(episode: Episode, k: int) -> FloatArray:
     """(K // k, A) time averages of the actions over whole blocks."""
     count = len(episode) // k
     weight = np.diff(episode.t)[: count * k].reshape(count, k, 1)
-    actions = episode.actions[: count * k].reshape(count, k, -1)
+    actions = episode.actions[: count * k].reshape(count, k, episode.actions.shape[1])
     return np.asarray((actions * weight).sum(axis=1) / weight.sum(axis=1))
 
 

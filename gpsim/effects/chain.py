@@ -57,8 +57,11 @@ class Chain:
     def rest(self, count: int, step: float) -> Memory:
         """The actuators' memory at rest, for a grid of `step` [s]."""
         memory: Memory = {}
+        # What was found on a thinned clock may be late by more of this clock's steps.
+        late = (float(t.values.get("delay", 0.0)) for t in self.terms)
+        longest = max(LONGEST_DELAY * self.dt, *late, 0.0)
         for i, effect, _ in self._actuators:
-            part = effect.begin(count, LONGEST_DELAY * self.dt, step)
+            part = effect.begin(count, longest, step)
             memory |= {f"{i}/{key}": values for key, values in part.items()}
         return memory
 

@@ -25,7 +25,7 @@ class FitSettings:
 
     `restarts`: starts besides the data-driven first one: the best of those that turn quickly along one input; and
     where the better of these leaves much of the targets to noise, one that turns along every input, then random
-    ones. Each start is followed for `screening_iterations`, the best one to the end (0 restarts: no screening). The ascent
+    ones. Each start is followed for `screening_iterations`, the best one to the end (0 restarts: none). The ascent
     stops when the likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience`
     iterations, or at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean;
     exact, and faster where there are any.

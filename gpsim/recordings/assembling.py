@@ -141,6 +141,9 @@ def _episode(
     margin = _margin({s.topic or "": tracks[s.topic or ""] for s in _measured(mapping)}, mapping)
     whole = (piece[0] - margin, piece[1] + margin)
     by_name = {source.channel.name: source for source in mapping.state}
+    origins = [by_name[s.derivative_of or s.channel.name] for s in mapping.state if _is_filtered(s, mapping)]
+    if any(where.inside(tracks[s.topic or ""].t, [whole]).sum() < 2 for s in origins):
+        return None  # nothing to differentiate
     columns = []
     for source in mapping.state:
         if source.derivative_of is not None:
@@ -159,6 +162,10 @@ def _episode(
     commands = [_command(source, tracks[source.topic or ""], at, mapping) for source in mapping.action]
     actions = np.stack(commands, axis=1) if commands else np.zeros((len(at) - 1, 0))
     return Episode("", at, np.stack(columns, axis=1), actions)
+
+
+def _is_filtered(source: ChannelSource, mapping: ImportMapping) -> bool:
+    return source.derivative_of is not None or source.channel.name in mapping.smoothing.channels
 
 
 def _filtered(

@@ -12,6 +12,7 @@ import yaml
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
+from gpsim.recordings import values
 from gpsim.recordings.recording import Episode, HeldOut, Recording
 
 TableFormat = Literal["csv", "parquet"]
@@ -74,12 +75,16 @@ def read_recording(path: Path) -> Recording:
     folder = path if path.is_dir() else path.parent
     meta = _read_metadata(folder / META_NAME)
     frame, table = _read_table(folder)
-    state = Channels.of(meta["state"], wraps=meta.get("wraps", ()))
-    action = Channels.of(meta.get("action") or {})
+    where = str(folder / META_NAME)
+    state = Channels.of(_units(meta["state"], f"{where}: state"), wraps=_wraps(meta, where))
+    action = Channels.of(_units(meta.get("action") or {}, f"{where}: action"))
     needed = ("episode", "t", *state.names, *action.names)
     missing = [name for name in needed if name not in frame.columns]
     if missing:
         raise UsageError(f"{table}: column(s) {', '.join(missing)} missing; {META_NAME} names them")
+    unnamed = np.flatnonzero(frame["episode"].isna())
+    if unnamed.size:
+        raise UsageError(f"{table}: row {unnamed[0]}: no episode; give every row its episode's name")
     episodes = tuple(
         _episode(str(name), rows, state, action, table) for name, rows in frame.groupby("episode", sort=False)
     )
@@ -88,13 +93,15 @@ def read_recording(path: Path) -> Recording:
         state=state,
         action=action,
         episodes=episodes,
-        dt=float(meta["dt"]),
-        parameters={k: float(v) for k, v in (meta.get("parameters") or {}).items()},
+        dt=values.number(meta["dt"], f"{where}: dt"),
+        parameters=values.numbers(meta.get("parameters") or {}, f"{where}: parameters"),
         integrator=str(meta.get("integrator", "euler")),
-        velocities=meta.get("velocities"),
-        clock=meta.get("clock", "episode"),
-        noise={k: float(v) for k, v in (meta.get("noise") or {}).items()},
-        held_out=HeldOut(**meta["held_out"]) if meta.get("held_out") else None,
+        velocities=values.choice(
+            meta.get("velocities"), (None, "measured", "differentiated"), f"{where}: velocities"
+        ),
+        clock=values.choice(meta.get("clock", "episode"), ("session", "episode"), f"{where}: clock"),
+        noise=_noise(meta, state + action, where),
+        held_out=_held_out(meta, where),
         provenance=meta.get("provenance") or {},
     )
 
@@ -119,6 +126,38 @@ def _read_metadata(path: Path) -> Mapping[str, Any]:
             f"{path}: unknown key(s) {', '.join(unknown)}; known are {', '.join(sorted(_KNOWN))}"
         )
     return meta
+
+
+def _units(raw: object, where: str) -> dict[str, str]:
+    if not isinstance(raw, Mapping):
+        raise UsageError(f"{where}: expected channels with units, as {{x: m, x_dot: m/s}}, got {raw!r}")
+    return {str(name): str(unit) for name, unit in raw.items()}
+
+
+def _wraps(meta: Mapping[str, Any], where: str) -> tuple[str, ...]:
+    names = meta.get("wraps") or []
+    if not isinstance(names, list):
+        raise UsageError(f"{where}: wraps: expected a list of channels, got {names!r}")
+    return tuple(values.choice(name, tuple(meta["state"]), f"{where}: wraps") for name in names)
+
+
+def _noise(meta: Mapping[str, Any], channels: Channels, where: str) -> dict[str, float]:
+    noise = values.numbers(meta.get("noise") or {}, f"{where}: noise")
+    for name in noise:
+        values.choice(name, channels.names, f"{where}: noise")
+    return noise
+
+
+def _held_out(meta: Mapping[str, Any], where: str) -> HeldOut | None:
+    if not meta.get("held_out"):
+        return None
+    where = f"{where}: held_out"
+    rule = values.table(meta["held_out"], where, ("episodes_from", "time_from"))
+    first, moment = rule.get("episodes_from"), rule.get("time_from")
+    return HeldOut(
+        None if first is None else int(values.number(first, f"{where}.episodes_from")),
+        None if moment is None else values.number(moment, f"{where}.time_from"),
+    )
 
 
 def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar, get_args
 
 from gpsim.channels import Channel
 from gpsim.errors import UsageError
+from gpsim.recordings import values
 from gpsim.recordings.mapping import (
     AngleName,
     ChannelSource,
@@ -31,7 +31,7 @@ _TOP_KEYS = (*(f.name for f in fields(ImportMapping)), "dt")
 
 def parse_mapping(raw: object, where: str = "mapping") -> ImportMapping:
     """Check a plain dictionary and build the mapping; every fault is one line with the alternatives."""
-    table = _table(raw, where, _TOP_KEYS)
+    table = values.table(raw, where, _TOP_KEYS)
     for key in ("system", "state"):
         if key not in table:
             raise UsageError(f"{where}: {key} missing; a mapping needs system, state, action and rate")
@@ -48,13 +48,13 @@ def _rate(table: Mapping[str, Any], where: str) -> float | None:
     if table.get("dt") is not None and table.get("rate") is not None:
         raise UsageError(f"{where}: give rate [Hz] or dt [s], not both")
     if table.get("dt") is not None:
-        step = _number(table["dt"], f"{where}: dt")
+        step = values.number(table["dt"], f"{where}: dt")
         if not step > 0:
             raise UsageError(f"{where}: dt must be positive [s], got {step}")
         return 1.0 / step
     if table.get("rate") is None:
         raise UsageError(f"{where}: rate missing; a number [Hz], or 'source' to keep the state's own stamps")
-    return None if table["rate"] == "source" else _number(table["rate"], f"{where}: rate")
+    return None if table["rate"] == "source" else values.number(table["rate"], f"{where}: rate")
 
 
 def _channels(raw: object, where: str) -> tuple[ChannelSource, ...]:
@@ -64,37 +64,37 @@ def _channels(raw: object, where: str) -> tuple[ChannelSource, ...]:
 
 
 def _channel(name: str, raw: object, where: str) -> ChannelSource:
-    table = _table(raw, where, _CHANNEL_KEYS)
+    table = values.table(raw, where, _CHANNEL_KEYS)
     origins = [key for key in ("field", "quaternion", "derivative_of") if table.get(key) is not None]
     if len(origins) != 1:
         got = " and ".join(origins) or "none"
         raise UsageError(f"{where}: needs exactly one of field, quaternion, derivative_of; got {got}")
     if "unit" not in table:
         raise UsageError(f"{where}: unit missing, as in {{field: pose.position.x, unit: m}}")
-    sign = _number(table.get("sign", 1), f"{where}.sign")
+    sign = values.number(table.get("sign", 1), f"{where}.sign")
     if sign not in (1.0, -1.0):
         raise UsageError(f"{where}.sign: must be 1 or -1, got {table['sign']}; use scale for a factor")
     return ChannelSource(
-        channel=Channel(name, str(table["unit"]), _flag(table.get("wraps", False), f"{where}.wraps")),
-        topic=_text(table.get("topic")),
-        field=_text(table.get("field")),
-        quaternion=_text(table.get("quaternion")),
-        angle=_choice(table.get("angle", "yaw"), get_args(AngleName), f"{where}.angle"),
-        derivative_of=_text(table.get("derivative_of")),
-        scale=_number(table.get("scale", 1.0), f"{where}.scale"),
+        channel=Channel(name, str(table["unit"]), values.flag(table.get("wraps", False), f"{where}.wraps")),
+        topic=values.text(table.get("topic")),
+        field=values.text(table.get("field")),
+        quaternion=values.text(table.get("quaternion")),
+        angle=values.choice(table.get("angle", "yaw"), get_args(AngleName), f"{where}.angle"),
+        derivative_of=values.text(table.get("derivative_of")),
+        scale=values.number(table.get("scale", 1.0), f"{where}.scale"),
         sign=sign,
-        offset=_number(table.get("offset", 0.0), f"{where}.offset"),
+        offset=values.number(table.get("offset", 0.0), f"{where}.offset"),
     )
 
 
 def _time(raw: object, where: str) -> TimeColumns:
-    table = _table(raw, where, ("field", "scale", "seconds", "nanoseconds", "step"))
+    table = values.table(raw, where, ("field", "scale", "seconds", "nanoseconds", "step"))
     time = TimeColumns(
-        field=_text(table.get("field")),
-        scale=_number(table.get("scale", 1.0), f"{where}.scale"),
-        seconds=_text(table.get("seconds")),
-        nanoseconds=_text(table.get("nanoseconds")),
-        step=None if table.get("step") is None else _number(table["step"], f"{where}.step"),
+        field=values.text(table.get("field")),
+        scale=values.number(table.get("scale", 1.0), f"{where}.scale"),
+        seconds=values.text(table.get("seconds")),
+        nanoseconds=values.text(table.get("nanoseconds")),
+        step=None if table.get("step") is None else values.number(table["step"], f"{where}.step"),
     )
     if sum(x is not None for x in (time.field, time.seconds, time.step)) != 1:
         raise UsageError(f"{where}: give one of field, seconds (with nanoseconds) and step")
@@ -104,50 +104,53 @@ def _time(raw: object, where: str) -> TimeColumns:
 
 
 def _clock(raw: object, where: str) -> ClockChoice:
-    table = _table(raw, where, tuple(f.name for f in fields(ClockChoice)))
+    table = values.table(raw, where, tuple(f.name for f in fields(ClockChoice)))
     stamps = get_args(StampChoice)
     apply = table.get("apply_offset", False)
     topics = table.get("topics") or {}
     if not isinstance(topics, Mapping):
         raise UsageError(f"{where}.topics: expected topic: header|receive")
     return ClockChoice(
-        stamps=_choice(table.get("stamps", "auto"), stamps, f"{where}.stamps"),
+        stamps=values.choice(table.get("stamps", "auto"), stamps, f"{where}.stamps"),
         topics={
-            str(name): _choice(value, stamps, f"{where}.topics.{name}") for name, value in topics.items()
+            str(name): values.choice(value, stamps, f"{where}.topics.{name}")
+            for name, value in topics.items()
         },
-        offsets=_numbers(table.get("offsets") or {}, f"{where}.offsets"),
-        apply_offset=apply if isinstance(apply, bool) else _number(apply, f"{where}.apply_offset"),
-        kind=_choice(table.get("kind", "auto"), ("auto", "session", "episode"), f"{where}.kind"),
+        offsets=values.numbers(table.get("offsets") or {}, f"{where}.offsets"),
+        apply_offset=apply if isinstance(apply, bool) else values.number(apply, f"{where}.apply_offset"),
+        kind=values.choice(table.get("kind", "auto"), ("auto", "session", "episode"), f"{where}.kind"),
     )
 
 
 def _smoothing(raw: object, where: str) -> Smoothing:
-    table = _table(raw, where, tuple(f.name for f in fields(Smoothing)))
+    table = values.table(raw, where, tuple(f.name for f in fields(Smoothing)))
     names = table.get("channels") or ()
     if isinstance(names, str) or not isinstance(names, list | tuple):
         raise UsageError(f"{where}.channels: expected a list of channel names")
     return Smoothing(
-        method=_choice(table.get("method", "gaussian"), ("gaussian", "savgol", "none"), f"{where}.method"),
-        sigma=_number(table.get("sigma", 2.0), f"{where}.sigma"),
-        window=int(_number(table.get("window", 9), f"{where}.window")),
-        order=int(_number(table.get("order", 3), f"{where}.order")),
-        edges=_choice(table.get("edges", "trim"), ("trim", "local"), f"{where}.edges"),
+        method=values.choice(
+            table.get("method", "gaussian"), ("gaussian", "savgol", "none"), f"{where}.method"
+        ),
+        sigma=values.number(table.get("sigma", 2.0), f"{where}.sigma"),
+        window=int(values.number(table.get("window", 9), f"{where}.window")),
+        order=int(values.number(table.get("order", 3), f"{where}.order")),
+        edges=values.choice(table.get("edges", "trim"), ("trim", "local"), f"{where}.edges"),
         channels=tuple(str(name) for name in names),
     )
 
 
 def _episodes(raw: object, where: str) -> EpisodeRule:
-    table = _table(raw, where, tuple(f.name for f in fields(EpisodeRule)))
-    by = _choice(table.get("by", "file"), ("file", "gap", "flag", "column"), f"{where}.by")
+    table = values.table(raw, where, tuple(f.name for f in fields(EpisodeRule)))
+    by = values.choice(table.get("by", "file"), ("file", "gap", "flag", "column"), f"{where}.by")
     variants = table.get("variants") or {}
     if not isinstance(variants, Mapping) or not all(isinstance(v, Mapping) for v in variants.values()):
         raise UsageError(f"{where}.variants: expected episode name: {{channel: field}}")
     return EpisodeRule(
         by="file" if by == "gap" else by,  # a gap always ends an episode, whatever else does
-        topic=_text(table.get("topic")),
-        field=_text(table.get("field")),
-        equals=_number(table.get("equals", 1.0), f"{where}.equals"),
-        min_duration=_number(table.get("min_duration", 0.0), f"{where}.min_duration"),
+        topic=values.text(table.get("topic")),
+        field=values.text(table.get("field")),
+        equals=values.number(table.get("equals", 1.0), f"{where}.equals"),
+        min_duration=values.number(table.get("min_duration", 0.0), f"{where}.min_duration"),
         variants={str(k): {str(c): str(f) for c, f in v.items()} for k, v in variants.items()},
     )
 
@@ -155,80 +158,41 @@ def _episodes(raw: object, where: str) -> EpisodeRule:
 def _held_out(raw: object, where: str) -> HeldOutRule:
     if raw in (False, "none"):
         return HeldOutRule(share=0.0)
-    table = _table(raw, where, tuple(f.name for f in fields(HeldOutRule)))
-    share = _number(table.get("share", 0.2), f"{where}.share")
+    table = values.table(raw, where, tuple(f.name for f in fields(HeldOutRule)))
+    share = values.number(table.get("share", 0.2), f"{where}.share")
     if not 0.0 <= share < 1.0:
         raise UsageError(f"{where}.share: must lie in [0, 1), got {share}")
     number, moment = table.get("episodes_from"), table.get("time_from")
     return HeldOutRule(
         share=share,
-        episodes_from=None if number is None else int(_number(number, f"{where}.episodes_from")),
-        time_from=None if moment is None else _number(moment, f"{where}.time_from"),
+        episodes_from=None if number is None else int(values.number(number, f"{where}.episodes_from")),
+        time_from=None if moment is None else values.number(moment, f"{where}.time_from"),
     )
 
 
 def _checks(raw: object, where: str) -> Checks:
-    table = _table(raw, where, tuple(f.name for f in fields(Checks)))
+    table = values.table(raw, where, tuple(f.name for f in fields(Checks)))
     return Checks(
-        jump=_number(table.get("jump", 1.0), f"{where}.jump"),
-        quaternion=_number(table.get("quaternion", 0.01), f"{where}.quaternion"),
-        outlier=_number(table.get("outlier", 50.0), f"{where}.outlier"),
-        max_rate=_numbers(table.get("max_rate") or {}, f"{where}.max_rate"),
+        jump=values.number(table.get("jump", 1.0), f"{where}.jump"),
+        quaternion=values.number(table.get("quaternion", 0.01), f"{where}.quaternion"),
+        outlier=values.number(table.get("outlier", 50.0), f"{where}.outlier"),
+        max_rate=values.numbers(table.get("max_rate") or {}, f"{where}.max_rate"),
     )
 
 
-def _table(raw: object, where: str, known: tuple[str, ...]) -> Mapping[str, Any]:
-    if not isinstance(raw, Mapping):
-        raise UsageError(f"{where}: expected keys and values, got {raw!r}; known keys are {', '.join(known)}")
-    for key in raw:
-        if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise UsageError(f"{where}: unknown key '{key}'{hint} (known: {', '.join(known)})")
-    return raw
-
-
-def _text(value: object) -> str | None:
-    return None if value is None else str(value)
-
-
-def _flag(value: object, where: str) -> bool:
-    if not isinstance(value, bool):
-        raise UsageError(f"{where}: expected true or false, got {value!r}")
-    return value
-
-
-def _number(value: object, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
-        raise UsageError(f"{where}: expected a finite number, got {value!r}")
-    return float(value)
-
-
-def _numbers(raw: object, where: str) -> dict[str, float]:
-    if not isinstance(raw, Mapping):
-        raise UsageError(f"{where}: expected names with numbers, got {raw!r}")
-    return {str(name): _number(value, f"{where}.{name}") for name, value in raw.items()}
-
-
-def _choice(value: Any, known: tuple[Any, ...], where: str) -> Any:
-    if value not in known:
-        raise UsageError(f"{where}: '{value}' is not one of {', '.join(str(k) for k in known)}")
-    return value
-
-
 def _word(known: tuple[str, ...]) -> Callable[[object, str], Any]:
-    return lambda value, where: _choice(value, known, where)
+    return lambda value, where: values.choice(value, known, where)
 
 
 _READERS: dict[str, Callable[[object, str], Any]] = {
-    "parameters": _numbers,
+    "parameters": values.numbers,
     "integrator": _word(("euler", "semi_implicit", "rk4")),
-    "noise": _numbers,
+    "noise": values.numbers,
     "layout": _word(("files", "folder")),
     "files": lambda value, _: str(value),
     "time": _time,
-    "gap_limit": _number,
-    "hold_limit": _number,
+    "gap_limit": values.number,
+    "hold_limit": values.number,
     "commands": _word(("hold", "mean")),
     "clock": _clock,
     "velocities": _smoothing,

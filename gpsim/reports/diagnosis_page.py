@@ -15,7 +15,7 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import traced
 from gpsim.diagnosis.preparing import spread_out
 from gpsim.diagnosis.shooting import fit
-from gpsim.diagnosis.telling import paragraphs, ranking
+from gpsim.diagnosis.telling import number, paragraphs, ranking
 from gpsim.reports.canvas import panels, png, style
 
 PAGE = """<!doctype html>
@@ -35,9 +35,9 @@ img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: 
 {% for title, rows in tables.items() %}<h2>{{ title }}</h2>
 <table><tr><th>error (RMS)</th>{% for kind in kinds.values() %}<th>{{ kind }}</th>{% endfor %}<th>unit</th></tr>
 {% for name, errors in rows.items() %}<tr><td>{{ name }}</td>
-{% for kind in kinds %}<td>{{ "%.3g"|format(errors[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% for kind in kinds %}<td>{{ number(errors[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
 <tr class="typical"><td>typical (from the median)</td>
-{% for kind in kinds %}<td>{{ "%.3g"|format(errors.typical[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% for kind in kinds %}<td>{{ number(errors.typical[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
 {% endfor %}</table>
 {% endfor %}
 {% for title, source in pictures.items() %}<h2>{{ title }}</h2><img alt="{{ title }}" src="{{ source }}">
@@ -74,6 +74,7 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, bytes], name: str) ->
         report=report,
         paragraphs=paragraphs(report),
         kinds=KINDS,
+        number=number,
         tables=_tables(report["fit"]),
         pictures=sources,
         ranking="\n".join(ranking(report)),
@@ -93,11 +94,8 @@ def _tables(fit: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 def figures(found: Diagnosis) -> dict[str, bytes]:
     """Name -> PNG."""
     with style():
-        return {
-            "residual_inputs": _inputs(found),
-            "residual_time": _time(found),
-            "traces": _traces(found),
-        }
+        pictures = {"residual_inputs": _inputs(found)} if found.comparison.one_step else {}
+        return pictures | {"residual_time": _time(found), "traces": _traces(found)}
 
 
 def _inputs(found: Diagnosis) -> bytes:
@@ -134,7 +132,7 @@ def _time(found: Diagnosis) -> bytes:
         np.argmax(np.where(problem.observed, found.judgement.null.variance / problem.floor**2, 0.0))
     )
     unit = problem.simulator.state.items[channel].unit
-    clock = problem.windows.t[:, 0]
+    clock = problem.windows.t[:, 0] + found.question.origin
     session = bool((np.diff(clock) > 0).all())
     figure, axes = panels(1, 1, (9.0, 3.2))
     for one, label in ((found.judgement.null, "base"), (found.judgement.leader, "base + effects")):

@@ -17,10 +17,10 @@ A class that derives from gpsim.simulators.Simulator is taken as it is.
 from __future__ import annotations
 
 import copyreg
-import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -34,8 +34,21 @@ from gpsim.simulators.simulator import Coordinate, Parameter, Parameters, Simula
 
 def load_user_simulator(reference: str) -> Simulator:
     """The system FILE.py:ClassName; raises UsageError for every fault of the file."""
+    path = Path(reference.rpartition(":")[0])
+    if path.suffix != ".py" or not path.is_file():
+        raise UsageError(f"--simulator {reference}: no file {path}; give FILE.py:ClassName")
+    try:
+        source = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: cannot be read: {_said(error)}") from error
+    return _loaded(reference, source)
+
+
+@lru_cache(maxsize=8)
+def _loaded(reference: str, source: str) -> Simulator:
+    """The class as `source` has it: a file that changes meanwhile does not change what is under way."""
     file, _, name = reference.rpartition(":")
-    module = _import(Path(file), reference)
+    module = _module(Path(file), source)
     found = getattr(module, name, None)
     if not isinstance(found, type):
         classes = [
@@ -48,16 +61,16 @@ def load_user_simulator(reference: str) -> Simulator:
         raise UsageError(
             f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
         ) from error
-    simulator = instance if isinstance(instance, Simulator) else UserSimulator(instance, reference)
-    # Copies in other processes come from the file, which is no importable module.
-    copyreg.pickle(type(simulator), lambda known: (load_user_simulator, (_reference(known, reference),)))
+    if isinstance(instance, Simulator):
+        simulator = instance
+    else:
+        simulator = _call(lambda: UserSimulator(instance, reference), "its declaration", reference)
+    # By the name of a class it derives from, the built-in one would be found.
+    vars(simulator).update(name=reference, _source=source)
+    # Copies in other processes come from the source, which is no importable module.
+    copyreg.pickle(type(simulator), lambda known: (_loaded, (known.name, vars(known)["_source"])))
     _try(simulator, reference)
     return simulator
-
-
-def _reference(simulator: Simulator, reference: str) -> str:
-    """Where it came from: plain classes share the adapter, which knows; a Simulator has a name of its own."""
-    return simulator.name if isinstance(simulator, UserSimulator) else reference
 
 
 class UserSimulator(Simulator):
@@ -67,13 +80,16 @@ class UserSimulator(Simulator):
         state = _units(system, "state", reference)
         pairs = dict(getattr(system, "coordinates", {}))
         force_units = dict(getattr(system, "force_units", {}))
+        wraps = getattr(system, "wraps", ())
+        if isinstance(wraps, str):
+            raise UsageError(f"{reference}: 'wraps' must be a list of channels, got the text {wraps!r}")
         self._system, self._reference = system, reference
         self.start: dict[str, float] = {k: float(v) for k, v in dict(getattr(system, "start", {})).items()}
         self.name = reference  # type: ignore[misc]  # a class constant of the built-in simulators
-        self.state = Channels.of(state, wraps=tuple(getattr(system, "wraps", ())))  # type: ignore[misc]
+        self.state = Channels.of(state, wraps=tuple(wraps))  # type: ignore[misc]
         self.action = Channels.of(_units(system, "action", reference))  # type: ignore[misc]
         self.parameters = _parameters(system, reference)  # type: ignore[misc]
-        for channel in (*pairs, *pairs.values(), *self.start):
+        for channel in (*pairs, *pairs.values(), *self.start, *wraps):
             if channel not in state:
                 raise UsageError(
                     f"{reference}: '{channel}' is not among its state channels: {', '.join(state)}"
@@ -134,16 +150,12 @@ class UserSimulator(Simulator):
         return out
 
 
-def _import(path: Path, reference: str) -> ModuleType:
-    if path.suffix != ".py" or not path.is_file():
-        raise UsageError(f"--simulator {reference}: no file {path}; give FILE.py:ClassName")
-    spec = importlib.util.spec_from_file_location(f"user_system_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
+def _module(path: Path, source: str) -> ModuleType:
+    module = ModuleType(f"user_system_{path.stem}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses look there
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, str(path), "exec"), vars(module))
     except Exception as error:  # a user's code may raise anything
         raise UsageError(f"{path}: cannot be loaded: {_said(error)}") from error
     return module
@@ -151,7 +163,8 @@ def _import(path: Path, reference: str) -> ModuleType:
 
 def _try(simulator: Simulator, reference: str) -> None:
     """One evaluation at a plausible state: shapes and finite values, before any data are touched."""
-    state, action = np.full((3, len(simulator.state)), 0.1), np.full((3, len(simulator.action)), 0.1)
+    sizes = _call(lambda: (len(simulator.state), len(simulator.action)), "its declaration", reference)
+    state, action = (np.full((3, size), 0.1) for size in sizes)
     with np.errstate(all="ignore"):
         rates = _call(lambda: simulator.rates(state, action, simulator.defaults()), "rates", reference)
         expected = (3, len(simulator.rate))
@@ -161,6 +174,14 @@ def _try(simulator: Simulator, reference: str) -> None:
             name = simulator.rate.names[int(np.argwhere(~np.isfinite(rates))[0, 1])]
             raise UsageError(f"{reference}: {name} is not finite at state and action 0.1; check its formula")
         slope = _call(lambda: simulator.derivative(state, rates), "derivative", reference)
+        for i, coordinate in enumerate(simulator.coordinates):
+            column, push = simulator.rate.index(coordinate.rate), np.eye(len(simulator.coordinates))[[i] * 3]
+            pushed = simulator.rates(state, action, simulator.defaults(), push)
+            if (pushed[:, column] == rates[:, column]).all():
+                raise UsageError(
+                    f"{reference}: a force on {coordinate.name} changes nothing; add forces['{coordinate.name}'] "
+                    f"to what accelerates it in `rates`"
+                )
     if np.shape(slope) != state.shape:
         raise UsageError(f"{reference}: derivative must have shape {state.shape}, got {np.shape(slope)}")
 

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Json, Recipe, file_digest, read_artifact, write_json
+from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
@@ -79,14 +80,14 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         )
     folder = path if path.is_dir() else path.parent
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
-        recording = _first(read_recording(folder), task.episodes)
-        return recording, make_simulator(task.simulator or recording.system)
+        recording = read_recording(folder)
+        return _first(recording, task.episodes), make_simulator(task.simulator or recording.system)
     if path.is_dir():
         raise UsageError(f"{path}: no recording.yaml; make a recording of raw logs with `gpsim import`")
     if task.simulator is None:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
     simulator = make_simulator(task.simulator)
-    return _from_table(path, simulator), simulator
+    return _first(_from_table(path, simulator), task.episodes), simulator
 
 
 def _first(recording: Recording, episodes: int | None) -> Recording:
@@ -109,10 +110,11 @@ def _recipe(request: Request, task: Task) -> Recipe:
     folder = task.recording if task.recording.is_dir() else task.recording.parent
     names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
     digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
-    source = task.simulator.rpartition(":")[0] if task.simulator and ":" in task.simulator else None
+    name = task.simulator or recording.system
+    source = name.rpartition(":")[0]
     config = {
         "recording": digests,
-        "simulator": task.simulator or recording.system,
+        "simulator": name,
         "simulator_file": file_digest(Path(source)) if source else None,
         "episodes": task.episodes,
     }
@@ -142,14 +144,23 @@ def _from_table(path: Path, simulator: Simulator) -> Recording:
         table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
         raise UsageError(f"{path}: cannot be read: {' '.join(str(error).split())[:160]}") from error
-    needed = ("t", *simulator.state.names, *simulator.action.names)
+    state = Channels(
+        tuple(c for c in simulator.state if c.name in table.columns or c.name not in simulator.start)
+    )
+    needed = ("t", *state.names, *simulator.action.names)
     missing = [name for name in needed if name not in table.columns]
     if missing:
         raise UsageError(
             f"{path}: column(s) {', '.join(missing)} missing; {simulator.name} needs {', '.join(needed)}"
         )
+    dates = [name for name in needed if table[name].dtype.kind in "mM"]
+    if dates:
+        raise UsageError(f"{path}: column(s) {', '.join(dates)} hold dates; write numbers (t in seconds)")
     if "episode" not in table.columns:
         table = table.assign(episode="0")
+    unnamed = np.flatnonzero(table["episode"].isna())
+    if unnamed.size:
+        raise UsageError(f"{path}: row {unnamed[0]}: no episode; give every row its episode's name")
     episodes = []
     for name, rows in table.groupby("episode", sort=False):
         try:
@@ -157,22 +168,21 @@ def _from_table(path: Path, simulator: Simulator) -> Recording:
         except ValueError as error:
             raise UsageError(f"{path}: episode {name}: a value is not a number: {error}") from error
         bad = np.argwhere(~np.isfinite(values[:-1]))
-        if bad.size or not np.isfinite(values[-1, : 1 + len(simulator.state)]).all():
-            row, column = bad[0] if bad.size else (len(values) - 1, 1)
+        last = np.flatnonzero(~np.isfinite(values[-1, : 1 + len(state)]))
+        if bad.size or last.size:
+            row, column = bad[0] if bad.size else (len(values) - 1, last[0])
             raise UsageError(
                 f"{path}: episode {name}, row {row}: {needed[column]} is not a finite number; repair it"
             )
-        t, states = values[:, 0], values[:, 1 : 1 + len(simulator.state)]
+        t, states = values[:, 0], values[:, 1 : 1 + len(state)]
         if (np.diff(t) <= 0).any():
             raise UsageError(f"{path}: episode {name}: t does not increase; sort the rows")
-        episodes.append(Episode(str(name), t, states, values[:-1, 1 + len(simulator.state) :]))
-    steps = np.concatenate([np.diff(e.t) for e in episodes])
+        episodes.append(Episode(str(name), t, states, values[:-1, 1 + len(state) :]))
+    steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
         raise UsageError(f"{path}: too short: no episode has two rows")
     dt = float(np.median(steps))
-    return Recording(
-        simulator.name, simulator.state, simulator.action, tuple(episodes), dt, simulator.defaults()
-    )
+    return Recording(simulator.name, state, simulator.action, tuple(episodes), dt, simulator.defaults())
 
 
 def _plain(content: Any) -> Any:

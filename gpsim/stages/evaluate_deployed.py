@@ -133,6 +133,8 @@ def _tolerance(request: Request) -> float:
 def _goal(request: Request) -> FloatArray:
     given = request.config["deployed_goal"]
     goal = _task(request).evaluation_goal if given is None else given
+    if given is not None and not isinstance(given, list | tuple):
+        raise UsageError(f"deployed_goal: expected [x, y] in metres, got {given!r}")
     numbers = [value for value in goal if isinstance(value, int | float) and not isinstance(value, bool)]
     if len(numbers) != 2 or len(goal) != 2:
         raise UsageError(f"deployed_goal: expected [x, y] in metres, got {given!r}")

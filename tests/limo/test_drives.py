@@ -174,6 +174,9 @@ def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
     code, _, err = run(monkeypatch, capsys, *words, "deployed_goal=[1]")
     assert code == 2
     assert err == "error: deployed_goal: expected [x, y] in metres, got [1]\n"
+    code, _, err = run(monkeypatch, capsys, *words, "deployed_goal=3")
+    assert code == 2
+    assert err == "error: deployed_goal: expected [x, y] in metres, got 3\n"
 
 
 def test_the_plan_is_a_file_that_a_robot_can_play(tmp_path, monkeypatch, capsys):

@@ -171,6 +171,32 @@ def test_velocities_are_differentiated_and_edges_trimmed():
     assert local.transition_count > recording.transition_count
 
 
+def test_a_piece_too_short_to_differentiate_makes_no_episode():
+    """A flag that is up for less than two samples of the position, on a grid that is finer than them."""
+    mapping = {
+        "system": "slider",
+        "rate": 500,
+        "velocities": {"edges": "local"},
+        "episodes": {"by": "flag", "topic": "/flag", "field": "on", "equals": 1},
+        "state": {
+            "q": {"topic": "/q", "field": "q", "unit": "m"},
+            "q_dot": {"derivative_of": "q", "unit": "m/s"},
+        },
+        "action": {"force": {"topic": "/u", "field": "u", "unit": "N"}},
+    }
+    t = np.arange(0, 2, 0.02)
+    # Up over many samples, over the one at 1.7 s, and over none.
+    switched = np.array([0.0, 0.3, 1.5, 1.695, 1.71, 1.805, 1.815])
+    up = np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+    contents = {
+        "/q": series("/q", t, q=np.sin(3 * t)),
+        "/u": series("/u", t, u=np.cos(t)),
+        "/flag": series("/flag", switched, on=up),
+    }
+    recording, _ = imported(contents, mapping)
+    assert len(recording.episodes) == 1
+
+
 def test_a_turning_angle_is_differentiated_without_leaps():
     mapping = {
         "system": "pendulum",

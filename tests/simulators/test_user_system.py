@@ -1,5 +1,7 @@
 """A user's own system: a few lines work, every fault is one line that names the file."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -86,3 +88,60 @@ def test_faults_are_one_line(tmp_path, old, new, message):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(UsageError, match="no file"):
         make_simulator(f"{tmp_path}/nothing.py:Tank")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('{"q": "q_dot"}', '["q"]', "its declaration raised ValueError"),
+        ('force_units = {"q": "N"}', 'start = {"q_dot": None}', "its declaration raised TypeError"),
+        ('force_units = {"q": "N"}', 'wraps = "q"', "'wraps' must be a list of channels"),
+        ('force_units = {"q": "N"}', 'wraps = ("yaw",)', "'yaw' is not among its state channels"),
+        (' + forces["q"]', "", "a force on q changes nothing"),
+    ],
+)
+def test_faults_of_a_mechanical_system_are_one_line(tmp_path, old, new, message):
+    path = write(tmp_path, GOOD.replace(old, new, 1))
+    with pytest.raises(UsageError, match=message) as caught:
+        make_simulator(f"{path}:Cart")
+    assert "\n" not in str(caught.value)
+
+
+DERIVED = """
+from gpsim.simulators import Simulator
+from gpsim.simulators.slider import Slider
+
+class Heavy(Slider):
+    def rates(self, state, action, parameters, forces=None):
+        return 0.5 * super().rates(state, action, parameters, forces)
+
+class Nothing(Simulator):
+    def rates(self, state, action, parameters, forces=None):
+        return state
+
+    def derivative(self, state, rates):
+        return rates
+
+    def measured_rates(self, state, next_state, dt):
+        return state
+"""
+
+
+def test_a_simulator_that_derives_from_a_built_in_one_keeps_its_own_physics(tmp_path):
+    reference = f"{write(tmp_path, DERIVED)}:Heavy"
+    heavy = make_simulator(reference)
+    assert heavy.name == reference  # "slider" would find the built-in one
+    copy = pickle.loads(pickle.dumps(heavy))
+    for simulator in (heavy, copy, make_simulator(heavy.name)):
+        rates = simulator.rates(np.zeros((1, 2)), np.full((1, 1), 4.0), {"mass": 2.0})
+        np.testing.assert_allclose(rates, [[1.0]])
+    with pytest.raises(UsageError, match="its declaration raised AttributeError"):
+        make_simulator(f"{tmp_path / 'mine.py'}:Nothing")
+
+
+def test_a_file_that_changes_does_not_change_what_is_under_way(tmp_path):
+    path = write(tmp_path, GOOD)
+    known = pickle.dumps(make_simulator(f"{path}:Tank"))
+    path.write_text(GOOD.replace("0.1, 0.0", "0.2, 0.0"))
+    assert pickle.loads(known).defaults() == {"outflow": 0.1}
+    assert make_simulator(f"{path}:Tank").defaults() == {"outflow": 0.2}

@@ -1,0 +1,54 @@
+"""Values of YAML files and key=value words, checked: every fault is one line that says where."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from typing import Any
+
+from gpsim.errors import UsageError
+
+
+def table(raw: object, where: str, known: tuple[str, ...]) -> Mapping[str, Any]:
+    """A mapping with no other than the known keys."""
+    if not isinstance(raw, Mapping):
+        raise UsageError(f"{where}: expected keys and values, got {raw!r}; known keys are {', '.join(known)}")
+    for key in raw:
+        if key not in known:
+            near = difflib.get_close_matches(str(key), known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise UsageError(f"{where}: unknown key '{key}'{hint} (known: {', '.join(known)})")
+    return raw
+
+
+def text(value: object) -> str | None:
+    """Text, or nothing."""
+    return None if value is None else str(value)
+
+
+def flag(value: object, where: str) -> bool:
+    """True or false, not something that looks like it."""
+    if not isinstance(value, bool):
+        raise UsageError(f"{where}: expected true or false, got {value!r}")
+    return value
+
+
+def number(value: object, where: str) -> float:
+    """A finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
+        raise UsageError(f"{where}: expected a finite number, got {value!r}")
+    return float(value)
+
+
+def numbers(raw: object, where: str) -> dict[str, float]:
+    """Names with finite numbers."""
+    if not isinstance(raw, Mapping):
+        raise UsageError(f"{where}: expected names with numbers, got {raw!r}")
+    return {str(name): number(value, f"{where}.{name}") for name, value in raw.items()}
+
+
+def choice(value: Any, known: tuple[Any, ...], where: str) -> Any:
+    """One of the known words."""
+    if value not in known:
+        raise UsageError(f"{where}: '{value}' is not one of {', '.join(str(k) for k in known)}")
+    return value
