@@ -47,12 +47,23 @@ class Gate:
             column = channels.index(name)
             width = path[0].shape[-1]
             begin, end = (s[..., column] if column < width else action[..., column - width] for s in path)
-            share *= _between(begin, end, values.get(FROM, low), values.get(TO, high))
+            edges = values.get(FROM, low), values.get(TO, high)
+            if channels.wraps[column]:
+                begin, end = _nearest_turn(begin, end, *edges)
+            share *= _between(begin, end, *edges)
         if self.since is not None:
             share *= _after(values.get(FROM, self.since), t, step)
         if self.until is not None:
             share *= 1.0 - _after(values.get(TO, self.until), t, step)
         return share
+
+
+def _nearest_turn(
+    begin: FloatArray, end: FloatArray, low: FloatArray | float, high: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """An angle that has run on, in the turn in which it is nearest to [low, high]; edges are known modulo 2 pi."""
+    turns = 2.0 * np.pi * np.round((begin - 0.5 * (low + high)) / (2.0 * np.pi))
+    return np.asarray(begin - turns), np.asarray(end - turns)
 
 
 def _between(

@@ -47,6 +47,17 @@ def test_an_edge_crossed_inside_a_substep_counts_for_the_share_of_the_way():
         assert end[1] == pytest.approx(left, rel=5e-3)
 
 
+def test_a_region_of_an_angle_that_wraps_is_met_again_after_every_turn():
+    channels = make_simulator("unicycle").state + make_simulator("unicycle").action
+    gate, t = Gate(region={"yaw": (3.0, 3.5)}), np.zeros(5)  # across the seam
+    yaw = 3.2 + 2 * np.pi * np.arange(-2, 3)
+    begin, end = (np.stack([0 * yaw, 0 * yaw, yaw + d], axis=1) for d in (-0.3, 0.1))
+    share = gate.share((begin, end), np.zeros((5, 2)), t, np.full(5, 0.1), channels, {})
+    np.testing.assert_allclose(share, 0.75)  # from 2.9 to 3.3
+    outside = gate.share((begin + 2.0, begin + 2.0), np.zeros((5, 2)), t, t, channels, {})
+    np.testing.assert_array_equal(outside, 0.0)
+
+
 def test_several_effects_on_a_twist_act_in_a_fixed_order():
     terms = [
         Term("lateral_slip", "vehicle", {"slip": 0.2}),
