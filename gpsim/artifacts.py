@@ -64,7 +64,12 @@ class Recipe:
         """sha256 of stage, configuration, seeds and the parents' digests."""
         parents = {role: parent.digest for role, parent in sorted(self.parents.items())}
         content = {"stage": self.stage, "config": self.config, "seeds": self.seeds, "parents": parents}
-        return hashlib.sha256(canonical(content)).hexdigest()
+        try:
+            return hashlib.sha256(canonical(content)).hexdigest()
+        except ValueError as error:
+            raise UsageError(
+                f"{self.stage}: a setting is not finite; give a number, or null where that is a choice"
+            ) from error
 
 
 def canonical(content: Any) -> bytes:

@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from gpsim.envs import BatchedEnv, Episodes
+from gpsim.errors import UsageError
 from gpsim.learning import Checkpoints, LearningCurve, PpoSettings, Progress, SacSettings
 from gpsim.policy import Policy
 
@@ -73,7 +74,12 @@ def train_sac(
 
 def _observation_scale(env: BatchedEnv, given: Sequence[float]) -> NDArray[np.float32]:
     size = env.single_observation_space.shape[0]  # type: ignore[index]
-    return np.asarray(given or np.ones(size), dtype=np.float32)
+    scale = np.asarray(given or np.ones(size), dtype=np.float32)
+    if scale.shape != (size,) or not (scale > 0).all():
+        raise UsageError(
+            f"policy.observation_scale: expected {size} positive numbers, or none, got {list(given)}"
+        )
+    return scale
 
 
 def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_steps: int, seed: int) -> PPO:

@@ -73,7 +73,8 @@ class LoopReport:
     summary: the content of summary.json (returns, returns_all, returns_certified, share, one_step,
     one_step_random, rollout); returns: policy to (seeds, N) episode returns on the target, NaN where unknown;
     trips: what a task with a goal adds, else None; system: the base simulator;
-    starts: the keys of START_SETS to masks (N,); best_return: what an episode earns at most; curves: policy to
+    starts: the keys of START_SETS to masks (N,); best_return: how many steps an episode may take,
+    which is what it earns at most where every step earns 1; curves: policy to
     one (steps, mean return) per seed; slices: rate to slice, of the first seed; named: seed to what its
     diagnosis found, in sentences; fits: seed to the content of fit.json; rollouts: simulator to (B, T + 1, S) states
     in the order of `states`; units: channel or rate to unit;

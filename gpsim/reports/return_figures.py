@@ -114,9 +114,10 @@ def figure_learning_curves(report: LoopReport) -> Figure | None:
                 axis.plot(steps, values, color=colour[name], linewidth=0.8, alpha=0.35)
             axis.plot(*_mean_curve(found), color=colour[name], label=name)
         axis.set_xlabel("steps in training")
-        axis.set_ylabel("mean return [steps]")
+        axis.set_ylabel("mean return" if report.trips else "mean return [steps]")
         axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}".replace(",", "\u202f")))
-        axis.set_ylim(0.0, 1.05 * report.best_return)
+        if report.trips is None:
+            axis.set_ylim(0.0, 1.05 * report.best_return)
         axis.set_xlim(left=0.0)
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return figure

@@ -70,7 +70,7 @@ def figure_steps(report: LoopReport) -> Figure | None:
                     at = np.sort(steps[reached])
                     share = 100.0 * np.arange(1, len(at) + 1) / steps.size
                     axis.step(
-                        np.concatenate([[0.0], at, [500.0]]),
+                        np.concatenate([[0.0], at, [report.best_return]]),
                         np.concatenate([[0.0], share, share[-1:] if len(share) else [0.0]]),
                         where="post", color=colour[name], label=name,
                     )  # fmt: skip
@@ -89,7 +89,7 @@ def draw_trips(axis: Axes, paths: FloatArray, goal: FloatArray, goal_radius: flo
         line.set_array(np.array([steps]))
         axis.add_collection(line)
         if known.shape[1] > 2:
-            x, y, yaw = known[0]
+            x, y, yaw = known[0, :3]
             axis.annotate(
                 "", (x + 0.14 * np.cos(yaw), y + 0.14 * np.sin(yaw)), (x, y), zorder=5,
                 arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 1.0},

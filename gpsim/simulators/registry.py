@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from gpsim.errors import UsageError
 from gpsim.simulators.ackermann import Ackermann
@@ -20,6 +21,11 @@ SIMULATORS: Mapping[str, type[Simulator]] = {
     Slider.name: Slider,
     Pendulum.name: Pendulum,
 }
+
+
+def source_file(name: str) -> Path | None:
+    """The file that a user's own simulator comes from; None of a registered one."""
+    return Path(name.rpartition(":")[0]) if ":" in name else None
 
 
 def make_simulator(name: str) -> Simulator:

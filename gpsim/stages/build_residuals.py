@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,14 @@ import pandas as pd
 from gpsim.artifacts import MANIFEST, Artifact, Json, Recipe, file_digest, read_artifact, write_json
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import read_recording
+from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import Residuals, build_residuals, from_table, to_table
+from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import collect
 from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, Stage, generator
+
+SAME_DT = 0.02  # relative difference of the control step that a jittering clock may show
 
 
 def recipe(request: Request) -> Recipe:
@@ -47,6 +51,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write residuals.parquet and residuals.json."""
     source = recipe.parents["recording"].path if recipe.parents else Path(str(request.config["recording"]))
     recording, base = read_recording(source), base_plant(request.config)
+    check_same(recording, base)
     fraction = request.config["residuals"]["test_fraction"]
     if not isinstance(fraction, int | float) or not 0 <= fraction < 1:
         raise UsageError(f"residuals.test_fraction: expected a number in [0, 1), got {fraction!r}")
@@ -61,6 +66,24 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     to_table(residuals).to_parquet(folder / "residuals.parquet", index=False)
     write_json(folder / "residuals.json", _summary(residuals))
     return {}
+
+
+def check_same(recording: Recording, base: SimulatorPlant) -> None:
+    """The recording's simulator must be the experiment's: policies, GPs and effects correct one and the same."""
+    wanted: dict[str, Any] = {}
+    if abs(recording.dt - base.dt) > SAME_DT * base.dt:
+        wanted["simulator.dt"] = f"{recording.dt:g}"
+    if recording.integrator != base.integrator:
+        wanted["simulator.integrator"] = recording.integrator
+    for name, value in recording.parameters.items():
+        if not math.isclose(value, base.parameters.get(name, math.nan), rel_tol=1e-9):
+            wanted[f"simulator.parameters.{name}"] = f"{value:g}"
+    if wanted:
+        raise UsageError(
+            "the recording is compared with another simulator than this experiment's: choose "
+            + " ".join(f"{key}={value}" for key, value in wanted.items())
+            + ", or import it at this one's pace and with its parameters (collect.changes=[...])"
+        )
 
 
 def read_residuals(artifact: Artifact) -> Residuals:

@@ -31,9 +31,10 @@ def recipe(request: Request) -> Recipe:
         if driver in ("random", "sweep")
         else {"policy": train_source.STAGE.need(request.having(variant="source"))}
     )
-    return Recipe(
-        "collect", request.section("simulator", "target", "task", "collect"), parents, {"seed": request.seed}
-    )
+    config = request.section("simulator", "target", "task", "collect")
+    if driver == "sweep":  # which reads what it logged through the mapping
+        config["mapping"] = read_mapping(str(request.config["collect"]["mapping"]))
+    return Recipe("collect", config, parents, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:

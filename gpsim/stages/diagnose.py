@@ -20,7 +20,7 @@ from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.reports.diagnosis_page import figures, page
-from gpsim.simulators import Simulator, make_simulator
+from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator
 
@@ -111,11 +111,11 @@ def _recipe(request: Request, task: Task) -> Recipe:
     names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
     digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
     name = task.simulator or recording.system
-    source = name.rpartition(":")[0]
+    source = source_file(name)
     config = {
         "recording": digests,
         "simulator": name,
-        "simulator_file": file_digest(Path(source)) if source else None,
+        "simulator_file": file_digest(source) if source else None,
         "episodes": task.episodes,
     }
     return Recipe("diagnose", config, {}, {"seed": request.seed})

@@ -173,7 +173,13 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
     episodes = collect_episodes(target_plant(request.config), task, act, count, rng)
     recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
     return build_residuals(
-        recording, base.simulator, base.parameters, base.integrator, test_fraction=0.0, rng=rng
+        recording,
+        base.simulator,
+        base.parameters,
+        base.integrator,
+        test_fraction=0.0,
+        rng=rng,
+        learnt_from=False,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from gpsim.artifacts import Json, Recipe, write_json
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.rollout import bands, divergence, root_mean_square
-from gpsim.recordings import read_recording
+from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.residuals import Residuals
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, fit_gp, one_step
@@ -41,7 +42,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     held_out = bool(data.test.any())
     judged = data.take(data.test) if held_out else data
     request.progress(0, 2, "one step")
-    scores = one_step.scores(request, recipe.parents["gp"].path, judged)
+    scores = one_step.scores(
+        request, recipe.parents["gp"].path, data, data.test if held_out else one_step.EVERY
+    )
     request.progress(1, 2, "rollouts")
     evaluation = {
         "experiment": request.config["experiment"],
@@ -58,12 +61,29 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     return {}
 
 
+def judged_episodes(recording: Recording, numbers: list[int]) -> list[Episode]:
+    """Those that are held out, of one that is held out from a moment on the part after it."""
+    moment = recording.held_out.time_from if recording.held_out is not None else None
+    out = []
+    for episode in (recording.episodes[i] for i in numbers):
+        first = 0 if moment is None else int(np.searchsorted(episode.t, moment))
+        if first < len(episode):
+            out.append(
+                replace(
+                    episode,
+                    t=episode.t[first:],
+                    states=episode.states[first:],
+                    actions=episode.actions[first:],
+                )
+            )
+    return out
+
+
 def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path) -> dict[str, Any]:
     section, base = request.config["evaluate"], base_plant(request.config)
     recording = read_recording(build_residuals.recording_folder(request))
-    numbers = np.unique(judged.episode)
     windows = windows_of(
-        [recording.episodes[i] for i in numbers.tolist()],
+        judged_episodes(recording, np.unique(judged.episode).tolist()),
         positive(section["rollout_steps"], "evaluate.rollout_steps"),
         positive(section["rollouts"], "evaluate.rollouts"),
     )

@@ -32,14 +32,14 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Fit and write gp.safetensors, gp.json and fit.json (likelihoods, hyper-parameters, convergence, warnings)."""
     section = dict(request.config["gp"])
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
-    count = positive(section.pop("n_train"), "gp.n_train")
+    section.pop("n_train")
     features = Features.of(section.pop("inputs"), residuals.channels)
     base, settle, filtered = (
         base_plant(request.config),
         section.pop("settle", 0),
         section.pop("filter", False),
     )
-    rows = chosen_rows(residuals, len(base.action), count, settle)
+    count, rows = _count(request), rows_of(request, residuals)
     if len(rows) < 10:
         late = f" whose action has stood for {settle} steps (gp.settle)" if settle else ""
         raise UsageError(
@@ -62,6 +62,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         report["filter"] = dict(zip(base.action.names, found.describe(), strict=True))
     write_json(folder / "fit.json", report)
     return {}
+
+
+def _count(request: Request) -> int:
+    return positive(request.config["gp"]["n_train"], "gp.n_train")
+
+
+def rows_of(request: Request, residuals: Residuals) -> IntArray:
+    """The rows that the configuration's GPs are conditioned on."""
+    settle = request.config["gp"].get("settle", 0)
+    return chosen_rows(residuals, len(base_plant(request.config).action), _count(request), settle)
 
 
 def chosen_rows(residuals: Residuals, actions: int, count: int, settle: int) -> IntArray:

@@ -5,24 +5,33 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection, arrived_inputs
 from gpsim.evaluation.one_step import OneStep
 from gpsim.features import Features
 from gpsim.residuals import Residuals
 from gpsim.stages import fit_gp, train_gp_policy
-from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, generator
 
+EVERY = slice(None)
 
-def scores(request: Request, gp_folder: Path, data: Residuals) -> dict[str, Any]:
-    """Rate to the scores of mean and sample on the transitions."""
+
+def scores(
+    request: Request, gp_folder: Path, data: Residuals, rows: BoolArray | slice = EVERY
+) -> dict[str, Any]:
+    """Rate to the scores of mean and sample on `rows` of the transitions; commands arrive from the ones before, too."""
     plant = train_gp_policy.corrected_plant(request, gp_folder)
     correction = plant.correction
     assert isinstance(correction, GpCorrection)
     inputs, late = arrived_inputs(plant, data)
-    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs))
-    result = OneStep(data.values, mean + late, variance, correction.predictor.noise_variances, data.episode)
+    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs[rows]))
+    result = OneStep(
+        data.values[rows],
+        mean + late[rows],
+        variance,
+        correction.predictor.noise_variances,
+        data.episode[rows],
+    )
     rng = generator(request.config["evaluate"]["start_seed"], "evaluate/one-step/sample")
     return {
         name: result.scores(i, rng, sample_noise=correction.sample_noise)
@@ -32,9 +41,7 @@ def scores(request: Request, gp_folder: Path, data: Residuals) -> dict[str, Any]
 
 def training_inputs(request: Request, residuals: Residuals) -> FloatArray:
     """(N, D): the GPs' own inputs on the rows that they were conditioned on."""
-    section, actions = request.config["gp"], len(base_plant(request.config).action)
-    rows = fit_gp.chosen_rows(residuals, actions, section["n_train"], section.get("settle", 0))
-    return own_inputs(request, residuals)[rows]
+    return own_inputs(request, residuals)[fit_gp.rows_of(request, residuals)]
 
 
 def own_inputs(request: Request, data: Residuals) -> FloatArray:

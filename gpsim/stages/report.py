@@ -177,7 +177,7 @@ def _slices(request: Request) -> Mapping[str, ResidualSlice]:
     residuals = build_residuals.read_residuals(build_residuals.STAGE.need(request))
     correction = train_gp_policy.corrected_plant(request, fit_gp.STAGE.need(request).path).correction
     assert isinstance(correction, GpCorrection)
-    return residual_slices(residuals, correction, residuals.training_rows(request.config["gp"]["n_train"]))
+    return residual_slices(residuals, correction, fit_gp.rows_of(request, residuals))
 
 
 def _named(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:

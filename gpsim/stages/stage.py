@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import Artifact, Json, Recipe, Store
+from gpsim.artifacts import Artifact, Json, Recipe, Store, file_digest
 from gpsim.errors import UsageError
+from gpsim.simulators import source_file
 
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note)"""
@@ -56,8 +57,13 @@ class Request:
         return replace(self, config={**self.config, **values}, words=words, out=None, number=None)
 
     def section(self, *keys: str) -> Json:
-        """The named parts of the configuration: what decides a stage's bytes."""
-        return {key: self.config[key] for key in keys}
+        """The named parts of the configuration: what decides a stage's bytes; of a user's simulator its file, too."""
+        parts = {key: self.config[key] for key in keys}
+        if "simulator" in parts and (source := source_file(str(parts["simulator"]["name"]))):
+            if not source.is_file():
+                raise UsageError(f"simulator.name: no file {source}; give FILE.py:ClassName")
+            parts["simulator"] = {**parts["simulator"], "file": file_digest(source)}
+        return parts
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from gymnasium.spaces import Discrete
+
 from gpsim.artifacts import Json, Recipe
 from gpsim.envs import BatchedEnv
+from gpsim.errors import UsageError
 from gpsim.learning import PpoSettings
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
@@ -46,6 +49,10 @@ def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path
     from gpsim.policies import train_ppo, train_sac  # torch takes seconds to load, and only training needs it
 
     settings = training_settings(request.config)
+    discrete = isinstance(task.action_space, Discrete)
+    if discrete != isinstance(settings, PpoSettings):
+        kind, fits = ("discrete", "ppo") if discrete else ("continuous", "sac")
+        raise UsageError(f"policy: this task's actions are {kind}; choose policy={fits}")
     places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
     if isinstance(settings, PpoSettings):
         env = BatchedEnv(plant, task, settings.n_envs, places)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -130,9 +131,13 @@ def parameter_figures(values: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def worst_fit(score: Score) -> float | None:
-    """The corrected simulator's held-out error over the true model's own, in the rate where it is worst."""
-    ratios = [kinds["after"] for kinds in score.get("fit", {}).values() if "after" in kinds]
-    return max(ratios, default=None)
+    """The corrected simulator's held-out error over the true model's own, in the rate where it is worst.
+
+    Infinite where the diagnosis failed or what it corrected ran away; None where nothing was measured.
+    """
+    if score["verdict"] == "failed":
+        return math.inf
+    return max((kinds.get("after", math.inf) for kinds in score.get("fit", {}).values()), default=None)
 
 
 def goals(figures: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

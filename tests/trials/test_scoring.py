@@ -8,7 +8,7 @@ from gpsim.trials.concealing import answer_of, conceal
 from gpsim.trials.equivalents import Rival
 from gpsim.trials.revealing import Answer
 from gpsim.trials.scoring import iou, score
-from gpsim.trials.summary import interval, summarise
+from gpsim.trials.summary import interval, summarise, worst_fit
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 
@@ -157,3 +157,10 @@ def test_an_answer_says_what_the_true_model_itself_reaches():
     found = answer_of(conceal(5, 2), "")
     for errors in found["one_step"].values():
         assert 0 < errors["own"] <= 1.01 * errors["base"]
+
+
+def test_a_failed_diagnosis_fits_nothing():
+    assert worst_fit({"verdict": "failed"}) == np.inf
+    assert worst_fit({"verdict": "named", "fit": {"a": {"after": 1.2}, "b": {"before": 2.0}}}) == np.inf
+    assert worst_fit({"verdict": "named", "fit": {"a": {"after": 1.2}, "b": {"after": 1.0}}}) == 1.2
+    assert worst_fit({"verdict": "none", "fit": {}}) is None

@@ -1,0 +1,93 @@
+"""What stages take from one another: one simulator throughout, files that count, settings that fit together."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gpsim.cli.configuration import resolve
+
+from gpsim.errors import UsageError
+from gpsim.recordings import Episode, HeldOut, Recording
+from gpsim.simulators import source_file
+from gpsim.stages import train_source
+from gpsim.stages.build_residuals import check_same
+from gpsim.stages.building import base_plant
+from gpsim.stages.evaluate_recording import judged_episodes
+from gpsim.stages.stage import Request
+
+
+def request(*words: str) -> Request:
+    return Request(resolve(list(words), None))
+
+
+def recording(**changes) -> Recording:
+    base = base_plant(resolve([], None))
+    rng = np.random.default_rng(0)
+    episodes = tuple(
+        Episode(str(i), 0.02 * np.arange(101) + 2 * i, rng.normal(size=(101, 4)), rng.normal(size=(100, 1)))
+        for i in range(2)
+    )
+    whole = Recording(
+        "cartpole", base.state, base.action, episodes, 0.02, base.parameters, "euler", clock="session"
+    )
+    return replace(whole, **changes)
+
+
+def test_a_recording_of_another_simulator_is_refused_with_the_settings_that_would_fit():
+    base = base_plant(resolve([], None))
+    check_same(recording(), base)
+    check_same(recording(parameters={}), base)  # says nothing of them
+    check_same(recording(dt=0.0201), base)  # a clock that jitters
+    other = recording(dt=0.01, integrator="rk4", parameters={**base.parameters, "cart_mass": 0.23})
+    with pytest.raises(UsageError) as caught:
+        check_same(other, base)
+    wanted = "simulator.dt=0.01 simulator.integrator=rk4 simulator.parameters.cart_mass=0.23"
+    assert wanted in str(caught.value)
+    fitting = base_plant(resolve(wanted.split(), None))
+    check_same(other, fitting)
+
+
+def test_what_is_held_out_from_a_moment_on_begins_there():
+    whole = recording(held_out=HeldOut(time_from=3.0))
+    (part,) = judged_episodes(whole, [1])
+    assert part.t[0] == pytest.approx(3.0)
+    np.testing.assert_array_equal(part.states, whole.episodes[1].states[50:])
+    np.testing.assert_array_equal(part.actions, whole.episodes[1].actions[50:])
+    (kept,) = judged_episodes(recording(held_out=HeldOut(episodes_from=1)), [1])
+    np.testing.assert_array_equal(kept.states, whole.episodes[1].states)
+
+
+def test_a_users_simulator_counts_with_its_file(tmp_path: Path):
+    mine = tmp_path / "mine.py"
+    mine.write_text("one = 1\n")
+    assert source_file("cartpole") is None
+    config = resolve([], None)
+    config = {**config, "simulator": {**config["simulator"], "name": f"{mine}:Mine"}}
+    before = train_source.recipe(Request(config)).key
+    assert train_source.recipe(Request(config)).key == before
+    mine.write_text("one = 2\n")
+    assert train_source.recipe(Request(config)).key != before
+    mine.unlink()
+    with pytest.raises(UsageError, match="no file"):
+        train_source.recipe(Request(config))
+
+
+def test_settings_that_are_not_finite_are_one_line():
+    with pytest.raises(UsageError, match="train-source: a setting is not finite"):
+        _ = train_source.recipe(request("task.position_limit=inf")).key
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["policy=sac"], "actions are discrete; choose policy=ppo"),
+        (["experiment=limo", "policy=ppo"], "actions are continuous; choose policy=sac"),
+        (["policy.observation_scale=[1,2]"], "expected 4 positive numbers, or none, got"),
+        (["policy.observation_scale=[1,2,3,0]"], "expected 4 positive numbers, or none, got"),
+    ],
+)
+def test_a_policy_that_does_not_fit_the_task_is_one_line(tmp_path: Path, words, message):
+    asked = request(*words)
+    with pytest.raises(UsageError, match=message):
+        train_source.write(asked, train_source.recipe(asked), tmp_path)
