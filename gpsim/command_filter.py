@@ -115,6 +115,7 @@ def fit_filter(
     low = np.array([0.0] * count + [SHORTEST_LAG] * count)
     high = np.array([LONGEST_DELAY] * count + [LONGEST_LAG] * count)
     start = np.array([0.5 * dt] * count + [dt] * count)
+    start = np.clip(start, low + 1e-9, high - 1e-9)
     found = least_squares(errors, start, bounds=(low, high), diff_step=1e-3, x_scale=dt, xtol=1e-5)
     return made(found.x)
 

@@ -33,7 +33,16 @@ def find_bad_rows(
     missing = _missing(series)
     if len(missing):
         rows[MISSING] = [missing]
-    limits = Limits(quaternion=mapping.checks.quaternion, jump=mapping.checks.outlier)
+    limits = Limits(
+        quaternion=mapping.checks.quaternion,
+        jump=mapping.checks.outlier,
+        clocks=mapping.time.fields if mapping.time is not None else (),
+        periods={
+            source.field: 2.0 * np.pi / abs(source.scale)
+            for source in (*mapping.state, *mapping.action)
+            if source.channel.wraps and source.field is not None and source.scale
+        },
+    )
     for finding in find_silent_damage(series, limits):
         if finding.kind == _LEFT_TO_THE_CLOCK:
             continue
@@ -65,14 +74,27 @@ def _too_fast(series: Series, mapping: ImportMapping, known: Mapping[str, IntArr
     """Rows whose channel leaps away and back faster than believable, among the rows not yet out."""
     rows = np.setdiff1d(np.arange(len(series.receive)), np.concatenate([[], *known.values()]))
     bad = np.zeros(len(rows), dtype=np.bool_)
-    t = (series.header if series.header is not None else series.receive)[rows]
-    if mapping.time is not None and mapping.time.field is not None:
-        t = mapping.time.scale * series.fields[mapping.time.field][rows]
+    t = _clock(series, mapping)[rows]
     for source in (*mapping.state, *mapping.action):
         limit = mapping.checks.max_rate.get(source.channel.name)
         if limit is not None and source.field is not None and source.topic == series.topic and len(rows) > 2:
             bad |= _leaps(t, source.scale * series.fields[source.field][rows], limit, source.channel.wraps)
     return rows[bad]
+
+
+def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
+    """When the rows were taken [s], as far as it is known here."""
+    time, count = mapping.time, len(series.receive)
+    if time is not None and time.step is not None:
+        return time.step * np.arange(count)
+    if time is not None and time.seconds is not None:
+        rest = series.fields[time.nanoseconds] if time.nanoseconds is not None else np.zeros(count)
+        return np.asarray(series.fields[time.seconds] + 1e-9 * rest)
+    if time is not None and time.field is not None:
+        return np.asarray(time.scale * series.fields[time.field])
+    if series.header is None or not np.ptp(series.header) > 0:
+        return series.receive
+    return series.header
 
 
 def _leaps(t: FloatArray, values: FloatArray, limit: float, wraps: bool) -> BoolArray:

@@ -108,7 +108,10 @@ def _walk(folder: Path) -> Iterator[Path]:
     waiting = [folder]
     while waiting:
         here = waiting.pop(0)
-        children = sorted(here.iterdir(), key=natural)
+        try:
+            children = sorted(here.iterdir(), key=natural)
+        except OSError as error:
+            raise UsageError(f"{here}: cannot be read ({error.strerror}); name a folder of logs") from error
         seen += len(children)
         if seen > MOST:
             raise UsageError(f"{folder}: more than {MOST} files below; name a folder of logs")

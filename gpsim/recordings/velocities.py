@@ -44,7 +44,7 @@ def derivative(values: FloatArray, step: float, smoothing: Smoothing) -> FloatAr
 
 
 def _filtered(values: FloatArray, step: float, smoothing: Smoothing, derivative: bool) -> FloatArray:
-    edge = min(reach(smoothing, derivative), (len(values) - 1) // 2)
+    edge = reach(smoothing, derivative)
     if len(values) < 2:
         return np.zeros_like(values) if derivative else values.copy()
     if smoothing.method == "savgol":
@@ -56,7 +56,8 @@ def _filtered(values: FloatArray, step: float, smoothing: Smoothing, derivative:
             inner = gaussian_filter1d(values, smoothing.sigma, mode="nearest", truncate=TRUNCATE)
         inner = np.gradient(inner, step) if derivative else inner
     inner = np.asarray(inner, dtype=np.float64).copy()
-    for i in (*range(edge), *range(len(values) - edge, len(values))):
+    # A piece that no window fits into is one-sided throughout.
+    for i in sorted({*range(min(edge, len(values))), *range(max(len(values) - edge, 0), len(values))}):
         inner[i] = _one_sided(values, i, step, smoothing, derivative)
     return inner
 

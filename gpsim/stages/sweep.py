@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -35,10 +36,12 @@ def write_plan(config: Mapping[str, Any], path: Path) -> int:
     """Write the plan to a new CSV file; returns the number of its rows."""
     if path.exists():
         raise UsageError(f"--plan {path}: exists already; choose another file")
-    table = plan_table(config)
+    table, temporary = plan_table(config), path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        table.to_csv(path, index=False, lineterminator="\n")
+        table.to_csv(temporary, index=False, lineterminator="\n")
+        temporary.rename(path)
     except OSError as error:
+        temporary.unlink(missing_ok=True)
         raise UsageError(f"--plan {path}: cannot be written: {error.strerror or error}") from error
     return len(table)
 

@@ -60,3 +60,11 @@ def test_short_pieces_do_not_fail():
         for smoothing in (GAUSSIAN, SAVGOL, PLAIN):
             assert np.isfinite(velocities.derivative(np.arange(count, dtype=float), STEP, smoothing)).all()
             assert np.isfinite(velocities.smoothed(np.arange(count, dtype=float), smoothing)).all()
+
+
+@pytest.mark.parametrize("smoothing", [GAUSSIAN, SAVGOL, PLAIN])
+def test_a_piece_shorter_than_the_window_keeps_its_slope_and_place(smoothing):
+    for count in range(2, 20):
+        values = 5.0 + 1.5 * STEP * np.arange(count)
+        assert velocities.derivative(values, STEP, smoothing) == pytest.approx(1.5, abs=1e-8)
+        assert velocities.smoothed(values, smoothing) == pytest.approx(values, abs=1e-9)

@@ -5,11 +5,12 @@ The limits are wide, so that sound recordings have no findings; small flips in a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.recordings.raw import Series
@@ -19,6 +20,7 @@ Kind = Literal[
 ]
 _POSE = ("position", "orientation", "translation", "rotation")
 _STAMP_PARTS = ("sec", "nanosec", "seq")
+AROUND = 501  # messages among which one that is late stands out
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,8 @@ class Limits:
 
     jump: how many times the 95th percentile of a field's usual unevenness a single sample may leave its
     neighbours; leap [s]: how far one stamp may lie from both neighbours; delay [s]: how far a message's delay may
-    lie from the topic's median delay.
+    lie from the median of those around it (a clock that runs at another pace is no damage). clocks: fields that hold
+    the time, of any unit; periods: fields of angles, with what one turn is in them.
     """
 
     quaternion: float = 0.01
@@ -36,6 +39,8 @@ class Limits:
     jump: float = 50.0
     leap: float = 10.0
     delay: float = 60.0
+    clocks: tuple[str, ...] = ()
+    periods: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -74,18 +79,43 @@ def _finding(series: Series, kind: Kind, field: str | None, bad: BoolArray, what
 
 
 def _values(series: Series, limits: Limits) -> Iterator[Finding]:
-    for field, values in series.fields.items():
-        missing = np.isnan(values) & (series.absent.get(field, 0) > 0)
+    turned = _turned(series)
+    for name, values in series.fields.items():
+        missing = np.isnan(values) & (series.absent.get(name, 0) > 0)
         yield _finding(
-            series, "not finite", field, ~np.isfinite(values) & ~missing, "the value is no finite number"
+            series, "not finite", name, ~np.isfinite(values) & ~missing, "the value is no finite number"
         )
         size = np.abs(np.where(np.isfinite(values), values, 0.0))
-        strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
-        yield _finding(series, "absurd magnitude", field, strange, "no sensor or command has this magnitude")
-        if any(part in _POSE for part in field.split(".")) and field.split(".")[-1] not in _STAMP_PARTS:
+        if name not in limits.clocks:
+            strange = (size > limits.largest) | ((size > 0) & (size < limits.smallest))
             yield _finding(
-                series, "jump", field, jumps(values, limits.jump), "leaves its neighbours and comes back"
+                series, "absurd magnitude", name, strange, "no sensor or command has this magnitude"
             )
+        if any(part in _POSE for part in name.split(".")) and name.split(".")[-1] not in _STAMP_PARTS:
+            steady = turned.get(name, values)
+            if name in limits.periods:
+                steady = np.unwrap(steady, period=limits.periods[name])
+            yield _finding(
+                series, "jump", name, jumps(steady, limits.jump), "leaves its neighbours and comes back"
+            )
+
+
+def _turned(series: Series) -> dict[str, FloatArray]:
+    """The parts of quaternions with one sign throughout: q and -q are the same rotation."""
+    out: dict[str, FloatArray] = {}
+    for parts in _quaternion_parts(series):
+        values = np.stack([series.fields[part] for part in parts])
+        with np.errstate(over="ignore", invalid="ignore"):
+            agree = np.sum(values[:, 1:] * values[:, :-1], axis=0)
+        sign = np.cumprod(np.concatenate([[1.0], np.where(agree < 0, -1.0, 1.0)]))
+        out |= dict(zip(parts, sign * values, strict=True))
+    return out
+
+
+def _quaternion_parts(series: Series) -> list[list[str]]:
+    """The fields x, y, z and w of every quaternion."""
+    found = [[f"{name[:-1]}{axis}" for axis in "xyzw"] for name in series.fields if name.endswith(".w")]
+    return [parts for parts in found if all(part in series.fields for part in parts)]
 
 
 def jumps(values: FloatArray, factor: float) -> BoolArray:
@@ -105,16 +135,13 @@ def jumps(values: FloatArray, factor: float) -> BoolArray:
 
 
 def _quaternions(series: Series, limits: Limits) -> Iterator[Finding]:
-    for field in series.fields:
-        parts = [f"{field[:-1]}{axis}" for axis in "xyzw"]
-        if not field.endswith(".w") or not all(part in series.fields for part in parts):
-            continue
+    for parts in _quaternion_parts(series):
         values = np.stack([series.fields[part] for part in parts])
         known = np.isfinite(values).all(axis=0)
         with np.errstate(over="ignore", invalid="ignore"):
             norm = np.sqrt(np.sum(values**2, axis=0))
         off = known & ~(np.abs(norm - 1.0) <= limits.quaternion)
-        yield _finding(series, "no rotation", field[:-2], off, "the quaternion's norm is not 1")
+        yield _finding(series, "no rotation", parts[-1][:-2], off, "the quaternion's norm is not 1")
 
 
 def _stamps(series: Series, limits: Limits) -> Iterator[Finding]:
@@ -131,8 +158,10 @@ def _stamps(series: Series, limits: Limits) -> Iterator[Finding]:
     )
     delay = series.receive - series.header
     known = np.isfinite(delay)
-    if known.any():
-        far = known & (np.abs(delay - np.median(delay[known])) > limits.delay)
+    if known.any() and np.ptp(series.header[known]) > 0:  # a stamp that is never set is no clock
+        far = np.zeros(len(delay), dtype=np.bool_)
+        usual = median_filter(delay[known], AROUND, mode="nearest")
+        far[known] = np.abs(delay[known] - usual) > limits.delay
         yield _finding(
             series, "stamp far from arrival", None, far, "the header stamp is far from its arrival"
         )

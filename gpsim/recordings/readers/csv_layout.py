@@ -14,6 +14,7 @@ _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf(inity)?|true|false)", re.IGNORECASE
 )
 _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_POINT_NUMBER = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _SEPARATORS = (",", ";", "\t", "|")
 
 
@@ -44,13 +45,14 @@ def read_layout(path: Path) -> Layout:
     if len(raw) == HEAD:
         lines = lines[:-1]
     comments = _leading_comments(lines)
-    body = [line for line in lines[comments:] if line.strip()][:40]
+    whole = [line for line in lines[comments:] if line.strip()]
+    body = whole[:40]
     if not body:
         raise DamageError("the file holds no table, only comments or empty lines")
     separator = _separator(body)
     names, header = _header(lines[:comments], body, separator)
     first = next(i for i, line in enumerate(lines) if i >= comments and line.strip())
-    decimal = _decimal(body[header:], separator)
+    decimal = _decimal(whole[header:], separator)
     rows = max(0, lines_there - header)
     return Layout(first + header, separator, decimal, encoding, names, rows, last.decode(encoding, "replace"))
 
@@ -106,8 +108,17 @@ def _separator(body: list[str]) -> str:
 
 
 def _decimal(body: list[str], separator: str) -> str:
+    """The mark that numbers are written with; DamageError where commas are thousands separators."""
+    if separator == ",":
+        return "."
     found = [cell for line in body for cell in cells(line, separator)]
-    return "," if separator != "," and any(_COMMA_NUMBER.fullmatch(cell) for cell in found) else "."
+    commas = [cell for cell in found if _COMMA_NUMBER.fullmatch(cell)]
+    if commas and any(_POINT_NUMBER.fullmatch(cell) for cell in found):
+        raise DamageError(
+            f"{one_line(commas[0], 40)!r} beside numbers with a decimal point; "
+            "write numbers without thousands separators"
+        )
+    return "," if commas else "."
 
 
 def _header(comments: list[str], body: list[str], separator: str) -> tuple[tuple[str, ...], int]:

@@ -67,7 +67,7 @@ def _pieces(
 
 
 def _numeric_columns(path: Path, layout: Layout) -> tuple[str, ...]:
-    """Columns of which at least half of the first rows' filled cells are numbers."""
+    """Columns of which at least half of the first rows' filled cells are numbers; what begins later may be one."""
     try:
         table = next(
             iter(_pieces(path, layout, layout.names, _LOOK)), pd.DataFrame(columns=list(layout.names))
@@ -80,7 +80,7 @@ def _numeric_columns(path: Path, layout: Layout) -> tuple[str, ...]:
         numbers = pd.api.types.is_numeric_dtype(column) or (
             len(column) > 0 and sum(is_number(str(cell).strip()) for cell in column) * 2 >= len(column)
         )
-        if numbers and len(column):
+        if numbers if len(column) else layout.rows > _LOOK:
             found.append(name)
     return tuple(found)
 
@@ -95,7 +95,7 @@ def _read_csv(path: Path, layout: Layout, columns: Sequence[str], ledger: Ledger
             good = np.ones(len(piece), dtype=np.bool_)
             made: dict[str, FloatArray] = {}
             for name in columns:
-                made[name], empty, bad = _numbers(piece[name])
+                made[name], empty, bad = _numbers(piece[name], layout.decimal)
                 absent[name] += int(empty.sum())
                 if bad.any():
                     row = int(np.flatnonzero(bad)[0])
@@ -120,12 +120,14 @@ def _read_csv(path: Path, layout: Layout, columns: Sequence[str], ledger: Ledger
     return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
 
 
-def _numbers(column: Any) -> tuple[FloatArray, Any, Any]:
+def _numbers(column: Any, decimal: str) -> tuple[FloatArray, Any, Any]:
     """(values, empty cells, cells that are no numbers)."""
     empty = column.isna().to_numpy()
     if pd.api.types.is_numeric_dtype(column):
         return column.to_numpy(dtype=np.float64), empty, np.zeros(len(column), dtype=np.bool_)
     text = column.astype(str).str.strip().replace({"True": "1", "true": "1", "False": "0", "false": "0"})
+    if decimal == ",":
+        text = text.str.replace(",", ".", regex=False)
     values = pd.to_numeric(text, errors="coerce").to_numpy(dtype=np.float64)
     named = text.str.lower().isin(["nan", "inf", "-inf", "+inf", "infinity", "-infinity"]).to_numpy()
     return values, empty, np.isnan(values) & ~empty & ~named

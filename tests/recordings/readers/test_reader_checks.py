@@ -9,7 +9,7 @@ from bags import drive, write_bag
 
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers import open_log
-from gpsim.recordings.readers.checks import find_silent_damage
+from gpsim.recordings.readers.checks import Limits, find_silent_damage
 from gpsim.recordings.readers.statistics import of_stamps, statistics
 
 POSE = [f"pose.{part}" for part in ("position.x", "position.y", *(f"orientation.{axis}" for axis in "xyzw"))]
@@ -106,3 +106,33 @@ def test_statistics_of_a_series_use_its_own_stamps(sound: Series) -> None:
     assert own.rate == pytest.approx(50.0, rel=0.02)
     assert own.jitter is not None
     assert 0.0 < own.jitter < 0.001
+
+
+def test_a_rotation_that_alternates_its_sign_is_sound(sound: Series) -> None:
+    """A driver that keeps w positive flips all parts where the yaw passes half a turn, back and forth under noise."""
+    rng = np.random.default_rng(0)
+    yaw = np.linspace(0.0, 20.0, len(sound.receive)) + 0.004 * rng.normal(size=len(sound.receive))
+    w, z = np.cos(yaw / 2), np.sin(yaw / 2)
+    sign = np.where(w < 0, -1.0, 1.0)
+    parts = {"x": 0 * w, "y": 0 * w, "z": sign * z, "w": sign * w}
+    fields = {f"pose.orientation.{axis}": values for axis, values in parts.items()}
+    assert find_silent_damage(replace(sound, fields={**sound.fields, **fields})) == ()
+
+
+def test_an_angle_that_wraps_under_noise_is_sound(sound: Series) -> None:
+    rng = np.random.default_rng(1)
+    angle = np.linspace(0.0, 12.0, len(sound.receive)) + 0.05 * rng.normal(size=len(sound.receive))
+    wrapped = np.degrees((angle + np.pi) % (2 * np.pi) - np.pi)
+    series = replace(sound, fields={"position.0": wrapped})
+    assert find_silent_damage(series, Limits(periods={"position.0": 360.0})) == ()
+
+
+def test_clocks_of_another_pace_or_unit_are_sound(sound: Series) -> None:
+    long = np.arange(len(sound.receive)) * 1.0  # a second a message: hundreds of seconds
+    slow = replace(sound, receive=long, header=0.5 * long)  # simulated time
+    unset = replace(sound, receive=long, header=np.zeros(len(long)))
+    assert find_silent_damage(slow) == ()
+    assert find_silent_damage(unset) == ()
+    ticks = replace(sound, fields={"stamp": 1.7e15 + 1e6 * long})
+    assert find_silent_damage(ticks, Limits(clocks=("stamp",))) == ()
+    assert find_silent_damage(ticks) != ()

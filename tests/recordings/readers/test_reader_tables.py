@@ -187,3 +187,26 @@ def test_damaged_matlab_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="-v7"):
         open_log(tmp_path / "hdf.mat")
     assert not outcomes.faults
+
+
+def test_a_column_that_begins_late_is_one(tmp_path: Path) -> None:
+    lines = [f"{i},{'' if i < 2500 else i}," for i in range(3000)]
+    path = table(tmp_path / "a.csv", "t,late,never\n" + "\n".join(lines) + "\n")
+    late = columns(path, "late")["late"]
+    assert np.isnan(late[:2500]).all()
+    assert late[2500:] == [float(i) for i in range(2500, 3000)]
+
+
+def test_thousands_separators_are_refused_not_read_as_decimals(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "t\tx\n0.01\t998\n0.02\t1,001\n")
+    with pytest.raises(UsageError, match="without thousands separators"):
+        columns(path)
+
+
+def test_a_decimal_comma_survives_a_cell_that_is_none_and_whole_numbers_before_it(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "t;x\n0;0,5\n1;ERR\n2;2,5\n")
+    assert columns(path, salvage=True) == {"t": [0.0, 2.0], "x": [0.5, 2.5]}
+    with pytest.raises(UsageError, match="line 3.*'ERR'"):
+        columns(path)
+    whole = "".join(f"{i};{i}\n" for i in range(60))
+    assert columns(table(tmp_path / "b.csv", f"t;x\n{whole}60;0,5\n"))["x"][-1] == 0.5
