@@ -28,6 +28,7 @@ def import_logs(
     refuses, or no episode is left.
     """
     parts = [part for log in logs for part in read_parts(log, mapping, inspect)]
+    _check_clock(mapping, parts)
     shifts: dict[str, float] = {}
     if isinstance(mapping.clock.apply_offset, float):
         shifts = {
@@ -56,6 +57,21 @@ def import_logs(
         "sources": import_notes.origins(counts),
     }
     return replace(recording, provenance=provenance), report
+
+
+def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
+    """Settings of the clock that would do nothing."""
+    known = sorted({topic for part in parts for topic in part.tracks})
+    for setting, topics in (("offsets", mapping.clock.offsets), ("topics", mapping.clock.topics)):
+        for topic in topics:
+            if topic not in known:
+                raise UsageError(
+                    f"clock.{setting}: no topic '{topic}' is read; there are: {', '.join(known)}"
+                )
+    if mapping.clock.apply_offset and not any(_command_topics(part.mapping) for part in parts):
+        raise UsageError(
+            "clock.apply_offset: commands and state share their rows and so their clock, there is nothing to shift"
+        )
 
 
 def _losses(logs: Sequence[NamedLog]) -> list[str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -39,10 +41,10 @@ def recipe(request: Request) -> Recipe:
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Write deployments.csv (one row an episode of a log), evaluation.json and figures/deployed.png."""
+    """Write deployments.csv (one row a deployment), evaluation.json and figures/deployed.png."""
     task, goal = _task(request), _goal(request)
     section = request.config["collect"]
-    recording, _, _ = read_logs(
+    recording, _, mapping = read_logs(
         _sources(request), _mapping(request), section["changes"], bool(section["salvage"])
     )
     if recording.state.names[:2] != ("x", "y"):
@@ -50,14 +52,15 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             f"deployed: the mapping {_mapping(request)} gives no x and y to compare with the goal"
         )
     rows, paths = [], []
-    for episode in recording.episodes:
+    whole = (mapping.get("episodes") or {}).get("by", "file") == "file"
+    for name, episode in trips(recording, whole):
         path, reached = trip(episode, goal, task.goal_radius + _tolerance(request))
         paths.append(path)
         rows.append(
             {
-                "episode": _name(recording, episode),
+                "episode": name,
                 "reached": int(reached),
-                "steps": len(path) - 1,
+                "steps": round(float(episode.t[len(path) - 1] - episode.t[0]) / recording.dt),
                 "path": float(path_length(path[None])[0]),
                 "nearest": float(np.hypot(*(path[:, :2] - goal).T).min()),
             }
@@ -77,6 +80,36 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     figure = figure_deployed(paths, goal, task.goal_radius, task.floor)
     (folder / "figures" / "deployed.png").write_bytes(png(figure))
     return {}
+
+
+def trips(recording: Recording, whole: bool) -> list[tuple[str, Episode]]:
+    """Every deployment and its name: an episode each, or where a log is one (`whole`) all that is known of it.
+
+    The cameras may lose a robot on its way, and find it again.
+    """
+    origins = recording.provenance.get("sources") or {}
+    groups: dict[str, list[Episode]] = {}
+    for episode in recording.episodes:
+        log = origins.get(episode.name, {}).get("log")
+        groups.setdefault(str(log) if whole and log else episode.name, []).append(episode)
+    return [(_name(recording, parts[0]), _joined(parts, origins)) for parts in groups.values()]
+
+
+def _joined(parts: Sequence[Episode], origins: Mapping[str, Any]) -> Episode:
+    """The pieces of one log, on its clock; what was commanded in between is not known, and not asked."""
+    if len(parts) == 1:
+        return parts[0]
+    begun = [float(origins[part.name]["start_s"]) for part in parts]
+    times = [start + part.t - part.t[0] for start, part in zip(begun, parts, strict=True)]
+    last = [np.full((1, part.actions.shape[1]), np.nan) for part in parts[:-1]]
+    actions = [
+        a
+        for part, gap in zip(parts, [*last, None], strict=True)
+        for a in (part.actions, gap)
+        if a is not None
+    ]
+    states = np.concatenate([part.states for part in parts])
+    return Episode(parts[0].name, np.concatenate(times), states, np.concatenate(actions))
 
 
 def trip(episode: Episode, goal: FloatArray, radius: float) -> tuple[FloatArray, bool]:

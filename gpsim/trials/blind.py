@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -14,6 +15,7 @@ from typing import Any
 
 from gpsim.artifacts import file_digest
 from gpsim.errors import UsageError
+from gpsim.provenance import git_commit
 from gpsim.trials.concealing import HASHES, PUBLIC
 
 DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"
@@ -58,12 +60,17 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
         shutil.copytree(out / PUBLIC / name, room / RECORDING)
         started = time.monotonic()
         code, said = _run(room)
+        if code < 0:  # killed, for want of memory say: that need not happen again
+            shutil.rmtree(room / DIAGNOSIS, ignore_errors=True)
+            started = time.monotonic()
+            code, said = _run(room)
         outcome = {
             "exit": code,
             "seconds": round(time.monotonic() - started, 2),
             "error": said.strip().splitlines()[-1][:300] if code and said.strip() else None,
             "recording": {p.name: file_digest(p) for p in sorted((room / RECORDING).iterdir())},
             "answer_sha256": published(out)[name],
+            "git_commit": git_commit(),
         }
         made = room / "made"
         made.mkdir()
@@ -82,6 +89,12 @@ def read_outcome(out: Path, name: str) -> dict[str, Any]:
     """How a finished diagnosis ended."""
     content: dict[str, Any] = json.loads((out / DIAGNOSES / name / OUTCOME).read_text(encoding="utf-8"))
     return content
+
+
+def diagnosis_digest(out: Path, name: str) -> str:
+    """The sha256 of how a diagnosis ended and of what it said."""
+    paths = (out / DIAGNOSES / name / OUTCOME, out / DIAGNOSES / name / DIAGNOSIS / "diagnosis.json")
+    return hashlib.sha256(b"".join(p.read_bytes() for p in paths if p.is_file())).hexdigest()
 
 
 def read_report(out: Path, name: str) -> dict[str, Any] | None:

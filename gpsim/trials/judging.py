@@ -11,7 +11,7 @@ from typing import Any
 
 from gpsim.recordings import Recording, read_recording
 from gpsim.trials import sindy
-from gpsim.trials.blind import read_outcome, read_report
+from gpsim.trials.blind import diagnosis_digest, read_outcome, read_report
 from gpsim.trials.concealing import PUBLIC
 from gpsim.trials.equivalents import Rival, rivals
 from gpsim.trials.revealing import Answer, reveal
@@ -21,12 +21,17 @@ SCORES = "scores"
 
 
 def judge(out: Path, answers: Path, name: str) -> dict[str, Any]:
-    """The score of a diagnosed trial, kept in OUT/scores; the answer is verified each time."""
+    """The score of a diagnosed trial, kept in OUT/scores; the answer is verified each time.
+
+    A trial that was diagnosed anew is scored anew.
+    """
     answer = reveal(out, answers, name)
     path = out / SCORES / f"{name}.json"
+    digest = diagnosis_digest(out, name)
     if path.is_file():
         kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return kept
+        if kept.get("diagnosis_sha256") == digest:
+            return kept
     started = time.monotonic()
     recording = read_recording(out / PUBLIC / name)
     others = rivals(answer, recording)
@@ -34,6 +39,7 @@ def judge(out: Path, answers: Path, name: str) -> dict[str, Any]:
     found = score(answer, read_report(out, name), others)
     found |= _of_world(answer) | {
         "trial": name,
+        "diagnosis_sha256": digest,
         "seconds": outcome["seconds"],
         "error": outcome["error"],
         "rivals": [{"claims": list(map(list, r.claims)), "nats_lost": r.loss} for r in others[:6]],

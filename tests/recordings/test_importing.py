@@ -302,3 +302,19 @@ def test_whatever_the_clock_does_the_numbers_add_up(seed):
     for episode in recording.episodes:
         assert np.isfinite(episode.states).all()
         assert (np.diff(episode.t) > 0).all()
+
+
+def test_settings_of_the_clock_that_would_do_nothing_are_refused():
+    t = np.arange(0, 5, 0.01)
+    table = {"table": series("table", np.full(len(t), np.nan), t=t, q=np.sin(3 * t), u=np.cos(t))}
+    mapping = {
+        "system": "slider",
+        "rate": 50,
+        "time": {"field": "t"},
+        "state": {"q": {"field": "q", "unit": "m"}},
+        "action": {"force": {"field": "u", "unit": "N"}},
+    }
+    with pytest.raises(UsageError, match="share their rows"):
+        imported(table, mapping, clock={"apply_offset": 0.1})
+    with pytest.raises(UsageError, match="clock.offsets: no topic 'tabel' is read; there are: table"):
+        imported(table, mapping, clock={"offsets": {"tabel": 0.1}})
