@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Literal
@@ -25,11 +26,12 @@ class FolderLog:
     files: Mapping[str, Path]
     opener: Opener
     epoch_ns: int = 0
+    _lost: dict[str, Counter[str]] = field(default_factory=dict)
 
     @property
     def losses(self) -> Mapping[str, int]:
-        """Tables lose rows, which the series count."""
-        return {}
+        """Pieces of the files that could not be read (salvage only), by reason; lost rows the series count."""
+        return sum(self._lost.values(), Counter())
 
     def topics(self) -> Sequence[Topic]:
         """One topic a file."""
@@ -42,6 +44,7 @@ class FolderLog:
             log = self.opener(self.files[name])
             inner = self._only(name, log).name
             out[name] = replace(log.series({inner: fields})[inner], topic=name)
+            self._lost[name] = Counter({f"{name}: {why}": count for why, count in log.losses.items()})
         return out
 
     def _only(self, name: str, log: RawLog) -> Topic:

@@ -78,6 +78,11 @@ def build_track(
 
     Raises UsageError when nothing is left or a chosen clock does not exist.
     """
+    if mapping.time is not None and mapping.time.step is not None and series.dropped:
+        raise UsageError(
+            f"{where}: {series.topic}: rows are missing of a table whose time is told by counting them; "
+            "name a column that tells the time"
+        )
     choice = mapping.clock.topics.get(series.topic, mapping.clock.stamps)
     t, clock = stamps(series, mapping.time, choice, where, epoch)
     keep = np.ones(len(t), dtype=np.bool_)

@@ -20,7 +20,10 @@ _SEPARATORS = (",", ";", "\t", "|")
 
 @dataclass(frozen=True)
 class Layout:
-    """skip: lines before the data (comments, header); names: the header's cells; rows: lines of data."""
+    """skip: lines before the data (comments, header); names: the header's cells; rows: lines of data.
+
+    comments: numbers of the lines that are comments, where a # stands in cells, too; None where it begins one anywhere.
+    """
 
     skip: int
     separator: str
@@ -29,6 +32,7 @@ class Layout:
     names: tuple[str, ...]
     rows: int
     last_line: str
+    comments: tuple[int, ...] | None = None
 
 
 def read_layout(path: Path) -> Layout:
@@ -54,7 +58,9 @@ def read_layout(path: Path) -> Layout:
     first = next(i for i, line in enumerate(lines) if i >= comments and line.strip())
     decimal = _decimal(whole[header:], separator)
     rows = max(0, lines_there - header)
-    return Layout(first + header, separator, decimal, encoding, names, rows, last.decode(encoding, "replace"))
+    last_line = last.decode(encoding, "replace")
+    noted = _comments(path, encoding, separator, len(names))
+    return Layout(first + header, separator, decimal, encoding, names, rows, last_line, noted)
 
 
 def _count_lines(path: Path) -> tuple[int, bytes]:
@@ -73,6 +79,18 @@ def _count_lines(path: Path) -> tuple[int, bytes]:
             if line.strip() and not line.lstrip().startswith((b"#", b"%")):
                 count, last = count + 1, line
     return count, last
+
+
+def _comments(path: Path, encoding: str, separator: str, count: int) -> tuple[int, ...] | None:
+    """Lines that are comments, where some line of data has a # before its last cell; None where none has."""
+    found, in_cells = [], False
+    with path.open(encoding=encoding, errors="replace") as file:
+        for number, line in enumerate(file):
+            if line.lstrip().startswith(("#", "%")):
+                found.append(number)
+            elif "#" in line:
+                in_cells |= len(cells(line[: line.index("#")], separator)) < count
+    return tuple(found) if in_cells else None
 
 
 def _leading_comments(lines: list[str]) -> int:

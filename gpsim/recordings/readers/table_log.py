@@ -57,6 +57,10 @@ class TableLog:
         """Pieces of the file that could not be read (salvage only), by reason."""
         return dict(self._ledger.file)
 
+    def lost(self, reason: str, where: str) -> None:
+        """Note that a piece of the file is lost; UsageError unless it is to be salvaged."""
+        self._ledger.lost(reason, where)
+
     def topics(self) -> Sequence[Topic]:
         """The tables, without times: which column tells the time is for the mapping to say."""
         return tuple(

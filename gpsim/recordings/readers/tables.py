@@ -31,13 +31,13 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
         columns = _numeric_columns(path, layout)
     except (DamageError, OSError) as error:
         raise refusal(path, "table", one_line(error)) from error
-    ledger = Ledger(path, salvage=salvage)
     count = len(cells(layout.last_line, layout.separator))
     cut = layout.rows > 1 and 0 < count < len(layout.names)
+    read = partial(_read_csv, path, layout, cut)
+    log = TableLog(path, [Table(path.stem, "table", columns, layout.rows, read)], salvage=salvage)
     if cut:
-        ledger.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
-    read = partial(_read_csv, path, layout)
-    return TableLog(path, [Table(path.stem, "table", columns, layout.rows, read)], salvage=salvage)
+        log.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
+    return log
 
 
 def _pieces(
@@ -53,12 +53,12 @@ def _pieces(
             encoding_errors="replace",
             names=list(layout.names),
             usecols=list(columns),
-            skiprows=layout.skip,
+            skiprows=layout.skip if layout.comments is None else [*range(layout.skip), *layout.comments],
             nrows=rows,
             chunksize=_PIECE,
             header=None,
             index_col=False,
-            comment="#",
+            comment="#" if layout.comments is None else None,
             float_precision="round_trip",
             low_memory=False,
         )
@@ -85,7 +85,8 @@ def _numeric_columns(path: Path, layout: Layout) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _read_csv(path: Path, layout: Layout, columns: Sequence[str], ledger: Ledger) -> Rows:
+def _read_csv(path: Path, layout: Layout, cut: bool, columns: Sequence[str], ledger: Ledger) -> Rows:
+    """The columns; `cut`: the last row ends in the middle of a number, for all that is known."""
     kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
     absent = dict.fromkeys(columns, 0)
     topic = path.stem
@@ -117,7 +118,8 @@ def _read_csv(path: Path, layout: Layout, columns: Sequence[str], ledger: Ledger
         ledger.lost(
             f"the rest of the table cannot be read: {one_line(error, 120)}", f"behind line {first - 1}"
         )
-    return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
+    whole = {name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}
+    return Rows({name: values[:-1] if cut else values for name, values in whole.items()}, absent)
 
 
 def _numbers(column: Any, decimal: str) -> tuple[FloatArray, Any, Any]:

@@ -210,3 +210,19 @@ def test_a_decimal_comma_survives_a_cell_that_is_none_and_whole_numbers_before_i
         columns(path)
     whole = "".join(f"{i};{i}\n" for i in range(60))
     assert columns(table(tmp_path / "b.csv", f"t;x\n{whole}60;0,5\n"))["x"][-1] == 0.5
+
+
+def test_a_hash_in_a_cell_cuts_nothing_off(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "# made by hand\nt,mode,x\n0,run #1,1.5\n# a pause\n1,run #2,2.5\n")
+    assert columns(path, "t", "x") == {"t": [0.0, 1.0], "x": [1.5, 2.5]}
+    noted = table(tmp_path / "b.csv", "t,x\n0,1.5 # begin\n1,2.5\n")
+    assert columns(noted) == {"t": [0.0, 1.0], "x": [1.5, 2.5]}
+
+
+def test_a_last_line_that_was_cut_is_lost_and_counted(tmp_path: Path) -> None:
+    path = table(tmp_path / "a.csv", "t,x\n0,1.5\n1,2.5\n2")
+    with pytest.raises(UsageError, match="the last line has 1 of 2 cells"):
+        open_log(path)
+    log = open_log(path, salvage=True)
+    assert log.series({"a": ("t",)})["a"].fields["t"].tolist() == [0.0, 1.0]
+    assert sum(log.losses.values()) == 1
