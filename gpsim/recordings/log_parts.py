@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import IntArray
+from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.recordings import clock
-from gpsim.recordings.mapping import ImportMapping, with_fields
+from gpsim.recordings.mapping import EpisodeRule, ImportMapping, with_fields
 from gpsim.recordings.raw import RawLog, Series
 from gpsim.recordings.tracks import Track, build_track, fields_by_topic, stamps
 
@@ -99,7 +99,7 @@ def _unbroken(
         finite = np.flatnonzero(np.isfinite(t))
         sound = np.delete(finite, clock.jumping(t[finite], mapping.checks.jump))
         sound = sound[_first_time(one, sound)]
-        cuts = sound[clock.restarts(t[sound])].tolist()
+        cuts = sorted({*sound[clock.restarts(t[sound])].tolist(), *_new_episodes(one, t, mapping.episodes)})
         if not cuts:
             continue
         if len(series) > 1:
@@ -110,6 +110,16 @@ def _unbroken(
         edges = [0, *cuts, len(t)]
         return [{topic: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]
     return [series]
+
+
+def _new_episodes(series: Series, t: FloatArray, rule: EpisodeRule) -> list[int]:
+    """Rows at which a column says that another episode begins, and the clock begins anew: however short they are."""
+    if rule.by != "column" or rule.field not in series.fields:
+        return []
+    values = series.fields[rule.field]
+    with np.errstate(invalid="ignore"):
+        begins = (np.diff(values) != 0) & (np.diff(t) < 0)
+    return (np.flatnonzero(begins) + 1).tolist()
 
 
 def _first_time(series: Series, rows: IntArray) -> IntArray:

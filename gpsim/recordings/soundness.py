@@ -89,9 +89,9 @@ def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
         return time.step * np.arange(count)
     if time is not None and time.seconds is not None:
         rest = series.fields[time.nanoseconds] if time.nanoseconds is not None else np.zeros(count)
-        return np.asarray(series.fields[time.seconds] + 1e-9 * rest)
+        return np.asarray(series.fields[time.seconds] + 1e-9 * rest, dtype=np.float64)
     if time is not None and time.field is not None:
-        return np.asarray(time.scale * series.fields[time.field])
+        return np.asarray(time.scale * series.fields[time.field], dtype=np.float64)
     if series.header is None or not np.ptp(series.header) > 0:
         return series.receive
     return series.header

@@ -318,3 +318,24 @@ def test_settings_of_the_clock_that_would_do_nothing_are_refused():
         imported(table, mapping, clock={"apply_offset": 0.1})
     with pytest.raises(UsageError, match="clock.offsets: no topic 'tabel' is read; there are: table"):
         imported(table, mapping, clock={"offsets": {"tabel": 0.1}})
+
+
+def test_short_episodes_whose_clock_begins_anew_stay_what_they_are():
+    """Nine rows each, as a bad policy leaves them: too few to tell by the clock alone that it was set back."""
+    rng = np.random.default_rng(0)
+    t = np.concatenate([0.02 * np.arange(9) + 1e-4 * rng.uniform(size=9) for _ in range(30)])
+    number = np.repeat(np.arange(30.0), 9)
+    q = 10.0 * number + t
+    table = series("table", np.full(len(t), np.nan), t=t, q=q, u=np.cos(q), trial=number)
+    mapping = {
+        "system": "slider",
+        "rate": 50,
+        "time": {"field": "t"},
+        "episodes": {"by": "column", "field": "trial"},
+        "state": {"q": {"field": "q", "unit": "m"}},
+        "action": {"force": {"field": "u", "unit": "N"}},
+    }
+    recording, _ = imported({"table": table}, mapping)
+    assert len(recording.episodes) == 30
+    for i, episode in enumerate(recording.episodes):
+        assert episode.states[:, 0] == pytest.approx(10.0 * i + episode.t, abs=1e-3)
