@@ -114,7 +114,7 @@ def _unbroken(
 
 def _new_episodes(series: Series, t: FloatArray, rule: EpisodeRule) -> list[int]:
     """Rows at which a column says that another episode begins, and the clock begins anew: however short they are."""
-    if rule.by != "column" or rule.field not in series.fields:
+    if rule.by != "column" or rule.field is None or rule.field not in series.fields:
         return []
     values = series.fields[rule.field]
     with np.errstate(invalid="ignore"):

@@ -86,7 +86,7 @@ def _clock(series: Series, mapping: ImportMapping) -> FloatArray:
     """When the rows were taken [s], as far as it is known here."""
     time, count = mapping.time, len(series.receive)
     if time is not None and time.step is not None:
-        return time.step * np.arange(count)
+        return np.asarray(time.step * np.arange(count), dtype=np.float64)
     if time is not None and time.seconds is not None:
         rest = series.fields[time.nanoseconds] if time.nanoseconds is not None else np.zeros(count)
         return np.asarray(series.fields[time.seconds] + 1e-9 * rest, dtype=np.float64)
