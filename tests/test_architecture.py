@@ -35,7 +35,7 @@ LEVELS = [
         "settings",
         "command_filter",
     },
-    {"channels", "artifacts", "provenance", "workers"},
+    {"channels", "evenly", "artifacts", "provenance", "workers"},
     {"errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
