@@ -35,7 +35,8 @@ LEVELS = [
         "settings",
         "command_filter",
     },
-    {"channels", "evenly", "artifacts", "provenance", "workers"},
+    {"evenly"},
+    {"channels", "artifacts", "provenance", "workers"},
     {"errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
