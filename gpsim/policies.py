@@ -83,14 +83,15 @@ def _observation_scale(env: BatchedEnv, given: Sequence[float]) -> NDArray[np.fl
 
 
 def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_steps: int, seed: int) -> PPO:
+    share = n_steps * settings.n_envs / settings.total_steps
     return PPO(
         "MlpPolicy",
         _StableBaselinesEnv(env, scale, settings.reward_scale),
         n_steps=n_steps,
         batch_size=min(settings.batch_size, n_steps * settings.n_envs),
         n_epochs=settings.n_epochs,
-        learning_rate=_linear(settings.learning_rate, settings.anneal),
-        clip_range=_linear(settings.clip_range, settings.anneal),
+        learning_rate=_linear(settings.learning_rate, settings.anneal, share),
+        clip_range=_linear(settings.clip_range, settings.anneal, share),
         gamma=settings.gamma,
         gae_lambda=settings.gae_lambda,
         ent_coef=settings.ent_coef,
@@ -100,8 +101,12 @@ def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_s
     )
 
 
-def _linear(start: float, anneal: bool) -> float | Callable[[float], float]:
-    return (lambda remaining: start * max(remaining, 0.0)) if anneal else start
+def _linear(start: float, anneal: bool, share: float = 0.0) -> float | Callable[[float], float]:
+    """Falling to 0 with what remains of the training; share: what the rollout before an update has used already.
+
+    Counted at an update's end the last one, and the only one of a short training, would change nothing.
+    """
+    return (lambda remaining: start * min(max(remaining + share, 0.0), 1.0)) if anneal else start
 
 
 def _actor(model: PPO, scale: NDArray[np.float32]) -> Policy:

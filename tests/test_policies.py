@@ -1,5 +1,7 @@
 """Training: reproducible to the byte, exported exactly, and able to learn."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -75,3 +77,14 @@ def test_the_source_task_is_learnt():
     settings = PpoSettings(total_steps=100_000, observation_scale=(2.4, 0.3, 0.1, 0.5))
     _, curve = train(settings)
     assert curve.mean_return[-3:].mean() > 450
+
+
+def test_a_training_of_one_update_learns():
+    """The schedule counts from an update's start, else the last one would have a learning rate of 0."""
+    first = {}
+    for rate in (1e-3, 1e-12):
+        settings = replace(SMALL, total_steps=320, learning_rate=rate)
+        first[rate], _ = train(settings)
+    assert any(
+        np.abs(first[1e-3].weights[k] - first[1e-12].weights[k]).max() > 1e-5 for k in first[1e-3].weights
+    )

@@ -24,8 +24,8 @@ def bootstrap_interval(
 ) -> tuple[float, float]:
     """Percentile bootstrap interval of statistic(values) over the rows of `values` (N, ...).
 
-    With seeds as the rows of (seeds, episodes), whole seeds are drawn and, within each, episodes: a stratified
-    bootstrap in two stages. The draws are the same at every call.
+    With seeds as the rows of (seeds, starts), whole seeds are drawn, and the starts that all of them share: a start
+    that nobody solves counts once, however many seeds have tried it. The draws are the same at every call.
     """
     rng = np.random.default_rng(0)
     values = np.asarray(values, dtype=np.float64)
@@ -33,7 +33,7 @@ def bootstrap_interval(
     for i in range(draws):
         rows = values[rng.integers(0, len(values), len(values))] if len(values) > 1 else values
         if values.ndim > 1:
-            rows = np.take_along_axis(rows, rng.integers(0, rows.shape[1], rows.shape), axis=1)
+            rows = rows[:, rng.integers(0, rows.shape[1], rows.shape[1])]
         found[i] = statistic(rows)
     tail = 50.0 * (1.0 - level)
     low, high = np.percentile(found, [tail, 100.0 - tail])

@@ -199,7 +199,10 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     trained = _training_plants(request, recipe)
     order = ("Target", "Source", "GP-Mean", "GP-Sample", "Effects")
     plants = {name: trained[name] for name in order if name in trained}
-    paths = {name: roll_out(plant, start, actions, rng) for name, plant in plants.items()}
+    paths = {
+        name: roll_out(plant, start, actions, generator(section["start_seed"], "evaluate/rollouts/noise"))
+        for name, plant in plants.items()
+    }
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
     for name in (name for name in plants if name != "Target"):
@@ -217,11 +220,14 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
         target_plant(request.config),
         certify.evaluation_starts(request),
     )
-    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/returns")
-    return {
-        name: episode_returns(target, task, policy_actor(read_policy(recipe.parents[name].path)), start, rng)
-        for name in policy_names(request)
-    }
+    seed = request.config["evaluate"]["start_seed"]
+
+    def returns(name: str) -> FloatArray:
+        act = policy_actor(read_policy(recipe.parents[name].path))
+        # The same noise for every policy: they are compared with one another.
+        return episode_returns(target, task, act, start, generator(seed, "evaluate/returns"))
+
+    return {name: returns(name) for name in policy_names(request)}
 
 
 def notes(artifact: Artifact) -> list[str]:

@@ -40,17 +40,23 @@ def drive_all(
     task, start = goal_task(request), certify.evaluation_starts(request)
     assert task is not None
     endless = replace(task, ends_at_edge=False)  # in simulation nothing stops at the floor's edge
-    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/returns")
+    seed = request.config["evaluate"]["start_seed"]
     target = target_plant(request.config)
     acts = {name: policy_actor(read_policy(recipe.parents[name].path)) for name in names}
-    trips = {name: take_trips(target, task, acts[name], start, rng) for name in names}
+    # The same noise for every policy: they are compared with one another.
+    trips = {
+        name: take_trips(target, task, acts[name], start, generator(seed, "evaluate/returns"))
+        for name in names
+    }
     _table(trips, behind(task, start)).to_csv(folder / TRIPS, index=False, lineterminator="\n")
     rows = _one_place(task, start)
     shown = Start(start.states[rows], start.context[rows])
     paths: dict[str, FloatArray] = {"goal": shown.context}
     for name in names:
         paths[f"target/{name}"] = trips[name].paths[rows][:, :, :3]
-        paths[f"simulator/{name}"] = take_trips(simulators[name], endless, acts[name], shown, rng).paths
+        paths[f"simulator/{name}"] = take_trips(
+            simulators[name], endless, acts[name], shown, generator(seed, "evaluate/paths")
+        ).paths
     write_arrays(folder / PATHS, paths)
     return trips
 

@@ -38,6 +38,15 @@ def test_seeds_are_drawn_whole():
     assert bootstrap_interval(returns, lambda v: float(v.mean())) == (0.0, 500.0)
 
 
+def test_seeds_that_share_their_starts_say_no_more_of_them_than_one():
+    """Five seeds that solve the same half of 200 starts know that half no better than one of them."""
+    one = (np.arange(200) < 100).astype(float)[None]
+    mean = lambda v: float(v.mean())  # noqa: E731
+    low, high = bootstrap_interval(np.repeat(one, 5, axis=0), mean)
+    alone = bootstrap_interval(one, mean)
+    assert high - low == pytest.approx(alone[1] - alone[0], rel=0.1)
+
+
 def test_errors_of_known_size():
     actual = np.array([0.0, 1.0, 2.0, 4.0])
     assert nrmse(actual + 0.4, actual) == pytest.approx(0.1)
