@@ -20,6 +20,10 @@ from gpsim.errors import UsageError
 from gpsim.learning import Checkpoints, LearningCurve, PpoSettings, Progress, SacSettings
 from gpsim.policy import Policy
 
+ADAM_EPSILON = (
+    1e-5  # stable-baselines3's own choice for PPO, which naming any other option of Adam takes back
+)
+
 
 def train_ppo(
     env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress
@@ -95,7 +99,10 @@ def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_s
         gamma=settings.gamma,
         gae_lambda=settings.gae_lambda,
         ent_coef=settings.ent_coef,
-        policy_kwargs={"net_arch": list(settings.hidden), "optimizer_kwargs": {"fused": True}},
+        policy_kwargs={
+            "net_arch": list(settings.hidden),
+            "optimizer_kwargs": {"fused": True, "eps": ADAM_EPSILON},
+        },
         seed=seed,
         device="cpu",
     )
