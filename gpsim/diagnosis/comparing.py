@@ -13,13 +13,13 @@ from gpsim.diagnosis.hidden import smoothed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.predicting import predicted, traced
-from gpsim.diagnosis.preparing import Question, held_out_mask
+from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.rolling import Model, rms, rollouts, typical
 from gpsim.diagnosis.search import LEAST_SHARE
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.simulate import Extra
-from gpsim.diagnosis.windows import Windows, cut
+from gpsim.diagnosis.windows import Windows, cut, held_out_mask
 from gpsim.evenly import evenly
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs

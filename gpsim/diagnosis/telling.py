@@ -12,6 +12,7 @@ from gpsim.diagnosis.lack_of_fit import SIGNIFICANT
 Report = Mapping[str, Any]
 NOTHING = "nothing missing"
 RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
+MANY = 1e6  # odds beyond which nobody counts
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
 
 
@@ -73,7 +74,19 @@ def _what(report: Report) -> str:
     if verdict == "ambiguous":
         others = " or ".join("; ".join(e["sentence"] for e in a["effects"]) for a in report["alternatives"])
         return f"What: {said} (probability {effects[0]['probability']:.2f}), but it could as well be that {others}."
-    return f"What: {said} (evidence {min(e['evidence_gain'] for e in effects):.0f} nats)."
+    weakest = min(effects, key=lambda e: e["evidence_gain"])
+    return f"What: {said} (evidence {weakest['evidence_gain']:.0f} nats{_odds(effects)})."
+
+
+def _odds(effects: list[Report]) -> str:
+    """How many times less probable the best is that does without one of the effects."""
+    known = [e["odds"] for e in effects if e.get("odds", {}).get("nats") is not None]
+    if not known:
+        return ""
+    least = min(known, key=lambda odds: odds["nats"])
+    many = least["nats"] > math.log(MANY)
+    times = "more than a million" if many else f"{float(number(math.exp(least['nats']), 2)):,.0f}"
+    return f"; odds of {times} to 1 against the next best, {_terms(least['against'])}"
 
 
 def _missing_law(lack: Mapping[str, Any] | None) -> str:
