@@ -45,7 +45,6 @@ class Question:
     everything: Problem
     searched: Problem
     held_out: Problem
-    base_scheme: str
     thinned: int = 1
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
@@ -69,13 +68,12 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen)
         problem = _problem(seen, simulator, parameters, training, hidden)
-    problem = _with_mismatch(_fine_enough(problem))
+    problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
         seen,
         problem.on(spread_out(training, FITTED)),
         problem.on(spread_out(training, SEARCHED)),
         problem.on(spread_out(held, FITTED)),
-        recording.integrator,
         every,
         hidden,
         origin,

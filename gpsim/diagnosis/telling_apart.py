@@ -118,7 +118,7 @@ def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatAr
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = windows.measured[None, :, 0]
     return np.asarray(
-        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.steps(chain))[0]
     )
 
 
