@@ -14,13 +14,13 @@ from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import Question
+from gpsim.diagnosis.ratios import MODELS, over_before, rms, typical
 from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import LENGTH, Windows, cut, held_out_mask, stretches
 from gpsim.evenly import evenly
 from gpsim.recordings import Recording
 
 HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
-TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ def rollouts(
             out[channel.name] = {kind: rms(e[:, i]) for kind, e in errors.items()} | {
                 "unit": channel.unit,
                 "typical": {kind: typical(e[:, i]) for kind, e in errors.items()},
+                **over_before({kind: errors[kind][:, i] for kind in MODELS}, rng, correlated=False),
             }
     return out
 
@@ -68,16 +69,6 @@ def _longest(recording: Recording) -> int:
     held = first_held_out(recording)
     spans = [(last - first, first >= held[index]) for index, first, last in stretches(recording)]
     return max((span for span, out in spans if out), default=max((span for span, _ in spans), default=0))
-
-
-def rms(errors: FloatArray) -> float:
-    """Root mean square of errors (N,)."""
-    return float(np.sqrt(np.mean(errors**2)))
-
-
-def typical(errors: FloatArray) -> float:
-    """The same of normal errors (N,), from the median."""
-    return float(TYPICAL * np.median(np.abs(errors)))
 
 
 def _held_out(question: Question, hypothesis: Hypothesis, length: int) -> Windows:

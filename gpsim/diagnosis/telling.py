@@ -131,7 +131,7 @@ def _step_errors(errors: Mapping[str, Any]) -> str:
     """RMS errors; where rare glitches make most of them, what is typical too."""
     n = {kind: number(errors[kind]) for kind in KINDS}
     text = (
-        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after, "
+        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after{_of_before(errors)}, "
         f"{n['after_gp']} after with a GP (noise floor {n['noise_floor']} {errors['unit']}"
     )
     usual = errors["typical"]
@@ -143,7 +143,15 @@ def _step_errors(errors: Mapping[str, Any]) -> str:
 
 def _run_errors(errors: Mapping[str, Any]) -> str:
     before, gp, after = (number(errors[kind]) for kind in ("before", "gp", "after"))
-    return f"{before} before, {gp} with a GP, {after} after {errors['unit']}"
+    return f"{before} before, {gp} with a GP, {after} after {errors['unit']}{_of_before(errors)}"
+
+
+def _of_before(errors: Mapping[str, Any]) -> str:
+    """What is left of the base's error, with its 90 % interval, where anything was named."""
+    left = errors.get("after_over_before", {"low": None})
+    if left["low"] is None or left["value"] in (None, 1.0):
+        return ""
+    return f" ({100 * left['value']:.2g} % of it, {100 * left['low']:.2g} to {100 * left['high']:.2g})"
 
 
 def number(value: float | None, digits: int = 3) -> str:
