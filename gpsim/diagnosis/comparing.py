@@ -34,8 +34,8 @@ KINDS = (*MODELS, "noise_floor")
 class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
-    inputs: (N, S + A) state and action at training transitions; left_before, left_after: (N, R) their residual rates
-    under the base and under the effects.
+    inputs: (N, S + A) state and action at training transitions; times: (N,) s; left_before, left_after: (N, R) their
+    residual rates under the base and under the effects.
     """
 
     one_step: dict[str, dict[str, Any]]
@@ -44,6 +44,7 @@ class Comparison:
     gp: Predictor
     features: tuple[str, ...]
     inputs: FloatArray
+    times: FloatArray
     left_before: FloatArray
     left_after: FloatArray
 
@@ -87,6 +88,7 @@ def compare(
         gps["after_gp"],
         features.names,
         _inputs(steps["before"].train),
+        steps["before"].train.t[:, 0],
         _residual_rates(problem, steps["before"].train, base),
         _residual_rates(problem, steps["after"].train, after),
     )

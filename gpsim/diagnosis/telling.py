@@ -47,7 +47,19 @@ def _where(report: Report) -> str:
         text += f"; it acts for {name} in [{low:.3g}, {high:.3g}]"
     if location["since"] is not None:
         text += f"; since t = {location['since']:.3g} s"
-    return f"{text}.{_looked_at(report)}"
+    return f"{text}{_part(report)}.{_looked_at(report)}"
+
+
+def _part(report: Report) -> str:
+    """In which part of state, action or time nearly all of it lies; what a named region says already is left out."""
+    part = report["location"].get("concentrated")
+    if part is None or report["location"]["region"] or report["location"]["since"] is not None:
+        return ""
+    (low, high), name = part["interval"], part["channel"]
+    return (
+        f"; {100 * part['share_of_mismatch']:.0f} % of {part['rate']}'s lies {part['where']} {name} = "
+        f"[{low:.3g}, {high:.3g}], in {100 * part['share_of_samples']:.0f} % of the samples"
+    )
 
 
 def _looked_at(report: Report) -> str:
