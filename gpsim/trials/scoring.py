@@ -52,7 +52,7 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
         "leading_right": leader in right_claims and bool(leader),
         "families_right": _families(leader) in {_families(c) for c in right_claims} and bool(leader),
         "found": len(leader & truth),
-        "right": _right(str(out["stratum"]), verdict, leader, others, right_claims),
+        "right": _right(str(out["stratum"]), verdict, leader, others, truth, right_claims),
     }
     if out["stratum"] == "none":
         out["false_alarm"] = verdict in ("named", "ambiguous") or bool(leader)
@@ -129,7 +129,7 @@ def _families(claims: Claim) -> tuple[str, ...]:
 
 
 def _right(
-    stratum: str, verdict: str, leader: Claim, others: Sequence[Claim], right_claims: set[Claim]
+    stratum: str, verdict: str, leader: Claim, others: Sequence[Claim], truth: Claim, right_claims: set[Claim]
 ) -> bool:
     """`ambiguous` is right only if the truth is in the set and every member is the truth or a listed equivalent."""
     if stratum == "none":
@@ -139,7 +139,8 @@ def _right(
     if verdict == "named":
         return bool(leader in right_claims)
     if verdict == "ambiguous":
-        return all(member in right_claims for member in (leader, *others))
+        members = {leader, *others}
+        return truth in members and members <= right_claims
     return verdict == "none" and frozenset() in right_claims
 
 

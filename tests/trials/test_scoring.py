@@ -73,6 +73,14 @@ def test_ambiguous_is_right_only_if_every_member_is_listed(rivals, right):
     assert score(answer("single", DAMPED), told, rivals)["right"] is right
 
 
+def test_ambiguous_without_the_truth_is_wrong_though_every_member_is_listed():
+    twins = [*TWIN, Rival((("constant_force", "q"),), 0.1, False)]
+    told = report("ambiguous", [said("actuator_gain", "force")], [[said("constant_force")]])
+    assert not score(answer("single", DAMPED), told, twins)["right"]
+    with_truth = report("ambiguous", [said("actuator_gain", "force")], [[said("viscous_friction")]])
+    assert score(answer("single", DAMPED), with_truth, twins)["right"]
+
+
 def test_half_a_pair_is_no_pair():
     pair = [*DAMPED, TrueEffect("actuator_delay", "force", {"delay": 0.05})]
     assert not score(answer("pair", pair), report("named", [said("viscous_friction")]), [])["right"]
