@@ -8,6 +8,7 @@ from typing import Any
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
 
 Json = Mapping[str, Any]
+MOST_NAMED = 10
 SIZES = ("single", "pair", "triple")
 GOALS = {
     "single.share": "one effect: right",
@@ -46,6 +47,25 @@ RIVALS = {
 def proof_sheets(content: Json) -> list[Sheet]:
     """Goals, headline, rivals, strata."""
     return [goals_sheet(content), rivals_sheet(content), namers_sheet(content), *strata_sheets(content)]
+
+
+def beside(content: Json) -> list[str]:
+    """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
+    missing, unscored = content["undiagnosed"], content["not_scored"]
+    published = len(missing) + content["all"]["n"] + content["long"]["n"]
+    lines = []
+    if missing:
+        lines.append(
+            f"{len(missing)} of {published} published trials were not diagnosed and do not count: {_named(missing)}"
+        )
+    if unscored:
+        lines.append(f"{len(unscored)} could not be scored and count as wrong: {_named(unscored)}")
+    return lines
+
+
+def _named(trials: Sequence[str]) -> str:
+    """A line's worth of them."""
+    return ", ".join(trials[:MOST_NAMED]) + (", ..." if len(trials) > MOST_NAMED else "")
 
 
 def goals_sheet(content: Json) -> Sheet:

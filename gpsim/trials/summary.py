@@ -60,6 +60,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
         "rivals": _rivals(standard),
         "misses": [s["trial"] for s in scores if not s["right"]],
         "failed": [s["trial"] for s in scores if s["verdict"] == "failed"],
+        "not_scored": [s["trial"] for s in scores if not s.get("scored", True)],
     }
 
 

@@ -1,55 +1,44 @@
-"""Judging one trial: reveal its answer, list its equivalents, score the diagnosis and the rivals beside it."""
+"""The score of one trial: its answer revealed, its equivalents listed, the diagnosis and PySINDy judged by them."""
 
 from __future__ import annotations
 
 import json
-import os
-import time
-import warnings
 from pathlib import Path
 from typing import Any
 
-from gpsim.recordings import Recording, read_recording
-from gpsim.trials import sindy
+from gpsim.artifacts import plain, written_whole
 from gpsim.trials.blind import diagnosis_digest, read_outcome, read_report
-from gpsim.trials.concealing import PUBLIC
-from gpsim.trials.equivalents import Rival, rivals
+from gpsim.trials.listing import Listing, listing
 from gpsim.trials.revealing import Answer, reveal
 from gpsim.trials.scoring import score
 
 SCORES = "scores"
 
 
-def judge(out: Path, answers: Path, name: str) -> dict[str, Any]:
-    """The score of a diagnosed trial, kept in OUT/scores; the answer is verified each time.
+def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
+    """Score a diagnosed trial anew and write OUT/scores/NAME.json; raises UsageError when its answer is refused.
 
-    A trial that was diagnosed anew is scored anew.
+    What goes wrong after that is the trial's own error: it counts as wrong and stops no other.
     """
     answer = reveal(out, answers, name)
-    path = out / SCORES / f"{name}.json"
-    digest = diagnosis_digest(out, name)
-    if path.is_file():
-        kept: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        if kept.get("diagnosis_sha256") == digest:
-            return kept
-    started = time.monotonic()
-    recording = read_recording(out / PUBLIC / name)
-    others = rivals(answer, recording)
     outcome = read_outcome(out, name)
-    found = score(answer, read_report(out, name), others)
+    try:
+        listed = listing(out, name, answer, outcome)
+        found = score(answer, read_report(out, name), listed.rivals)
+        found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
+    except Exception as error:  # whatever it is, it must not block the reveal of the others
+        found = score(answer, None, []) | {"scored": False, "rivals": [], "sindy": None}
+        found["error"] = f"not scored: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
     found |= _of_world(answer) | {
         "trial": name,
-        "diagnosis_sha256": digest,
+        "diagnosis_sha256": diagnosis_digest(out, name),
+        "git_commit": outcome.get("git_commit"),
         "seconds": outcome["seconds"],
-        "error": outcome["error"],
-        "rivals": [{"claims": list(map(list, r.claims)), "nats_lost": r.loss} for r in others[:6]],
-        "sindy": _sindy(answer, recording, others),
     }
-    found["scoring_seconds"] = round(time.monotonic() - started, 2)
+    path = out / SCORES / f"{name}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    temporary.replace(path)
+    with written_whole(path) as made:
+        made.write_text(json.dumps(plain(found), indent=1) + "\n", encoding="utf-8")
     return found
 
 
@@ -74,11 +63,11 @@ def _of_world(answer: Answer) -> dict[str, Any]:
     }
 
 
-def _sindy(answer: Answer, recording: Recording, others: list[Rival]) -> dict[str, Any] | None:
-    if not sindy.installed() or not sindy.applies(answer.content):
-        return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it warns of thresholds that eliminate all terms, which is an answer
-        said = sindy.name(recording)
-    right = {frozenset(answer.claims)} | {frozenset(r.claims) for r in others if r.equivalent}
-    return {"said": list(map(list, said)), "right": frozenset(said) in right}
+def _beside(answer: Answer, listed: Listing) -> dict[str, Any]:
+    """The rivals that came nearest, and whether PySINDy was right."""
+    right = {frozenset(answer.claims)} | {frozenset(r.claims) for r in listed.rivals if r.equivalent}
+    said = listed.sindy
+    return {
+        "rivals": [{"claims": list(map(list, r.claims)), "nats_lost": r.loss} for r in listed.rivals[:6]],
+        "sindy": None if said is None else {"said": list(map(list, said)), "right": frozenset(said) in right},
+    }
