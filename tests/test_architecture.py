@@ -92,6 +92,7 @@ SIDEWAYS = {
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
     ("reports", "evaluation"),  # and what an evaluation did
     ("reports", "diagnosis"),  # shows what a diagnosis found
+    ("reports", "trials"),  # and what a proof has to reach
     ("targets", "simulators"),  # a target is a plant
     (
         "trials",
