@@ -63,7 +63,8 @@ def _refuse_options(context: typer.Context, step: str) -> None:
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
-                f"prove: {option.opts[0]} stands before the step; options go behind it: gpsim prove {step} ..."
+                f"prove: {'/'.join([*option.opts, *option.secondary_opts])} stands before the step; "
+                f"options go behind it: gpsim prove {step} ..."
             )
 
 
