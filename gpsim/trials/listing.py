@@ -43,11 +43,16 @@ def listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, Any]) ->
         "version": EQUIVALENTS_VERSION,
         "answer_sha256": outcome["answer_sha256"],
         "recording": outcome["recording"],
-        "sindy_asked": sindy.installed() and sindy.applies(answer.content),
     }
-    kept = _read(path)
-    if kept is None or any(kept.get(key) != value for key, value in identity.items()):
-        kept = identity | _listed(out / PUBLIC / name, answer, asked=bool(identity["sindy_asked"]))
+    found = _read(path)
+    kept = found if all(found.get(key) == value for key, value in identity.items()) else identity
+    new: dict[str, Any] = {}
+    if "rivals" not in kept:
+        new |= _rivals(answer, out / PUBLIC / name)
+    if kept.get("sindy") is None:  # it may have been installed since
+        new["sindy"] = _sindy(answer, out / PUBLIC / name)
+    kept = kept | new
+    if kept != found:
         path.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(path) as made:
             write_json(made, plain(kept))
@@ -61,38 +66,35 @@ def listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, Any]) ->
     )
 
 
-def _read(path: Path) -> dict[str, Any] | None:
+def _read(path: Path) -> dict[str, Any]:
+    """What is kept; nothing where it is missing or damaged."""
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, json.JSONDecodeError):
-        return None
+    except (FileNotFoundError, ValueError):
+        return {}
     return content
 
 
-def _listed(public: Path, answer: Answer, asked: bool) -> dict[str, Any]:
+def _rivals(answer: Answer, public: Path) -> dict[str, Any]:
     started = time.monotonic()
-    recording = read_recording(public)
-    found = rivals(answer, recording)
-    said = None
-    if asked:
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore"
-            )  # it warns of thresholds that eliminate all terms, which is an answer
-            said = sindy.name(recording)
-    return {
-        "rivals": [
-            {
-                "claims": list(map(list, r.claims)),
-                "nats_lost": r.loss,
-                "richer": r.richer,
-                "equivalent": r.equivalent,
-            }
-            for r in found
-        ],
-        "sindy": None if said is None else list(map(list, said)),
-        "seconds": round(time.monotonic() - started, 2),
-    }
+    found = [
+        {
+            "claims": list(map(list, r.claims)),
+            "nats_lost": r.loss,
+            "richer": r.richer,
+            "equivalent": r.equivalent,
+        }
+        for r in rivals(answer, read_recording(public))
+    ]
+    return {"rivals": found, "seconds": round(time.monotonic() - started, 2)}
+
+
+def _sindy(answer: Answer, public: Path) -> list[list[str]] | None:
+    if not sindy.installed() or not sindy.applies(answer.content):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it warns of thresholds that eliminate all terms, which is an answer
+        return [list(claim) for claim in sindy.name(read_recording(public))]
 
 
 def _claims(pairs: list[list[str]]) -> Claims:

@@ -173,9 +173,11 @@ def test_diagnosing_without_published_hashes_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("words", [["prove"], ["prove", "conceal", "--out", "x", "--stratum", "odd"], ["prove", "--out", "x", "diagnose"], ["prove", "--seed", "7", "conceal", "--out", "x"], ["prove", "--no-long", "conceal", "--out", "x"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
-def test_bad_input_is_one_line(words):
+def test_bad_input_is_one_line(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, words)
     assert isinstance(result.exception, UsageError)
+    assert not list(tmp_path.iterdir())
 
 
 def test_no_module_of_the_trials_is_loaded_by_a_diagnosis():

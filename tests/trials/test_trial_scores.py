@@ -105,6 +105,9 @@ def test_pysindy_installed_later_is_asked_then(proof, fits, monkeypatch):
     monkeypatch.setattr(sindy, "name", lambda recording: (("constant_force", "q"),))
     found = score_trial(proof, proof / "private", NAME)
     assert found["sindy"] == {"said": [["constant_force", "q"]], "right": True}
+    monkeypatch.setattr(sindy, "installed", lambda: False)
+    assert score_trial(proof, proof / "private", NAME)["sindy"] == found["sindy"]
+    assert len(fits) == 1
 
 
 def test_a_recording_that_was_exchanged_after_its_diagnosis_is_refused(proof):
