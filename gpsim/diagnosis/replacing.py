@@ -11,7 +11,7 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.leaning import CLEAR, sampled
 from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import Directions, child_of, screened
+from gpsim.diagnosis.screening import Directions, child_of, screened, stretched
 from gpsim.diagnosis.search import grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all, side_by_side
@@ -30,13 +30,14 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     part, seen = sampled(problem, leader)
     parent = _left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
-    found = screened(Directions(part, parent), open_offers, old.gate)
+    directions = Directions(part, parent)
+    found = screened(directions, open_offers, old.gate)
     promising = [
         (candidate, start)
         for worth, candidate, start in found
         if worth > max(1.0, LEAST_SWAP * found[0][0]) and candidate.identity != old.identity
     ]
-    special = _special_cases(old, open_offers)
+    special = _special_cases(old, open_offers) + _other_words(directions, old, found)
     names = {candidate.identity for candidate, _ in special}
     others = [(c, start) for c, start in promising if c.identity not in names]
     children = [
@@ -54,6 +55,14 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     near = [f for f in fits if f.objective < worth_it]
     sharper = side_by_side(placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near])
     return [*sharper, *(f for f in fits if f.objective >= worth_it)]
+
+
+def _other_words(
+    directions: Directions, old: Term, found: Sequence[tuple[float, Candidate, tuple[float, ...]]]
+) -> list[tuple[Candidate, tuple[float, ...]]]:
+    """The same law in its other variants (a coefficient for a force): few windows may have preferred the wrong one."""
+    same = [(c, start) for _, c, start in found if c.identity == old.identity and c.variant != old.variant]
+    return [(c, stretched(directions, c, start)) for c, start in same]
 
 
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:

@@ -103,6 +103,17 @@ def screened(
     return sorted(out, key=lambda item: -item[0])
 
 
+def stretched(directions: Directions, candidate: Candidate, start: tuple[float, ...]) -> tuple[float, ...]:
+    """The start values of a law that grows with its only parameter, at the size that explains most."""
+    if len(start) != 1:
+        return start
+    parent, p = directions.parent.hypothesis, candidate.declared[0]
+    change = directions.of(child_of(parent, candidate, start), np.array([[*parent.theta, *start]]))[0].ravel()
+    size = float(change @ change)
+    share = float(change @ directions.rest.ravel()) / size if size > 0 else 1.0
+    return (float(np.clip(p.none + share * (start[0] - p.none), p.low, p.high)),)
+
+
 def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
     """Every combination of the parameters' starting values."""
     return list(product(*(p.starts for p in candidate.declared)))
