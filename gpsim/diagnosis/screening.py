@@ -16,6 +16,7 @@ from gpsim.diagnosis.shooting import Fit
 from gpsim.effects import Gate
 
 NO_GATE = Gate()
+SCANNED, STEPS = (0.5, 0.05, 0.005), 25  # of a value, to either side, and places that are looked at
 MOST = 1e4  # standard deviations that a direction is clipped to
 
 
@@ -104,14 +105,22 @@ def screened(
 
 
 def stretched(directions: Directions, candidate: Candidate, start: tuple[float, ...]) -> tuple[float, ...]:
-    """The start values of a law that grows with its only parameter, at the size that explains most."""
+    """The start values of a law that grows with its only parameter, at the size that explains most.
+
+    First by its linear gain, then by scans around it that narrow: dry friction in coarse steps has many local optima.
+    """
     if len(start) != 1:
         return start
     parent, p = directions.parent.hypothesis, candidate.declared[0]
-    change = directions.of(child_of(parent, candidate, start), np.array([[*parent.theta, *start]]))[0].ravel()
+    child = child_of(parent, candidate, start)
+    change = directions.of(child, np.array([[*parent.theta, *start]]))[0].ravel()
     size = float(change @ change)
-    share = float(change @ directions.rest.ravel()) / size if size > 0 else 1.0
-    return (float(np.clip(p.none + share * (start[0] - p.none), p.low, p.high)),)
+    value = start[0] * (float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)
+    for reach in SCANNED:
+        values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, STEPS), p.low, p.high)
+        thetas = np.array([[*parent.theta, v] for v in values])
+        value = float(values[np.argmin(directions.objectives(child, thetas))])
+    return (value,)
 
 
 def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
