@@ -1,5 +1,6 @@
 """What stages take from one another: one simulator throughout, files that count, settings that fit together."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,10 +8,11 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
+from gpsim.artifacts import Artifact
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import source_file
-from gpsim.stages import train_source
+from gpsim.stages import evaluate, train_source
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
 from gpsim.stages.evaluate_recording import judged_episodes
@@ -91,3 +93,13 @@ def test_a_policy_that_does_not_fit_the_task_is_one_line(tmp_path: Path, words, 
     asked = request(*words)
     with pytest.raises(UsageError, match=message):
         train_source.write(asked, train_source.recipe(asked), tmp_path)
+
+
+def test_evaluate_warns_where_the_recording_covers_too_little(tmp_path: Path):
+    made = Artifact(tmp_path, {"stage": "evaluate"}, "")
+    for share, lines in ((0.099, 0), (0.101, 1), (None, 0)):
+        content = {"seed": 0, "outside_recording": {"policy": 0.8, "deployed": share}}
+        (tmp_path / "evaluation.json").write_text(json.dumps(content))
+        assert len(evaluate.notes(made)) == lines
+    (tmp_path / "evaluation.json").write_text('{"outside_recording": {"deployed": 0.5}}')
+    assert evaluate.notes(made)[0].startswith("warning: 50 % of what the deployed GP policy visits")

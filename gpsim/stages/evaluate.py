@@ -14,7 +14,7 @@ from gpsim.artifacts import Artifact, Json, Recipe, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation.one_step import outside_range
+from gpsim.evaluation.one_step import coverage_warnings, outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
 from gpsim.evaluation.summary import start_sets
@@ -50,7 +50,6 @@ TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
 """The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
-MUCH_OUTSIDE = 0.1
 
 
 def policy_names(request: Request) -> tuple[str, ...]:
@@ -231,13 +230,13 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
 
 
 def notes(artifact: Artifact) -> list[str]:
-    """What was found of recorded deployments, or why layer 3 is missing."""
+    """What was found of recorded deployments, why layer 3 is missing, or where the recording covers too little."""
     evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
     if "deployed" in evaluation:
         return evaluate_deployed.notes(artifact)
     if "not_driven" in evaluation:
         return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
-    return []
+    return [f"warning: {text}" for text in coverage_warnings(evaluation.get("outside_recording") or {})]
 
 
 STAGE = Stage(

@@ -98,6 +98,10 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         slices=_slices(first),
         named=_named(requests) if "Effects" in evaluate.policy_names(request) else {},
         fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
+        outside={
+            seed: evaluation.get("outside_recording") or {}
+            for seed, evaluation in zip(seeds, evaluations, strict=True)
+        },
         states=base.state.names,
         rollouts=_rollouts(evaluated[seeds[0]]),
         dt=base.dt,
