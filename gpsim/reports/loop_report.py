@@ -43,11 +43,13 @@ class ResidualSlice:
 
 @dataclass(frozen=True)
 class MadeBy:
-    """An artifact that the report rests on. role: what it is to the loop, as `GP-Mean`; seed: None where shared."""
+    """An artifact that the report rests on. role: what it is to the loop, as `GP-Mean`; seed: None where shared.
+
+    It is known by the hash of its manifest: the number of its version says only what was made before it.
+    """
 
     stage: str
     role: str
-    version: str
     sha256: str
     seed: int | None = None
     manifest: Mapping[str, Any] = field(default_factory=dict)

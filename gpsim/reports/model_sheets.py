@@ -154,8 +154,17 @@ def rollout_sheet(report: LoopReport) -> Sheet:
         title,
         ("Simulator", *(with_unit(name, report.units) for name in channels)),
         tuple(rows),
-        note=_averaged(report).strip(),
+        note=" ".join([_averaged(report).strip(), *_runaways(simulators)]).strip(),
     )
+
+
+def _runaways(simulators: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """What a mean over infinity cannot say."""
+    return [
+        f"{name}: {significant(found['not_finite'])} rollouts ceased to be finite, and count as infinitely far."
+        for name, found in simulators.items()
+        if known(found.get("not_finite")) and found["not_finite"]
+    ]
 
 
 def fit_sheet(report: LoopReport) -> Sheet:
