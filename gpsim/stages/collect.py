@@ -15,6 +15,7 @@ from gpsim.stages import train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.import_log import (
     changes_of,
+    logs_of,
     read_logs,
     read_mapping,
     salvages,
@@ -23,7 +24,7 @@ from gpsim.stages.import_log import (
 )
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.sweep import run_sweep
+from gpsim.stages.sweep import plan_table, run_sweep
 
 DRIVERS = ("source", "random", "dithered", "sweep")
 
@@ -49,7 +50,12 @@ def check(request: Request) -> None:
     """Raise UsageError for settings with which nothing can be recorded."""
     section = request.config["collect"]
     changes_of(section), salvages(section)
-    if section["source"] is None and choice(section["policy"], DRIVERS, "collect.policy") != "sweep":
+    if section["source"] is not None:
+        return
+    target_plant(request.config)
+    if choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
+        plan_table(request.config)
+    else:
         positive(section["episodes"], "collect.episodes")
         if not 0 <= number(section["dither"], "collect.dither") <= 1:
             raise UsageError(f"collect.dither: expected a number in [0, 1], got {section['dither']!r}")
@@ -106,8 +112,7 @@ def _import_recipe(request: Request) -> Recipe:
 
 
 def _sources(request: Request) -> list[Path]:
-    source = request.config["collect"]["source"]
-    return [Path(str(one)) for one in (source if isinstance(source, list) else [source])]
+    return logs_of(request.config["collect"]["source"], "collect.source")
 
 
 def _read(request: Request) -> tuple[Recording, ImportReport, dict[str, Any]]:

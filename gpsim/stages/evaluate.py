@@ -21,7 +21,7 @@ from gpsim.evaluation.summary import start_sets
 from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
-from gpsim.settings import positive, texts
+from gpsim.settings import positive, texts, truth
 from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
@@ -67,6 +67,7 @@ def check(request: Request) -> None:
     """Raise UsageError for settings of the evaluation that would only fail when everything else is done."""
     policy_names(request)
     _ = request.start_seed
+    truth(request.config["sample_noise"], "sample_noise")
     for key in ("episodes", "one_step_episodes", "rollouts", "rollout_steps"):
         positive(request.config["evaluate"][key], f"evaluate.{key}")
 

@@ -18,7 +18,7 @@ from gpsim.recordings import Episode, Recording
 from gpsim.reports.canvas import png
 from gpsim.reports.trip_figures import figure_deployed
 from gpsim.stages.building import make_task
-from gpsim.stages.import_log import changes_of, read_logs, read_mapping, salvages, source_digests
+from gpsim.stages.import_log import changes_of, logs_of, read_logs, read_mapping, salvages, source_digests
 from gpsim.stages.stage import Request
 from gpsim.tasks import GoalReaching
 
@@ -139,8 +139,7 @@ def _name(recording: Recording, episode: Episode) -> str:
 
 
 def _sources(request: Request) -> list[Path]:
-    given = request.config["deployed"]
-    return [Path(str(one)) for one in (given if isinstance(given, list) else [given])]
+    return logs_of(request.config["deployed"], "deployed")
 
 
 def _mapping(request: Request) -> str:

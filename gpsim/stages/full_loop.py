@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gpsim.settings import positive
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp
 from gpsim.stages.building import (
     base_plant,
@@ -39,6 +40,8 @@ def _check(request: Request) -> None:
     collect.check(request)
     build_residuals.check(request)
     fit_gp.check(request)
+    if (episodes := request.config["diagnose"]["episodes"]) is not None:
+        positive(episodes, "diagnose.episodes")
     if drivable(request.config):
         target_plant(request.config)
         certify.recipe(request)

@@ -66,6 +66,14 @@ def import_log(
     return Imported(artifact, recording, report)
 
 
+def logs_of(given: Any, where: str) -> list[Path]:
+    """The logs that a setting names: a path or a list of them."""
+    paths = [given] if isinstance(given, str) else texts(given, where)
+    if not all(paths) or not paths:
+        raise UsageError(f"{where}: name a log, or several as [a.bag, b.bag]")
+    return [Path(path) for path in paths]
+
+
 def changes_of(section: Mapping[str, Any]) -> list[str]:
     """The changes of the mapping that the configuration's `collect` names."""
     return texts(section["changes"], "collect.changes")
