@@ -34,7 +34,7 @@ from gp_rivals import HAS_GPYTORCH, sklearn_fit, sklearn_predictor, torch_fit, t
 from gpsim.cli.configuration import resolve
 from numpy.typing import NDArray
 
-from gpsim.artifacts import finite
+from gpsim.artifacts import plain
 from gpsim.features import Features
 from gpsim.gp import (
     HyperParameters,
@@ -246,7 +246,7 @@ def main() -> None:
         )
     if arguments.out:
         numbers = {"prediction_us": predicted, "prediction_3000_us": large, "fit": fitted, "growth": grown}
-        arguments.out.write_text(json.dumps(finite(numbers), indent=2) + "\n", encoding="utf-8")
+        arguments.out.write_text(json.dumps(plain(numbers), indent=2) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

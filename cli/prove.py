@@ -46,10 +46,7 @@ def prove_command(
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table, OUT/prove.json and OUT/report.html."""
     if context.invoked_subcommand is not None:
-        if out is not None:
-            raise UsageError(
-                f"prove: options go behind the step: gpsim prove {context.invoked_subcommand} --out ..."
-            )
+        _refuse_options(context, context.invoked_subcommand)
         return
     if out is None:
         raise UsageError(
@@ -58,6 +55,17 @@ def prove_command(
     conceal_command(out, trials, seed, jobs, stratum, long)
     diagnose_command(out, jobs)
     reveal_command(out, None, jobs)
+
+
+def _refuse_options(context: typer.Context, step: str) -> None:
+    """What stands before a step would be ignored."""
+    for option in context.command.params:
+        source = context.get_parameter_source(option.name or "")
+        if source is not None and source.name == "COMMANDLINE":
+            raise UsageError(
+                f"prove: {'/'.join([*option.opts, *option.secondary_opts])} stands before the step; "
+                f"options go behind it: gpsim prove {step} ..."
+            )
 
 
 @prove_app.command("conceal")
@@ -91,7 +99,7 @@ def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
 @prove_app.command("reveal")
 def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
-    from gpsim.reports.prove_sheets import goals_sheet, namers_sheet, rivals_sheet
+    from gpsim.reports.prove_sheets import beside, goals_sheet, namers_sheet, rivals_sheet
     from gpsim.reports.tables import terminal_table
     from gpsim.stages import prove
 
@@ -104,6 +112,8 @@ def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> Non
     typer.echo(
         f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
     )
+    for line in beside(content):
+        typer.echo(line)
     typer.echo(f"reveal: {out / 'prove.json'}, {out / 'report.html'}")
 
 

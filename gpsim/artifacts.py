@@ -83,13 +83,38 @@ def write_json(path: Path, content: Any) -> None:
     path.write_text(json.dumps(content, indent=2, sort_keys=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
-def finite(value: Any) -> Any:
-    """The same content with NaN and infinity as null: JSON has neither."""
-    if isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def plain(content: Any) -> Any:
+    """JSON without NumPy's numbers; what is not finite is null."""
+    if isinstance(content, Mapping):
+        return {str(k): plain(v) for k, v in content.items()}
+    if isinstance(content, list | tuple):
+        return [plain(v) for v in content]
+    if hasattr(content, "item"):  # a NumPy scalar
+        content = content.item()
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+@contextmanager
+def written_whole(path: Path, ending: str = "") -> Iterator[Path]:
+    """A name beside `path`, to make a file or a folder there: renamed to `path` if the block ends well, else removed.
+
+    A file that is there is replaced; a folder that holds something is not: remove it as the block's last act. ending:
+    of the name, where a writer chooses its format by that.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{ending}")
+    _remove(temporary)
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        _remove(temporary)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def file_digest(path: Path) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
 
 _FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"sign": np.sign, "sin": np.sin, "cos": np.cos}
@@ -19,12 +19,14 @@ _TERM = re.compile(r"(?:(\w+)\()?(\w+)\)?")
 class Features:
     """Columns computed from the channels of state and action, as `x_dot` or `sign(x_dot)`.
 
-    A smooth kernel rounds off a jump; the sign of a velocity as an input of its own lets it jump there.
+    A smooth kernel rounds off a jump; the sign of a velocity as an input of its own lets it jump there. Channels that
+    wrap are taken between -pi and pi: simulated angles run on, and recorded ones do not.
     """
 
     names: tuple[str, ...]
     columns: tuple[int, ...]
     functions: tuple[str | None, ...]
+    wraps: tuple[bool, ...] = ()
 
     @classmethod
     def of(cls, names: Sequence[str], channels: Channels) -> Features:
@@ -43,7 +45,8 @@ class Features:
             functions.append(function)
         if not columns:
             raise UsageError("gp.inputs is empty: name at least one channel")
-        return cls(tuple(names), tuple(columns), tuple(functions))
+        wraps = tuple(bool(channels.wraps[column]) for column in columns)
+        return cls(tuple(names), tuple(columns), tuple(functions), wraps)
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """(B, S + A) state and action -> (B, D)."""
@@ -51,4 +54,6 @@ class Features:
         for i, function in enumerate(self.functions):
             if function is not None:
                 out[:, i] = _FUNCTIONS[function](out[:, i])
+            elif self.wraps and self.wraps[i]:
+                out[:, i] = wrap_angle(out[:, i])
         return out

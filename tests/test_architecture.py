@@ -92,6 +92,7 @@ SIDEWAYS = {
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
     ("reports", "evaluation"),  # and what an evaluation did
     ("reports", "diagnosis"),  # shows what a diagnosis found
+    ("reports", "trials"),  # and what a proof has to reach
     ("targets", "simulators"),  # a target is a plant
     (
         "trials",
@@ -106,20 +107,42 @@ def test_diagnosis_cannot_know_the_answers():
             assert not rooms_of(imported(path)) & {"trials", "targets"}, path
 
 
-def test_nothing_that_a_diagnosis_needs_leads_to_the_answers():
-    """The closure of its imports, at any depth of the code: `trials` is not in it, `diagnosis` of course is."""
-    modules = {".".join(("gpsim", *path.relative_to(ROOT / "gpsim").with_suffix("").parts)): path for path in FILES if path.is_relative_to(ROOT / "gpsim")}  # fmt: skip
-    reached, ahead = (
-        set(),
-        [name for name in modules if name.startswith(("gpsim.diagnosis.", "gpsim.stages.diagnose"))],
-    )
+MODULES = {".".join(("gpsim", *path.relative_to(ROOT / "gpsim").with_suffix("").parts)): path for path in FILES if path.is_relative_to(ROOT / "gpsim")}  # fmt: skip
+
+
+def closure(ahead: list[str]) -> set[str]:
+    """Modules that these modules of gpsim need, themselves among them, at any depth of the code."""
+    reached: set[str] = set()
     while ahead:
         name = ahead.pop()
         if name not in reached:
             reached.add(name)
-            ahead += [m for m in imported(modules[name]) if m in modules]
+            ahead += [m for m in imported(MODULES[name]) if m in MODULES]
+    return reached
+
+
+def test_nothing_that_a_diagnosis_needs_leads_to_the_answers():
+    """`trials` is not in the closure of its imports, `diagnosis` of course is."""
+    reached = closure(
+        [name for name in MODULES if name.startswith(("gpsim.diagnosis.", "gpsim.stages.diagnose"))]
+    )
     assert "gpsim.diagnosis.search" in reached
     assert not [name for name in reached if name.startswith("gpsim.trials")]
+
+
+def test_nothing_that_makes_the_truth_knows_the_laws_that_explain_it():
+    reached = closure(["gpsim.trials.running", "gpsim.trials.drawing"])
+    assert "gpsim.trials.laws" in reached
+    explaining = {
+        "effects",
+        "simulators",
+        "diagnosis",
+        "corrected",
+        "corrected_effects",
+        "residuals",
+        "targets",
+    }
+    assert not rooms_of(reached) & explaining
 
 
 def test_only_stages_and_cli_know_configs_and_only_policies_know_stable_baselines3():

@@ -6,12 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.effects import FAMILIES, Effect, Place
+from gpsim.evenly import evenly
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
 TINY = 1e-9
+MOST_ROWS = 4000  # that sizes are taken from
 
 
 def candidates(
@@ -36,11 +39,10 @@ class _Sizes:
 
     def __init__(self, recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> None:
         rows = recording.transitions()
-        if len(rows) > 4000:
-            rows = rows.take(np.linspace(0, len(rows) - 1, 4000).astype(np.int64))
-        self._simulator, self._dt = simulator, recording.dt
+        rows = rows.take(evenly(len(rows), MOST_ROWS))
+        self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
         self._spans = {
-            name: max(float(np.quantile(np.abs(values), 0.95)), TINY)
+            name: _typical(np.abs(values))
             for name, values in zip(
                 (*simulator.state.names, *simulator.action.names),
                 np.hstack([rows.states, rows.actions]).T,
@@ -88,4 +90,20 @@ class _Sizes:
             return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
         if effect.site == "sensor" and on in self._deviations:
             return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
+        if effect.site == "parameter":
+            return Place(on, "1", dt=self._dt, bounds=self._shares(on))
         return Place(on, "1", dt=self._dt)
+
+    def _shares(self, on: str) -> tuple[float, float]:
+        """A parameter's bounds as shares of what is believed of it, which is always between them."""
+        declared, believed = self._simulator.parameters[on], self._parameters[on]
+        if believed == 0.0:
+            return 0.0, np.inf
+        ends = sorted((declared.low / believed, declared.high / believed))
+        return min(ends[0], 1.0), max(ends[1], 1.0)
+
+
+def _typical(sizes: FloatArray) -> float:
+    """Of values (N,) >= 0: the 95 % quantile, the largest where nearly all are 0 (a command that is seldom given)."""
+    usual = float(np.quantile(sizes, 0.95))
+    return max(usual if usual > TINY else float(sizes.max()), TINY)

@@ -13,28 +13,29 @@ from gpsim.diagnosis.hidden import smoothed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.predicting import predicted, traced
-from gpsim.diagnosis.preparing import Question, held_out_mask
+from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.rolling import Model, rms, rollouts, typical
+from gpsim.diagnosis.ratios import MODELS, over_before, rms, typical
+from gpsim.diagnosis.rolling import Model, rollouts
 from gpsim.diagnosis.search import LEAST_SHARE
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.simulate import Extra
-from gpsim.diagnosis.windows import Windows, cut
+from gpsim.diagnosis.windows import Windows, cut, held_out_mask
 from gpsim.evenly import evenly
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
-MOST, GP_ROWS, BLOCK, DRAWS = 3000, 250, 25, 400
+MOST, GP_ROWS = 3000, 250
 LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
-KINDS = ("before", "tuned", "gp", "after", "after_gp", "noise_floor")
+KINDS = (*MODELS, "noise_floor")
 
 
 @dataclass(frozen=True)
 class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
-    inputs: (N, S + A) state and action at training transitions; left_before, left_after: (N, R) their residual rates
-    under the base and under the effects.
+    inputs: (N, S + A) state and action at training transitions; times: (N,) s; left_before, left_after: (N, R) their
+    residual rates under the base and under the effects.
     """
 
     one_step: dict[str, dict[str, Any]]
@@ -43,6 +44,7 @@ class Comparison:
     gp: Predictor
     features: tuple[str, ...]
     inputs: FloatArray
+    times: FloatArray
     left_before: FloatArray
     left_after: FloatArray
 
@@ -86,6 +88,7 @@ def compare(
         gps["after_gp"],
         features.names,
         _inputs(steps["before"].train),
+        steps["before"].train.t[:, 0],
         _residual_rates(problem, steps["before"].train, base),
         _residual_rates(problem, steps["after"].train, after),
     )
@@ -194,23 +197,19 @@ def _one_step(
 ) -> dict[str, dict[str, Any]]:
     """The contract's `one_step` of every rate that was measured; `typical` from the median beside the RMS."""
     out: dict[str, dict[str, Any]] = {}
-    blocks = np.arange(len(measured)) // BLOCK
     shown = _shown_rates(question)
     for i, channel in enumerate(question.everything.simulator.rate):
         if not shown[i]:
             continue
         spread = max(float(measured[:, i].std()), 1e-300)
         errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
-        low, high = _paired(rates["before"][:, i], rates["after"][:, i], blocks, rng)
         out[channel.name] = {
             **errors,
             "unit": channel.unit,
             "nrmse": {kind: value / spread for kind, value in errors.items()},
             "typical": {kind: typical(rates[kind][:, i]) for kind in KINDS},
-            "after_over_before": {
-                "value": errors["after"] / max(errors["before"], 1e-300), "low": low, "high": high
-            },
-        }  # fmt: skip
+            **over_before({kind: rates[kind][:, i] for kind in MODELS}, rng),
+        }
     return out
 
 
@@ -224,18 +223,3 @@ def _shown_rates(question: Question) -> BoolArray:
         moved[:, simulator.state.index(name)] += 1.0
         shown &= simulator.measured_rates(state, moved, np.ones(1))[0] == 0.0
     return shown
-
-
-def _paired(
-    before: FloatArray, after: FloatArray, blocks: IntArray, rng: np.random.Generator
-) -> tuple[float, float]:
-    """90 % interval of the ratio of root mean squares, by a paired bootstrap over blocks of transitions."""
-    count = int(blocks[-1]) + 1 if len(blocks) else 0
-    if not count:
-        return 0.0, 0.0
-    sums = np.array([np.bincount(blocks, weights=values**2, minlength=count) for values in (before, after)])
-    draws = rng.integers(0, count, (DRAWS, count))
-    totals = sums[:, draws].sum(axis=2)
-    ratio = np.sqrt(totals[1] / np.maximum(totals[0], 1e-300))
-    low, high = np.quantile(ratio, [0.05, 0.95])
-    return float(low), float(high)

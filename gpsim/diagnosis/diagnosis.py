@@ -17,13 +17,15 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.judging import Judgement, judge
 from gpsim.diagnosis.locating import depends_on, locate
+from gpsim.diagnosis.odds import odds_against
 from gpsim.diagnosis.preparing import Question, prepare, settled_question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
-from gpsim.effects import effect_of
+from gpsim.effects import Term, effect_of
 from gpsim.effects.chain import Scheme
+from gpsim.effects.effect import ParameterEffect
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
@@ -139,7 +141,7 @@ def _effects(
             parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
             parameters[p.name] |= {"at_bound": value in (p.low, p.high)}
         at += len(declared)
-        parameters |= _in_other_words(question, found, term.on, parameters)
+        parameters |= _in_other_words(question, found, term, parameters)
         without = _without(question, judgement, found, index)
         spoken = {name: f"{v['value']:.4g} {v['unit']}".removesuffix(" 1") for name, v in parameters.items()}
         out.append(
@@ -151,6 +153,7 @@ def _effects(
                 "region": {k: list(v) for k, v in term.gate.region.items()},
                 "since": None if term.gate.since is None else term.gate.since + question.origin,
                 "probability": probability,
+                "odds": odds_against(judgement.ranking, found.hypothesis, term.identity),
                 "evidence_gain": gain(problem, found, without),
                 "explains": _share(judgement.noise, found, without, problem.observed),
                 "sentence": term.effect.sentence(term.on, spoken),
@@ -175,32 +178,41 @@ def _share(
 
 
 def _in_other_words(
-    question: Question, found: Fit, on: str, parameters: Mapping[str, dict[str, Any]]
+    question: Question, found: Fit, term: Term, parameters: Mapping[str, dict[str, Any]]
 ) -> dict[str, dict[str, Any]]:
     """Coefficient for force and force for coefficient, where the simulator knows the normal force."""
-    problem: Any = question.everything
-    mean = _mean_load(problem, found.hypothesis, on)
-    if mean is None or len(parameters) != 1:
+    problem = question.everything
+    mean = _mean_load(problem, found.hypothesis, term.on)
+    if mean is None or "coefficient" not in term.effect.variants or len(parameters) != 1:
         return {}
-    unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == on), "N")
+    unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == term.on), "N")
     ((name, given),) = parameters.items()
     other = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}.get(name)
     if other is None:
         return {}
     return {
-        other[0]: {key: given[key] * other[1] for key in ("value", "low", "high")}
+        other[0]: {
+            key: None if given[key] is None else given[key] * other[1] for key in ("value", "low", "high")
+        }
         | {"unit": other[2], "at_bound": given["at_bound"]}
     }
 
 
-def _mean_load(problem: Any, hypothesis: Hypothesis, on: str) -> float | None:
-    if not any(t.family == "coulomb_friction" and t.on == on for t in hypothesis.terms):
-        return None
-    windows = problem.windows
+def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str) -> float | None:
+    """Mean normal force of a coordinate over the recording, by the parameters that the hypothesis corrects."""
+    windows, parameters = problem.windows, dict(problem.parameters)
+    for term in hypothesis.terms:
+        if isinstance(term.effect, ParameterEffect) and not term.gate:
+            believed = np.array([parameters[term.on]])
+            parameters[term.on] = float(term.effect.corrected(believed, _arrays(term.values))[0])
     state, action = windows.measured[:, 0], windows.actions[:, 0]
-    rates = problem.simulator.rates(state, action, problem.parameters)
-    load = problem.simulator.normal_force(state, rates, problem.parameters).get(on)
+    rates = problem.simulator.rates(state, action, parameters)
+    load = problem.simulator.normal_force(state, rates, parameters).get(on)
     return None if load is None else float(np.mean(load))
+
+
+def _arrays(values: Mapping[str, float]) -> dict[str, FloatArray]:
+    return {name: np.array([value]) for name, value in values.items()}
 
 
 def _natural(name: str) -> tuple[int, str]:

@@ -84,6 +84,14 @@ class Hypothesis:
         terms[index] = replace(terms[index], gate=gate)
         return replace(self, terms=tuple(terms))
 
+    def holding(self, index: int) -> Hypothesis:
+        """The same terms, parameter `index` of theta no longer fitted."""
+        held, at = [], 0
+        for group in self.declared:
+            held.append(tuple(p for i, p in enumerate(group) if at + i != index))
+            at += len(group)
+        return replace(self, declared=tuple(held))
+
     def frozen(self) -> Hypothesis:
         """The same terms with nothing left to fit."""
         return replace(self, declared=tuple(() for _ in self.terms))

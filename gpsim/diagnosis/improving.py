@@ -35,6 +35,9 @@ GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate ma
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
+LATE = (
+    1  # terms of a leader up to which effects that begin late are looked for though nothing seems to be left
+)
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
 
 
@@ -140,6 +143,9 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         everywhere = grown(part, directions, offers, PROMISING)
         few = Directions(*sampled(part, seen, GLANCED_AT))
         gated += gated_children(part, directions, everywhere, offers, few=few)
+    elif len(leader.hypothesis.terms) <= LATE and not any(pays(problem, f, leader) for f in gated):
+        # What began late and is slight leaves the rest of the recording white.
+        gated += gated_children(part, directions, plain, offers, [None], few=directions)
     gated = sorted(gated, key=lambda f: f.objective)[:GATES]
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
 

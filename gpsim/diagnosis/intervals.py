@@ -21,6 +21,7 @@ from gpsim.diagnosis.shooting import fit as shoot
 LEVEL = 0.90
 LIKELIHOOD_DROP = 1.353  # half the 90 % quantile of chi squared with one degree of freedom
 WALK = 14
+CHANCE = 1.5  # correlation times up to here are white noise's
 
 
 def intervals(problem: Problem, fit: Fit) -> FloatArray:
@@ -51,10 +52,15 @@ def covariance_of(problem: Problem, fit: Fit) -> FloatArray:
     centred = fit.gradients - fit.gradients.mean(axis=0)
     scatter = centred.T @ centred * count / max(count - size, 1)
     sandwich = inverse @ scatter @ inverse
-    tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))
-    model = inverse * max(tau if tau > 1.5 else 1.0, 1.0)
+    model = inverse * _correlated(problem, fit)
     ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(model), 1e-300), 1.0))
     return np.asarray(model * np.outer(ratio, ratio))
+
+
+def _correlated(problem: Problem, fit: Fit) -> float:
+    """By how much correlation makes samples count for less; 1 where it may be chance."""
+    tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))
+    return tau if tau > CHANCE else 1.0
 
 
 def _numerical_shift(problem: Problem, fit: Fit) -> FloatArray:
@@ -69,17 +75,20 @@ def _numerical_shift(problem: Problem, fit: Fit) -> FloatArray:
 
 
 def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:
-    """Walk from the estimate until the likelihood, start states fitted anew, has dropped by the interval's share."""
+    """Walk from the estimate until the likelihood has dropped by the interval's share, as far as its samples count.
+
+    At every place start states and all other parameters are fitted anew: one that gives way widens the interval.
+    """
     theta = fit.hypothesis.theta
     parameter = fit.hypothesis.parameters[index]
     inside, pace = 0.0, step / 16
-    best = fit.objective
+    best, drop = fit.objective, LIKELIHOOD_DROP * _correlated(problem, fit)
     for _ in range(WALK):
         at = theta.copy()
         at[index] = np.clip(theta[index] + inside + pace, parameter.low, parameter.high)
-        frozen = fit.hypothesis.having(at).frozen()
-        value = shoot(problem, frozen, fit.starts, iterations=3).objective
-        if value - best < LIKELIHOOD_DROP:
+        held = fit.hypothesis.having(at).holding(index)
+        value = shoot(problem, held, fit.starts, iterations=3).objective
+        if value - best < drop:
             inside += pace
             pace *= 1.5
         else:

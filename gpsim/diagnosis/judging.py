@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.evidence import scores, whiteness
+from gpsim.diagnosis.evidence import channel_objectives, correlation_time, scores, whiteness
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
@@ -69,9 +69,7 @@ def judge(
     fits += tried
     nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]
     null = nulls[-1] if nulls else null
-    rivals = _rivals(question, leader, fits)
-    odds = scores(problem, [leader, *rivals])
-    weights = np.exp(odds - odds.max())
+    rivals, probabilities = _rivals(question, leader, fits)
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
@@ -80,7 +78,7 @@ def judge(
         leader,
         null,
         rivals,
-        [float(w) for w in weights / weights.sum()],
+        probabilities,
         ranked((problem, [leader, null, *fits]), (question.searched, found.fits)),
         p_value,
         lack,
@@ -93,8 +91,11 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
     """Negative log likelihood of windows whose start states alone are fitted."""
     if not len(problem.windows):
         return 0.0
-    found = fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
-    return found.objective
+    return _held_out_fit(problem, hypothesis).objective
+
+
+def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
+    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
 
 
 def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None) -> bool:
@@ -178,32 +179,63 @@ def _needed(question: Question, leader: Fit, without: Fit) -> bool:
     return with_it < held_out_objective(question.held_out, without.hypothesis)
 
 
-def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """Other explanations that these data cannot rule out: as good, and not the leading one with something added.
+def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
+    """Other explanations that these data cannot rule out, and the probabilities of the leader and of each of them.
 
     Training and held-out windows count together: all that was recorded has to fail to tell them from the leader.
+    What is left of the probability belongs to explanations that are further behind.
     """
-    problem, held_out = question.everything, question.held_out
+    others = _others(leader, fits)
+    if not others:
+        return [], [1.0]
+    nats = scores(question.everything, [leader, *others])
+    later = _later_nats(question, leader)
+    rivals: list[Fit] = []
+    counted: list[Fit] = []
+    weights, behind = [1.0], []
+    for i in np.argsort(-nats[1:]):
+        rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
+        near = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals)
+        if near and _earned(question.everything, leader, rival):
+            worse = later(rival)
+            by += worse
+            if worse < TIE and by < TIE:
+                rivals.append(rival)
+                behind.append(by)
+        if _fresh(rival, counted):
+            counted.append(rival)
+            weights.append(float(np.exp(-by)))
+    return rivals, [float(np.exp(-by)) / sum(weights) for by in (0.0, *behind)]
+
+
+def _fresh(rival: Fit, said: Sequence[Fit]) -> bool:
+    """Whether it is not one of those that were said, with something added."""
+    return not any(o.hypothesis.claims <= rival.hypothesis.claims for o in said)
+
+
+def _others(leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Fits that are not the leading explanation with something added."""
     claims = leader.hypothesis.claims
     if not claims:
         return []
     others = [f for f in fits if not claims <= f.hypothesis.claims and not f.hypothesis.idle]
     if leader.hypothesis.scheme == "fine":  # in coarse steps many a law passes for another
         others = [f for f in others if f.hypothesis.scheme == "fine"]
-    if not others:
-        return []
-    nats = scores(problem, [leader, *others])
-    judged = held_out_objective(held_out, leader.hypothesis)
-    out: list[Fit] = []
-    for i in np.argsort(-nats[1:]):
-        rival, behind = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        fresh = not any(o.hypothesis.claims <= rival.hypothesis.claims for o in out)
-        if not (behind < TIE and fresh and len(out) < MOST_RIVALS and _earned(problem, leader, rival)):
-            continue
-        worse = held_out_objective(held_out, rival.hypothesis) - judged
-        if worse < TIE and behind + worse < TIE:
-            out.append(rival)
-    return out
+    return others
+
+
+def _later_nats(question: Question, leader: Fit) -> Callable[[Fit], float]:
+    """By how many nats a fit is behind the leader on held-out windows, which count for as much as they are worth."""
+    held_out = question.held_out
+    if not len(held_out.windows):
+        return lambda fit: 0.0
+    tau = np.maximum(correlation_time(question.everything, leader.residuals), 1.0)
+
+    def objectives(found: Fit) -> FloatArray:
+        return channel_objectives(held_out, _held_out_fit(held_out, found.hypothesis))
+
+    own = objectives(leader)
+    return lambda found: float(((objectives(found) - own) / tau).sum())
 
 
 def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:

@@ -121,7 +121,7 @@ def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -
         starts = np.tile(at.starts, (len(which), 1, 1))
         thetas = np.tile(at.hypothesis.theta, (len(which), 1))
         extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
-        said = simulate(chain, windows, starts, at.hypothesis.spread, thetas, problem.substeps, extra)
+        said = simulate(chain, windows, starts, at.hypothesis.spread, thetas, problem.steps(chain), extra)
         residual = difference(windows.measured[None], said, problem.simulator.state)
         residual *= windows.valid[None, :, :, None] & problem.observed
         out.append(directions.changes(residual).reshape(len(which), -1))

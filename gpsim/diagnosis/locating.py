@@ -8,6 +8,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.comparing import Comparison
+from gpsim.diagnosis.concentrating import concentrated
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.preparing import Question
 from gpsim.simulators import Simulator
@@ -29,7 +30,28 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison) -> 
         "region": region,
         "since": since,
         "depends_on": depends_on(simulator, comparison, comparison.left_before) if differs else [],
+        "concentrated": _concentrated(question, comparison) if differs else None,
     }
+
+
+def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] | None:
+    """In which part of state, action or time nearly all of the mismatch lies, in the rate where it is plainest."""
+    simulator, wraps = question.everything.simulator, question.everything.simulator.state.wraps
+    rates = [
+        (errors["noise_floor"] / max(errors["before"], 1e-300), name)
+        for name, errors in comparison.one_step.items()
+    ]
+    if not rates:
+        return None
+    name = min(rates)[1]
+    column = simulator.rate.index(name)
+    residual = _without_glitches(comparison.left_before[:, [column]])[:, 0]
+    inputs = dict(
+        zip((*simulator.state.names, *simulator.action.names), comparison.inputs.T, strict=True)
+    ) | {"t": comparison.times + question.origin}
+    straight = {n: values for n, values in inputs.items() if n not in np.array(simulator.state.names)[wraps]}
+    part = concentrated(straight, residual**2, comparison.one_step[name]["noise_floor"] ** 2)
+    return None if part is None else {"rate": name} | part.entry
 
 
 def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, float]:

@@ -27,7 +27,7 @@ def predicted(
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = _starts(problem, windows, hypothesis)[None]
     theta = hypothesis.theta[None]
-    said = simulate(chain, windows, starts, hypothesis.spread, theta, problem.substeps, extra)
+    said = simulate(chain, windows, starts, hypothesis.spread, theta, problem.steps(chain), extra)
     return np.asarray(said[0])
 
 
@@ -36,7 +36,9 @@ def traced(problem: Problem, found: Fit) -> FloatArray:
     hypothesis = found.hypothesis
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts, theta = found.starts[None], hypothesis.theta[None]
-    return np.asarray(simulate(chain, problem.windows, starts, hypothesis.spread, theta, problem.substeps)[0])
+    return np.asarray(
+        simulate(chain, problem.windows, starts, hypothesis.spread, theta, problem.steps(chain))[0]
+    )
 
 
 def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
@@ -56,7 +58,7 @@ def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Float
     def said(state: FloatArray) -> FloatArray:
         theta = hypothesis.theta[None]
         return np.asarray(
-            simulate(chain, first, state[None], hypothesis.spread, theta, problem.substeps)[0, :, 0]
+            simulate(chain, first, state[None], hypothesis.spread, theta, problem.steps(chain))[0, :, 0]
         )
 
     state, gains = measured, _gains(problem, measured, said)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import BoolArray
 from gpsim.diagnosis.clock import rebased
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
@@ -15,7 +14,7 @@ from gpsim.diagnosis.numerics import enough_substeps, numerical_error, settled
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.thinning import PACE, thinned
-from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut
+from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut, held_out_mask
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
 from gpsim.recordings import Recording
@@ -46,7 +45,6 @@ class Question:
     everything: Problem
     searched: Problem
     held_out: Problem
-    base_scheme: str
     thinned: int = 1
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
@@ -70,13 +68,12 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen)
         problem = _problem(seen, simulator, parameters, training, hidden)
-    problem = _with_mismatch(_fine_enough(problem))
+    problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
         seen,
         problem.on(spread_out(training, FITTED)),
         problem.on(spread_out(training, SEARCHED)),
         problem.on(spread_out(held, FITTED)),
-        recording.integrator,
         every,
         hidden,
         origin,
@@ -160,20 +157,6 @@ def spread_out(windows: Windows, most: int) -> Windows:
         later if len(later) >= max(FEWEST_WINDOWS, 2 * int(windows.fresh.sum())) else np.arange(len(windows))
     )
     return windows.take(rows[evenly(len(rows), most)])
-
-
-def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
-    """(W,) which windows are kept for judging: as the recording says, else the last fifth of episodes or of time."""
-    rule = recording.held_out
-    if rule is not None and rule.time_from is not None:
-        return np.asarray(windows.t[:, 0] >= rule.time_from)
-    if rule is not None and rule.episodes_from is not None:
-        return np.asarray(windows.episode >= rule.episodes_from)
-    count = len(recording.episodes)
-    if count >= 5:
-        return np.asarray(windows.episode >= count - max(1, count // 5))
-    order = np.arange(len(windows))
-    return np.asarray(order >= min(0.8 * len(windows), max(len(windows) - 1, 1)))
 
 
 def _length(recording: Recording) -> int:

@@ -12,6 +12,7 @@ from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.simulate import simulate
 from gpsim.diagnosis.windows import Windows
+from gpsim.effects.chain import Chain
 from gpsim.simulators import Simulator
 
 
@@ -22,6 +23,8 @@ class Problem:
     observed: (S,) which channels were measured; floor: (S,) the least standard deviation of what a perfect hypothesis
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
     scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
+    substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
+    was thinned).
     """
 
     simulator: Simulator
@@ -34,6 +37,7 @@ class Problem:
     scale: FloatArray
     mismatch: FloatArray
     substeps: int
+    base_steps: int = 1
 
     @cached_property
     def counts(self) -> FloatArray:
@@ -46,10 +50,14 @@ class Problem:
         """The same question to other windows."""
         return replace(self, windows=windows)
 
+    def steps(self, chain: Chain) -> int:
+        """Steps of a transition."""
+        return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
+
     def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
         """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S); 0 where nothing was seen."""
         chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
-        said = simulate(chain, self.windows, starts, hypothesis.spread, thetas, self.substeps)
+        said = simulate(chain, self.windows, starts, hypothesis.spread, thetas, self.steps(chain))
         residual = difference(self.windows.measured[None], said, self.simulator.state)
         residual *= self.windows.valid[None, :, :, None] & self.observed
         return residual

@@ -10,15 +10,17 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.hidden import smoothed
+from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
-from gpsim.diagnosis.preparing import Question, held_out_mask
+from gpsim.diagnosis.preparing import Question
+from gpsim.diagnosis.ratios import MODELS, over_before, rms, typical
 from gpsim.diagnosis.simulate import Extra
-from gpsim.diagnosis.windows import LENGTH, Windows, cut
+from gpsim.diagnosis.windows import LENGTH, Windows, cut, held_out_mask, stretches
 from gpsim.evenly import evenly
+from gpsim.recordings import Recording
 
 HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
-TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
 
 
 @dataclass(frozen=True)
@@ -38,8 +40,7 @@ def rollouts(
     `typical` holds the same from the median, which rare glitches of a sensor do not move.
     """
     problem, dt = question.everything, question.recording.dt
-    longest = max(len(e) for e in question.recording.episodes)
-    length = max(2, min(max(round(HORIZON / dt), LENGTH), LONGEST, longest))
+    length = max(2, min(max(round(HORIZON / dt), LENGTH), LONGEST, _longest(question.recording)))
     errors, last = {}, None
     for kind, model in models.items():
         windows = _held_out(question, model.hypothesis, length)
@@ -58,18 +59,16 @@ def rollouts(
             out[channel.name] = {kind: rms(e[:, i]) for kind, e in errors.items()} | {
                 "unit": channel.unit,
                 "typical": {kind: typical(e[:, i]) for kind, e in errors.items()},
+                **over_before({kind: errors[kind][:, i] for kind in MODELS}, rng, correlated=False),
             }
     return out
 
 
-def rms(errors: FloatArray) -> float:
-    """Root mean square of errors (N,)."""
-    return float(np.sqrt(np.mean(errors**2)))
-
-
-def typical(errors: FloatArray) -> float:
-    """The same of normal errors (N,), from the median."""
-    return float(TYPICAL * np.median(np.abs(errors)))
+def _longest(recording: Recording) -> int:
+    """Transitions of the longest held-out stretch; of any where nothing is held out."""
+    held = first_held_out(recording)
+    spans = [(last - first, first >= held[index]) for index, first, last in stretches(recording)]
+    return max((span for span, out in spans if out), default=max((span for span, _ in spans), default=0))
 
 
 def _held_out(question: Question, hypothesis: Hypothesis, length: int) -> Windows:

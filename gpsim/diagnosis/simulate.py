@@ -29,16 +29,15 @@ def simulate(
     starts: FloatArray,
     spread: Spread,
     thetas: FloatArray,
-    substeps: int,
+    n: int,
     extra: Extra | None = None,
 ) -> FloatArray:
     """(C, W, L + 1, S): what the sensors would say.
 
     starts: (C, W, S) true states at the windows' first samples; thetas: (C, P), spread over the windows as values of
-    the terms by `spread(thetas, W)`; substeps: of each transition (1 where the scheme is the base simulator's).
+    the terms by `spread(thetas, W)`; n: steps of each transition.
     """
     copies, count = starts.shape[:2]
-    n = 1 if chain.scheme != "fine" else substeps * chain.refinement
     rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
     spend(len(rows), windows.length * n, dry=chain.dry)
     with np.errstate(all="ignore"):

@@ -12,6 +12,7 @@ from gpsim.diagnosis.lack_of_fit import SIGNIFICANT
 Report = Mapping[str, Any]
 NOTHING = "nothing missing"
 RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
+MANY = 1e6  # odds beyond which nobody counts
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
 
 
@@ -46,7 +47,19 @@ def _where(report: Report) -> str:
         text += f"; it acts for {name} in [{low:.3g}, {high:.3g}]"
     if location["since"] is not None:
         text += f"; since t = {location['since']:.3g} s"
-    return f"{text}.{_looked_at(report)}"
+    return f"{text}{_part(report)}.{_looked_at(report)}"
+
+
+def _part(report: Report) -> str:
+    """In which part of state, action or time nearly all of it lies; what a named region says already is left out."""
+    part = report["location"].get("concentrated")
+    if part is None or report["location"]["region"] or report["location"]["since"] is not None:
+        return ""
+    (low, high), name = part["interval"], part["channel"]
+    return (
+        f"; {100 * part['share_of_mismatch']:.0f} % of {part['rate']}'s lies {part['where']} {name} = "
+        f"[{low:.3g}, {high:.3g}], in {100 * part['share_of_samples']:.0f} % of the samples"
+    )
 
 
 def _looked_at(report: Report) -> str:
@@ -73,7 +86,19 @@ def _what(report: Report) -> str:
     if verdict == "ambiguous":
         others = " or ".join("; ".join(e["sentence"] for e in a["effects"]) for a in report["alternatives"])
         return f"What: {said} (probability {effects[0]['probability']:.2f}), but it could as well be that {others}."
-    return f"What: {said} (evidence {min(e['evidence_gain'] for e in effects):.0f} nats)."
+    weakest = min(effects, key=lambda e: e["evidence_gain"])
+    return f"What: {said} (evidence {weakest['evidence_gain']:.0f} nats{_odds(effects)})."
+
+
+def _odds(effects: list[Report]) -> str:
+    """How many times less probable the best is that does without one of the effects."""
+    known = [e["odds"] for e in effects if e.get("odds", {}).get("nats") is not None]
+    if not known:
+        return ""
+    least = min(known, key=lambda odds: odds["nats"])
+    many = least["nats"] > math.log(MANY)
+    times = "more than a million" if many else f"{float(number(math.exp(least['nats']), 2)):,.0f}"
+    return f"; odds of {times} to 1 against the next best, {_terms(least['against'])}"
 
 
 def _missing_law(lack: Mapping[str, Any] | None) -> str:
@@ -118,7 +143,7 @@ def _step_errors(errors: Mapping[str, Any]) -> str:
     """RMS errors; where rare glitches make most of them, what is typical too."""
     n = {kind: number(errors[kind]) for kind in KINDS}
     text = (
-        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after, "
+        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after{_of_before(errors)}, "
         f"{n['after_gp']} after with a GP (noise floor {n['noise_floor']} {errors['unit']}"
     )
     usual = errors["typical"]
@@ -130,7 +155,15 @@ def _step_errors(errors: Mapping[str, Any]) -> str:
 
 def _run_errors(errors: Mapping[str, Any]) -> str:
     before, gp, after = (number(errors[kind]) for kind in ("before", "gp", "after"))
-    return f"{before} before, {gp} with a GP, {after} after {errors['unit']}"
+    return f"{before} before, {gp} with a GP, {after} after {errors['unit']}{_of_before(errors)}"
+
+
+def _of_before(errors: Mapping[str, Any]) -> str:
+    """What is left of the base's error, with its 90 % interval, where anything was named."""
+    left = errors.get("after_over_before", {"low": None})
+    if left["low"] is None or left["value"] in (None, 1.0):
+        return ""
+    return f" ({100 * left['value']:.2g} % of it, {100 * left['low']:.2g} to {100 * left['high']:.2g})"
 
 
 def number(value: float | None, digits: int = 3) -> str:

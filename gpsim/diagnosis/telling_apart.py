@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import combinations
 
 import numpy as np
 
@@ -28,18 +28,39 @@ def tell_apart(problem: Problem, judgement: Judgement) -> str | None:
     windows = _windows(problem, actions, _latest(hypotheses))
     said = [_said(problem, windows, h) for h in hypotheses]
     noise = np.maximum(judgement.noise, 1e-300)
-    worst = np.min([_apart(problem, a, b, noise) for a, b in pairwise(said)], axis=0)  # (E, S)
-    best, channel = np.unravel_index(int(np.argmax(worst)), worst.shape)
-    size = float(worst[best, channel])
-    rivals = " and ".join(_spoken(h) for h in hypotheses)
-    if size < VISIBLE:
-        return (
-            f"{rivals} predict the same for every excitation that was tried: no recording of these channels separates "
+    pairs = list(combinations(range(len(said)), 2))
+    gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
+    spoken = [_spoken(h) for h in hypotheses]
+    return "; ".join(_advice(problem, names, pairs, gaps, spoken))
+
+
+def _advice(
+    problem: Problem, names: list[str], pairs: list[tuple[int, int]], gaps: FloatArray, spoken: list[str]
+) -> list[str]:
+    """The fewest recordings that separate every pair which any of them separates, then the pairs that none does."""
+    reach, left, out = gaps.max(axis=2), list(range(len(pairs))), []
+    while left and reach[left].max() >= VISIBLE:
+        seen = reach[left] >= VISIBLE
+        best = max(
+            range(len(names)),
+            key=lambda e: (seen[:, e].sum(), reach[left, e][seen[:, e]].min(initial=np.inf)),
+        )
+        told = [p for p in left if reach[p, best] >= VISIBLE]
+        weakest = min(told, key=lambda p: reach[p, best])
+        channel = problem.simulator.state.names[int(np.argmax(gaps[weakest, best]))]
+        who = " and ".join(spoken[i] for i in sorted({i for p in told for i in pairs[p]}))
+        out.append(
+            f"record {names[best]}: {who} then differ by up to {reach[weakest, best]:.1f} standard deviations of the "
+            f"noise in {channel}"
+        )
+        left = [p for p in left if p not in told]
+    if left:
+        who = ", ".join(" and ".join(spoken[i] for i in pairs[p]) for p in left)
+        out.append(
+            f"{who} predict the same for every excitation that was tried: no recording of these channels separates "
             "them; measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
         )
-    name = problem.simulator.state.names[int(channel)]
-    told = f"{rivals} then differ by up to {size:.1f} standard deviations of the noise in {name}"
-    return f"record {names[int(best)]}: {told}"
+    return out
 
 
 def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
@@ -97,7 +118,7 @@ def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatAr
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = windows.measured[None, :, 0]
     return np.asarray(
-        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.substeps)[0]
+        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.steps(chain))[0]
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.evenly import evenly
 from gpsim.recordings import Episode, Recording
 
@@ -52,12 +53,11 @@ class Windows:
 def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> Windows:
     """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out.
 
-    most: evenly spread ones are taken where there are more.
+    None holds both samples to learn from and held-out ones. most: evenly spread ones are taken where there are more.
     """
     places = [
-        (index, episode, low, high)
-        for index, episode in enumerate(recording.episodes)
-        for first, last in _pieces(episode, recording.dt)
+        (index, recording.episodes[index], low, high)
+        for index, first, last in stretches(recording)
         for low, high in _slices(first, last, length)
     ]
     if most is not None:
@@ -70,16 +70,36 @@ def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> 
     )
 
 
-def _pieces(episode: Episode, dt: float) -> list[tuple[int, int]]:
-    """First and last sample of every stretch without a gap."""
-    breaks = np.flatnonzero(np.diff(episode.t) > LONGEST_GAP * dt)
-    starts, ends = [0, *(breaks + 1)], [*breaks, len(episode.t) - 1]
-    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+def stretches(recording: Recording) -> list[tuple[int, int, int]]:
+    """(episode, first, last sample) of every stretch without a gap, all of it to learn from or all of it held out."""
+    return [
+        (index, int(first), int(last))
+        for index, (episode, held) in enumerate(
+            zip(recording.episodes, first_held_out(recording), strict=True)
+        )
+        for first, last in _pieces(episode, recording.dt, int(held))
+    ]
+
+
+def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
+    """(W,) which windows are kept for judging."""
+    begins = [
+        e.t[k] if k < len(e.t) else np.inf
+        for e, k in zip(recording.episodes, first_held_out(recording), strict=True)
+    ]
+    return np.asarray(windows.t[:, 0] >= np.array(begins)[windows.episode], dtype=np.bool_)
+
+
+def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
+    """First and last sample of every stretch without a gap; sample `held` begins one."""
+    breaks = set(np.flatnonzero(np.diff(episode.t) > LONGEST_GAP * dt).tolist())
+    ends = sorted((breaks | {held - 1}) & set(range(len(episode.t) - 1)))
+    return list(zip([0, *(end + 1 for end in ends)], [*ends, len(episode.t) - 1], strict=True))
 
 
 def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:
     out, low = [], first
-    while last - low >= max(3, length // 3):
+    while last - low >= min(length, max(3, length // 3)):
         high = min(low + length, last)
         out.append((low, high))
         low = high + 1

@@ -11,6 +11,8 @@ from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
 from gpsim.simulators.plant import Memory
 
+FAR = 13.0  # steps: delays beyond are not reached from the shorter starts
+
 
 class ActuatorDelay(ActuatorEffect):
     """A delay: the simulator gets u(t - T), averaged over a substep."""
@@ -21,7 +23,10 @@ class ActuatorDelay(ActuatorEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Delay [s]."""
         dt = place.dt
-        return (EffectParameter("delay", "s", 0.0, 12 * dt, (0.7 * dt, 2.3 * dt, 5.3 * dt), dt),)
+        starts: tuple[float, ...] = (0.7 * dt, 2.3 * dt, 5.3 * dt)
+        if place.longest_delay > FAR * dt:
+            starts += (FAR * dt,)
+        return (EffectParameter("delay", "s", 0.0, place.longest_delay, starts, dt),)
 
     def begin(self, count: int, longest: float, step: float) -> Memory:
         """The commands of the last `longest` seconds, the newest last: none yet."""

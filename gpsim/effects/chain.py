@@ -18,6 +18,7 @@ from gpsim.effects.effect import (
     Values,
     VehicleEffect,
     columns_of,
+    longest_delay,
 )
 from gpsim.effects.forces import Forces, Instant
 from gpsim.effects.term import Term
@@ -26,7 +27,6 @@ from gpsim.simulators.plant import Memory
 
 Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
-LONGEST_DELAY = 12.0  # in steps of the recording: what delays remember
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Chain:
         memory: Memory = {}
         # What was found on a thinned clock may be late by more of this clock's steps.
         late = (float(t.values.get("delay", 0.0)) for t in self.terms)
-        longest = max(LONGEST_DELAY * self.dt, *late, 0.0)
+        longest = max(longest_delay(self.dt), *late, 0.0)
         for i, effect, _ in self._actuators:
             part = effect.begin(count, longest, step)
             memory |= {f"{i}/{key}": values for key, values in part.items()}

@@ -43,6 +43,11 @@ class EffectParameter:
     step: float | None = None
 
 
+def longest_delay(dt: float) -> float:
+    """[s] at a recording's step [s]: 12 steps, on fast clocks up to 0.4 s (windows remember 80 steps)."""
+    return max(12 * dt, min(0.4, 60 * dt))
+
+
 @dataclass(frozen=True)
 class Place:
     """Where an effect may act: the name it acts on, and how large things typically are there.
@@ -50,7 +55,7 @@ class Place:
     unit: of a force on the coordinate, of the action, channel or parameter. span: the typical size of that quantity
     in the recording (for a coordinate: of the force). middle: of a coordinate's positions; reach: their range, or of
     time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal
-    force is known.
+    force is known. bounds: of a parameter, as shares of what is believed.
     """
 
     on: str
@@ -61,6 +66,12 @@ class Place:
     speed: float = 1.0
     dt: float = 0.02
     loaded: bool = False
+    bounds: tuple[float, float] = (0.0, np.inf)
+
+    @property
+    def longest_delay(self) -> float:
+        """What a delay may be at most [s]."""
+        return longest_delay(self.dt)
 
 
 class Effect(ABC):

@@ -21,7 +21,7 @@ class SensorDelay(SensorEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Delay [s]."""
         dt = place.dt
-        return (EffectParameter("delay", "s", 0.0, 12 * dt, (0.7 * dt, 2.3 * dt), dt),)
+        return (EffectParameter("delay", "s", 0.0, place.longest_delay, (0.7 * dt, 2.3 * dt), dt),)
 
     def reach(self, values: Values) -> float:
         """The longest delay [s]."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from gpsim.reports.prove_sheets import confusion_sheet, miss_rows, proof_sheets
+from gpsim.reports.prove_sheets import beside, confusion_sheet, miss_rows, proof_sheets
 
 Json = Mapping[str, Any]
 PAGE = """<!doctype html>
@@ -25,7 +25,10 @@ th { vertical-align: bottom; } tr { border-bottom: 1px solid #e5e7eb; } .marked 
 <p>{{ content.all.n }} worlds of 2&nbsp;000 to 12&nbsp;000 transitions and {{ content.long.n }} longer ones, seed
 {{ content.seed }}. Every answer was hashed before the diagnosis began and verified before it was scored. A world
 is visible when each of its effects makes 5 % of the mean squared one-step residual or moves a rollout of a second by
-more than half the noise; the headline figures hold the visible ones.</p>
+more than half the noise; the headline figures hold the visible ones. Commits of
+the diagnoses: {{ content.diagnosed_under|join(", ") }}; of this page: {{ content.git_commit or "not recorded" }}.</p>
+{% for line in beside %}<p class="marked">{{ line }}</p>
+{% endfor %}
 {% macro table(sheet, kind="") %}<h2>{{ sheet.title }}</h2><div class="wide"><table class="{{ kind }}">
 <tr>{% for name in sheet.columns %}<th>{{ name }}</th>{% endfor %}</tr>
 {% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
@@ -49,6 +52,7 @@ def page(content: Json, scores: Sequence[Json]) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     return environment.from_string(PAGE).render(
         content=content,
+        beside=beside(content),
         sheets=proof_sheets(content),
         confusion=confusion_sheet(content),
         misses=miss_rows(scores),

@@ -6,24 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
+from gpsim.trials.goals import EQUIVALENT, GOALS
 
 Json = Mapping[str, Any]
+MOST_NAMED = 10
 SIZES = ("single", "pair", "triple")
-GOALS = {
-    "single.share": "one effect: right",
-    "pair.share": "two effects: both right",
-    "triple.share": "three effects: all right",
-    "location.share": "rate, place and gate right",
-    "parameters.median_relative_error": "parameters, median error",
-    "parameters.coverage_90": "90 % intervals cover",
-    "none.share_false": "nothing missing: false alarms",
-    "unknown.share": "outside: said so",
-    "unknown.share_named_wrong": "outside: wrong name, odds > 10",
-    "undecided.share": "undecided though identifiable",
-    "fit.share_within": "held-out error near the truth's",
-    "seconds.median": "seconds, median",
-    "seconds.max": "seconds, longest",
-}
 COUNTED = {
     "single": "right",
     "pair": "right",
@@ -34,6 +21,7 @@ COUNTED = {
     "undecided": "count",
     "fit": "within",
 }
+FAILED = (*SIZES, "none", "unknown")
 RIVALS = {
     "before": "base as it is",
     "tuned": "base, parameters tuned",
@@ -44,8 +32,34 @@ RIVALS = {
 
 
 def proof_sheets(content: Json) -> list[Sheet]:
-    """Goals, headline, rivals, strata."""
-    return [goals_sheet(content), rivals_sheet(content), namers_sheet(content), *strata_sheets(content)]
+    """Goals, what stands beside them, rivals, strata."""
+    return [
+        goals_sheet(content),
+        shares_sheet(content),
+        medians_sheet(content),
+        rivals_sheet(content),
+        namers_sheet(content),
+        *strata_sheets(content),
+    ]
+
+
+def beside(content: Json) -> list[str]:
+    """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
+    missing, unscored = content["undiagnosed"], content["not_scored"]
+    published = len(missing) + content["all"]["n"] + content["long"]["n"]
+    lines = []
+    if missing:
+        lines.append(
+            f"{len(missing)} of {published} published trials were not diagnosed and do not count: {_named(missing)}"
+        )
+    if unscored:
+        lines.append(f"{len(unscored)} could not be scored and count as wrong: {_named(unscored)}")
+    return lines
+
+
+def _named(trials: Sequence[str]) -> str:
+    """A line's worth of them."""
+    return ", ".join(trials[:MOST_NAMED]) + (", ..." if len(trials) > MOST_NAMED else "")
 
 
 def goals_sheet(content: Json) -> Sheet:
@@ -55,11 +69,12 @@ def goals_sheet(content: Json) -> Sheet:
         part, key = name.split(".")
         block = content.get(part, {})
         count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
-        bounds = block.get("interval_named_wrong" if key == "share_named_wrong" else "interval")
-        within = f"{fixed(bounds[0], 3)}-{fixed(bounds[1], 3)}" if bounds and "error" not in key else MISSING
+        median = key.startswith("median")
+        own = None if key == "max" else block.get("interval")
+        bounds = block.get(f"interval_{key.removeprefix('share_')}", own)
         number = f"{count}/{block['n']}" if count is not None else str(block.get("n", MISSING))
         got = Cell(significant(goal["got"]), marked=goal["reached"] is False)
-        rows.append(row(GOALS[name], goal["wanted"], got, within, number))
+        rows.append(row(GOALS[name].label, goal["wanted"], got, _within(bounds, median), number))
     return Sheet(
         "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
         ("", "wanted", "got", "95 %", "count"),
@@ -68,16 +83,71 @@ def goals_sheet(content: Json) -> Sheet:
     )
 
 
+def shares_sheet(content: Json) -> Sheet:
+    """The parts that a right answer consists of, each by itself, and how many diagnoses failed."""
+    location = content.get("location", {})
+    parts = {
+        "verdict right": content.get("verdict_right"),
+        "families right, wherever they act": content.get("families_right"),
+        "location: rate right": location.get("rate_right"),
+        "location: place right": location.get("place_right"),
+        "location: gates right": location.get("gate_right"),
+    }
+    rows = [
+        row(label, significant(part["share"]), _within(part["interval"]), f"{part['right']}/{part['n']}")
+        for label, part in parts.items()
+        if part
+    ]
+    failed = [f"{name} {content[name]['failed']}" for name in FAILED if content.get(name, {}).get("failed")]
+    return Sheet(
+        "Part by part, on the same worlds",
+        ("", "share", "95 %", "count"),
+        tuple(rows),
+        note=f"failed diagnoses: {', '.join(failed) or 'none'}; without mismatch they are left out of the share",
+    )
+
+
+def medians_sheet(content: Json) -> Sheet:
+    """Sizes of errors: medians and their bootstrap intervals."""
+    location = content.get("location", {})
+    parts = {
+        "region, IoU": (location.get("iou"), "median"),
+        "onset, error over the recording's duration": (location.get("onset_error"), "median"),
+        "parameters, error over the value": (content.get("parameters"), "median_relative_error"),
+        "parameters, error over what it changes": (content.get("parameters"), "median_error_of_effect"),
+        "held-out error over the true model's own": (content.get("fit"), "median"),
+    }
+    rows = [
+        row(
+            label,
+            significant(part[key]),
+            _within(part[f"interval_{key}"], median=True),
+            significant(part.get("mean")),
+            str(part["n"]),
+        )
+        for label, (part, key) in parts.items()
+        if part
+    ]
+    return Sheet("Sizes of errors", ("", "median", "95 %", "mean", "count"), tuple(rows))
+
+
 def rivals_sheet(content: Json) -> Sheet:
     """Held-out one-step errors by several means."""
     rows = [
-        row(RIVALS[kind], str(r["n"]), significant(r["median"]), fixed(100 * r["share"]), _bounds(r))
+        row(
+            RIVALS[kind],
+            str(r["n"]),
+            significant(r["median"]),
+            _within(r["interval_median"], median=True),
+            fixed(100 * r["share"]),
+            _bounds(r),
+        )
         for kind, r in content["rivals"].items()
         if kind in RIVALS
     ]
     return Sheet(
         "Held-out one-step error over the true model's own, worst rate",
-        ("", "worlds", "median ratio", "% within 1.1", "95 %"),
+        ("", "worlds", "median ratio", "95 %", "% within 1.1", "95 %"),
         tuple(rows),
     )
 
@@ -147,7 +217,7 @@ def _wrong(truth: str, said: str, counts: Json) -> bool:
 
 def name_differs(truth: str, said: str) -> bool:
     """Whether a name asserted is not the true one; `unknown` asserts none."""
-    return said not in (truth, "unknown", "an equivalent")
+    return said not in (truth, "unknown", EQUIVALENT)
 
 
 def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
@@ -181,6 +251,13 @@ def _share(block: Json | None, name: str) -> str:
 
 def _percent(block: Json | None, name: str) -> str:
     return MISSING if block is None or block[name] is None else fixed(100 * block[name])
+
+
+def _within(bounds: Sequence[float] | None, median: bool = False) -> str:
+    """An interval: of a share with three decimals, of a median with three digits."""
+    if not bounds:
+        return MISSING
+    return "-".join(significant(edge) if median else fixed(edge, 3) for edge in bounds)
 
 
 def _bounds(block: Json) -> str:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Json, Recipe, file_digest, read_artifact, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, file_digest, plain, read_artifact, write_json
 from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, describe, plant_from
@@ -127,7 +126,7 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     rng = generator(request.seed, "diagnose")
     with cores(request.cores):
         found = diagnose(recording, simulator, parameters, rng, request.progress)
-    report = _plain(found.report)
+    report = plain(found.report)
     write_json(folder / "diagnosis.json", report)
     write_json(folder / "corrected.json", describe(found.plant, gp=True))
     write_gp(folder, found.comparison.gp, found.comparison.features)
@@ -183,19 +182,3 @@ def _from_table(path: Path, simulator: Simulator) -> Recording:
         raise UsageError(f"{path}: too short: no episode has two rows")
     dt = float(np.median(steps))
     return Recording(simulator.name, state, simulator.action, tuple(episodes), dt, simulator.defaults())
-
-
-def _plain(content: Any) -> Any:
-    """JSON without NumPy's numbers; what is not finite is null."""
-    if isinstance(content, dict):
-        return {str(k): _plain(v) for k, v in content.items()}
-    if isinstance(content, list | tuple):
-        return [_plain(v) for v in content]
-    if isinstance(content, bool | str) or content is None:
-        return content
-    if isinstance(content, np.bool_):
-        return bool(content)
-    if isinstance(content, int | np.integer):
-        return int(content)
-    value = float(content)
-    return value if np.isfinite(value) else None

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Json, Recipe, finite, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
@@ -146,7 +146,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "one_step_random": scores["random"],
         "rollout": rollout,
     }
-    write_json(folder / "evaluation.json", finite(evaluation))
+    write_json(folder / "evaluation.json", plain(evaluation))
     request.progress(3, 3, "done")
     return {}
 

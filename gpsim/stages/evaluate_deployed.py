@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Json, Recipe, finite, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import path_length
@@ -75,7 +75,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "steps": float(there["steps"].mean()) if len(there) else None,
         "path": float(there["path"].mean()) if len(there) else None,
     }
-    evaluation = {"experiment": request.config["experiment"], "deployed": finite(summary)}
+    evaluation = {"experiment": request.config["experiment"], "deployed": plain(summary)}
     write_json(folder / "evaluation.json", evaluation)
     (folder / "figures").mkdir()
     figure = figure_deployed(paths, goal, task.goal_radius, task.floor)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import Json, Recipe, finite, write_json
+from gpsim.artifacts import Json, Recipe, plain, write_json
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.rollout import compare
 from gpsim.recordings import Episode, Recording, read_recording
@@ -57,7 +57,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "one_step": scores,
         "rollout": _rollouts(request, recipe, judged, folder),
     }
-    write_json(folder / "evaluation.json", finite(evaluation))
+    write_json(folder / "evaluation.json", plain(evaluation))
     request.progress(2, 2, "done")
     return {}
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from pathlib import Path
 
-from gpsim.artifacts import read_artifact, write_json
+from gpsim.artifacts import read_artifact, write_json, written_whole
 from gpsim.errors import UsageError
 from gpsim.policy_export import ros_node, to_onnx
 from gpsim.stages.policy_files import read_policy
@@ -33,20 +31,21 @@ def export_policy(path: Path, out: Path) -> list[str]:
     notes = [
         f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
     ]
-    temporary = out.with_name(f".{out.name}.{os.getpid()}")
     try:
-        temporary.mkdir()
-        (temporary / "policy.onnx").write_bytes(to_onnx(policy))
-        origin = {"stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"]}
-        write_json(temporary / "policy.json", origin)
-        if config["task"]["name"] == "goal":
-            node = temporary / NODE
-            node.write_text(ros_node(policy, rate, float(config["task"]["goal_radius"])), encoding="utf-8")
-            node.chmod(0o755)
-            notes.append(f"{NODE}: a ROS 1 node that plays it; its first lines say how")
-        temporary.rename(out)
+        with written_whole(out) as made:
+            made.mkdir()
+            (made / "policy.onnx").write_bytes(to_onnx(policy))
+            origin = {
+                "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
+            }  # fmt: skip
+            write_json(made / "policy.json", origin)
+            if config["task"]["name"] == "goal":
+                node = made / NODE
+                node.write_text(
+                    ros_node(policy, rate, float(config["task"]["goal_radius"])), encoding="utf-8"
+                )
+                node.chmod(0o755)
+                notes.append(f"{NODE}: a ROS 1 node that plays it; its first lines say how")
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
     return notes

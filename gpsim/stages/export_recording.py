@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 
+from gpsim.artifacts import written_whole
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording, read_recording
@@ -32,14 +32,11 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
         )
     recording = read_recording(path)
     predictions, notes = predict(recording)
-    temporary = out.with_name(f".{out.name}.{os.getpid()}{'.parquet' if form == 'parquet' else ''}")
     try:
-        (write_mcap if form == "mcap" else write_table)(recording, predictions, temporary)
-        temporary.rename(out)
+        with written_whole(out, ".parquet" if form == "parquet" else "") as made:
+            (write_mcap if form == "mcap" else write_table)(recording, predictions, made)
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
     samples = sum(len(e.t) for e in recording.episodes)
     return [f"{len(recording.episodes)} episode(s), {samples} samples", *notes]
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import write_json
+from gpsim.artifacts import plain, write_json, written_whole
 from gpsim.errors import UsageError
 from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
@@ -18,11 +17,12 @@ from gpsim.stages.trial_jobs import Progress, run_trials
 from gpsim.trials.blind import DIAGNOSES, OUTCOME, diagnose_blind, published
 from gpsim.trials.concealing import ANSWER, PRIVATE, PUBLIC, publish_hashes, trial_name, write_trial
 from gpsim.trials.drawing import stratum_of
-from gpsim.trials.judging import judge
 from gpsim.trials.summary import summarise
+from gpsim.trials.trial_scores import score_trial
 from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"
+NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
 def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True) -> list[int]:
@@ -57,22 +57,25 @@ def diagnose(out: Path, workers: int, progress: Progress) -> int:
 
 def reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
     """Score every diagnosed trial against its verified answer; write prove.json and report.html."""
-    paths = sorted((out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
-    if not paths:
+    names = sorted(path.parent.name for path in (out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
+    if not names:
         raise UsageError(f"{out}: no diagnoses to score; make them with: gpsim prove diagnose --out {out}")
     where = answers or out / PRIVATE
-    numbers = [int(path.parent.name) for path in paths]
-    scores = [s for _, s in run_trials(partial(_judge_one, out, where), numbers, workers, progress)]
+    numbers = [int(name) for name in names]
+    scores = [s for _, s in run_trials(partial(_score_one, out, where), numbers, workers, progress)]
     scores.sort(key=lambda s: str(s["trial"]))
-    content = _facts(where) | summarise(scores)
-    write_json(out / "prove.json", _plain(content))
-    (out / "report.html").write_text(page(content, scores), encoding="utf-8")
+    undiagnosed = sorted(set(published(out)) - set(names))
+    content = _facts(where, scores) | {"undiagnosed": undiagnosed} | summarise(scores)
+    with written_whole(out / "prove.json") as made:
+        write_json(made, plain(content))
+    with written_whole(out / "report.html") as made:
+        made.write_text(page(content, scores), encoding="utf-8")
     return content
 
 
 def read_answers(out: Path) -> list[dict[str, Any]]:
     """Every answer below `out`, in order; unverified."""
-    paths = sorted((out / PRIVATE).glob(f"*/{ANSWER}"))
+    paths = sorted((out / PRIVATE).glob(f"[0-9]*/{ANSWER}"))
     if not paths:
         raise UsageError(
             f"{out}: no answers below {PRIVATE}/; make some with: gpsim prove conceal --out {out}"
@@ -88,24 +91,21 @@ def _diagnose_one(out: Path, number: int) -> float:
     return float(diagnose_blind(out, trial_name(number))["seconds"])
 
 
-def _judge_one(out: Path, answers: Path, number: int) -> dict[str, Any]:
-    return judge(out, answers, trial_name(number))
+def _score_one(out: Path, answers: Path, number: int) -> dict[str, Any]:
+    return score_trial(out, answers, trial_name(number))
 
 
-def _facts(answers: Path) -> dict[str, Any]:
-    """Which seed it was, and what it was run with."""
+def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Which seed it was, what it is revealed with, and the commits under which the trials were diagnosed."""
     path = answers / CONFIG
     seed = json.loads(path.read_text(encoding="utf-8"))["seed"] if path.is_file() else None
-    return {"seed": seed, "git_commit": git_commit(), "packages": package_versions()}
-
-
-def _plain(content: Any) -> Any:
-    """What is not finite is null."""
-    if isinstance(content, dict):
-        return {k: _plain(v) for k, v in content.items()}
-    if isinstance(content, list):
-        return [_plain(v) for v in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
+    commits = sorted({str(s["git_commit"] or NOT_RECORDED) for s in scores})
+    return {
+        "seed": seed,
+        "git_commit": git_commit(),
+        "diagnosed_under": commits,
+        "packages": package_versions(),
+    }
 
 
 def _remember(out: Path, seed: int) -> None:
@@ -117,4 +117,5 @@ def _remember(out: Path, seed: int) -> None:
             raise UsageError(f"{out}: holds trials of seed {known}; choose another --out for seed {seed}")
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"seed": seed}) + "\n", encoding="utf-8")
+    with written_whole(path) as made:
+        made.write_text(json.dumps({"seed": seed}) + "\n", encoding="utf-8")

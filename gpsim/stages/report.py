@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts import Artifact, Json, Recipe, finite, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
@@ -69,7 +69,7 @@ def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
 
 def _write(request: Request, seeds: tuple[int, ...], folder: Path) -> Json:
     report = gather(request, seeds)
-    write_json(folder / "summary.json", finite(report.summary))
+    write_json(folder / "summary.json", plain(report.summary))
     (folder / "report.html").write_text(render(report), encoding="utf-8")
     return {}
 

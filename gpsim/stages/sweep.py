@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Json
+from gpsim.artifacts import Json, written_whole
 from gpsim.channels import FloatArray
 from gpsim.driving import Sweep, drive_plan
 from gpsim.errors import UsageError
@@ -36,12 +35,11 @@ def write_plan(config: Mapping[str, Any], path: Path) -> int:
     """Write the plan to a new CSV file; returns the number of its rows."""
     if path.exists():
         raise UsageError(f"--plan {path}: exists already; choose another file")
-    table, temporary = plan_table(config), path.with_name(f".{path.name}.{os.getpid()}")
+    table = plan_table(config)
     try:
-        table.to_csv(temporary, index=False, lineterminator="\n")
-        temporary.rename(path)
+        with written_whole(path) as made:
+            table.to_csv(made, index=False, lineterminator="\n")
     except OSError as error:
-        temporary.unlink(missing_ok=True)
         raise UsageError(f"--plan {path}: cannot be written: {error.strerror or error}") from error
     return len(table)
 

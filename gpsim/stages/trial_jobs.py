@@ -1,4 +1,8 @@
-"""Independent trials side by side, one core each; a process that dies takes only its own trial with it."""
+"""Independent trials side by side, one core each.
+
+A process that is killed ends the run with one line; the trials that were finished are kept, and the same command
+carries on.
+"""
 
 from __future__ import annotations
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -13,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import file_digest
+from gpsim.artifacts import file_digest, written_whole
 from gpsim.errors import UsageError
 from gpsim.provenance import git_commit
 from gpsim.trials.concealing import HASHES, PUBLIC
@@ -45,19 +44,29 @@ def published(out: Path) -> dict[str, str]:
             f"{path}: no hashes of the answers; they are published before anybody diagnoses: gpsim prove conceal"
         )
     lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    if any(len(line) != 2 for line in lines):
+    if any(len(line) != 2 or not line[1].isdigit() for line in lines):
         raise UsageError(f"{path}: expected lines of a SHA-256 and a trial")
     return {name: digest for digest, name in lines}
 
 
+def recording_digests(folder: Path) -> dict[str, str]:
+    """File -> SHA-256, of a recording."""
+    return {p.name: file_digest(p) for p in sorted(folder.iterdir())}
+
+
 def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
-    """Diagnose one trial; what is finished is kept. The outcome says how it ended and how long it took."""
+    """Diagnose one trial; what is finished is kept. The outcome says how it ended and how long it took.
+
+    What stands in it of the answer's hash and of the recording was read before the diagnosis began.
+    """
     target = out / DIAGNOSES / name
     if (target / OUTCOME).is_file():
         return read_outcome(out, name)
+    known = _before(out, name)
     with tempfile.TemporaryDirectory(prefix="gpsim-blind-") as folder:
         room = Path(folder)
         shutil.copytree(out / PUBLIC / name, room / RECORDING)
+        known["recording"] = recording_digests(room / RECORDING)
         started = time.monotonic()
         code, said = _run(room)
         if code < 0:  # killed, for want of memory say: that need not happen again
@@ -68,26 +77,38 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
             "exit": code,
             "seconds": round(time.monotonic() - started, 2),
             "error": said.strip().splitlines()[-1][:300] if code and said.strip() else None,
-            "recording": {p.name: file_digest(p) for p in sorted((room / RECORDING).iterdir())},
-            "answer_sha256": published(out)[name],
-            "git_commit": git_commit(),
-        }
-        made = room / "made"
-        made.mkdir()
-        if (room / DIAGNOSIS).is_dir():
-            (room / DIAGNOSIS).rename(made / DIAGNOSIS)
-        (made / OUTCOME).write_text(json.dumps(outcome, indent=1) + "\n", encoding="utf-8")
-        temporary = target.with_name(f".{name}.{os.getpid()}")
-        shutil.rmtree(temporary, ignore_errors=True)
-        shutil.copytree(made, temporary)
-        shutil.rmtree(target, ignore_errors=True)
-        temporary.rename(target)
+        } | known
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with written_whole(target) as made:
+            made.mkdir()
+            if (room / DIAGNOSIS).is_dir():
+                shutil.copytree(room / DIAGNOSIS, made / DIAGNOSIS)
+            (made / OUTCOME).write_text(json.dumps(outcome, indent=1) + "\n", encoding="utf-8")
+            shutil.rmtree(target, ignore_errors=True)
     return outcome
 
 
+def _before(out: Path, name: str) -> dict[str, Any]:
+    """What is on record before a diagnosis begins; raises UsageError."""
+    digest = published(out).get(name)
+    if digest is None:
+        raise UsageError(
+            f"{out / PUBLIC / HASHES}: no hash of the answer to trial {name}; it is published before anybody diagnoses"
+        )
+    if not (out / PUBLIC / name).is_dir():
+        raise UsageError(
+            f"{out / PUBLIC / name}: no recording of the published trial; hand over public/ whole"
+        )
+    return {"answer_sha256": digest, "git_commit": git_commit()}
+
+
 def read_outcome(out: Path, name: str) -> dict[str, Any]:
-    """How a finished diagnosis ended."""
-    content: dict[str, Any] = json.loads((out / DIAGNOSES / name / OUTCOME).read_text(encoding="utf-8"))
+    """How a finished diagnosis ended; raises UsageError."""
+    path = out / DIAGNOSES / name / OUTCOME
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: damaged; delete the folder and diagnose trial {name} again") from error
     return content
 
 

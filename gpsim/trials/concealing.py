@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
-from gpsim.artifacts import file_digest
+from gpsim.artifacts import file_digest, written_whole
 from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
@@ -96,14 +95,15 @@ def write_trial(out: Path, seed: int, number: int) -> str:
     private, public = out / PRIVATE / name, out / PUBLIC / name
     if not (private / ANSWER).is_file() or not (public / "recording.yaml").is_file():
         concealed = conceal(seed, number)
-        with_private = _fresh(private)
-        _write_truth(with_private / TRUTH, concealed)
-        text = json.dumps(answer_of(concealed, file_digest(with_private / TRUTH)), indent=1) + "\n"
-        (with_private / ANSWER).write_text(text, encoding="utf-8")
-        with_public = _fresh(public)
-        write_recording(concealed.recording, with_public, "csv")
-        _settle(with_public, public)
-        _settle(with_private, private)
+        with written_whole(private) as answers, written_whole(public) as recordings:
+            answers.mkdir(parents=True)
+            _write_truth(answers / TRUTH, concealed)
+            text = json.dumps(answer_of(concealed, file_digest(answers / TRUTH)), indent=1) + "\n"
+            (answers / ANSWER).write_text(text, encoding="utf-8")
+            recordings.mkdir(parents=True)
+            write_recording(concealed.recording, recordings, "csv")
+            for half in (private, public):
+                shutil.rmtree(half, ignore_errors=True)
     return file_digest(private / ANSWER)
 
 
@@ -114,9 +114,8 @@ def publish_hashes(out: Path, digests: dict[str, str]) -> None:
         known = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
         digests = {name: digest for digest, name in known} | digests
     lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
-    temporary = out / PUBLIC / f".{HASHES}"
-    temporary.write_text(lines, encoding="utf-8")
-    temporary.replace(path)
+    with written_whole(path) as made:
+        made.write_text(lines, encoding="utf-8")
 
 
 def trial_name(number: int) -> str:
@@ -194,15 +193,3 @@ def _write_truth(path: Path, concealed: Concealed) -> None:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-def _fresh(folder: Path) -> Path:
-    temporary = folder.with_name(f".{folder.name}.{os.getpid()}")
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
-    return temporary
-
-
-def _settle(temporary: Path, folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-    temporary.replace(folder)

@@ -1,7 +1,7 @@
 """Physics outside the catalogue: twenty kinds that no family of `gpsim.effects` describes, and never will.
 
-Half of them are `final`: seeds 1 to 99, which tuning may use, never draw those; they run for the first time in the
-measurement that is reported.
+Half of them are `final`: seeds 1 to 99, which tuning may use, never draw those. They ran for the first time in the
+measurement of seed 2026; for every later one they are as known as the others.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LAST_TUNING_SEED = 99
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind: where it acts, on which systems, and whether it is kept for the final measurement."""
+    """One kind: where it acts, on which systems, and whether seeds for tuning leave it out."""
 
     site: Literal["force", "hidden", "coupled", "actuator", "twist", "sensor"]
     systems: tuple[str, ...]

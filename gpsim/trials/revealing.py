@@ -12,8 +12,8 @@ import numpy as np
 from gpsim.artifacts import file_digest
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.trials.blind import published, read_outcome
-from gpsim.trials.concealing import ANSWER, SCHEMA, TRUTH
+from gpsim.trials.blind import published, read_outcome, recording_digests
+from gpsim.trials.concealing import ANSWER, PUBLIC, SCHEMA, TRUTH
 from gpsim.trials.worlds import World, world_from_json
 
 
@@ -38,14 +38,22 @@ class Answer:
 
 
 def reveal(out: Path, answers: Path, name: str) -> Answer:
-    """The answer to a diagnosed trial; raises UsageError when it is not the one whose hash was published."""
+    """The answer to a diagnosed trial; raises UsageError when it is not the one whose hash was published.
+
+    Nor is anything revealed when the recording is not the one that was diagnosed.
+    """
+    outcome, public = read_outcome(out, name), out / PUBLIC / name
+    if not public.is_dir() or recording_digests(public) != outcome.get("recording"):
+        raise UsageError(
+            f"{public}: missing, or not the recording that was diagnosed; trial {name} is refused"
+        )
     path = answers / name / ANSWER
     if not path.is_file():
         raise UsageError(f"{path}: no such answer; say where the answers are with --answers")
     digest = file_digest(path)
     for said, where in (
         (published(out).get(name), "published beside the recordings"),
-        (read_outcome(out, name)["answer_sha256"], "that stood there when it was diagnosed"),
+        (outcome["answer_sha256"], "that stood there when it was diagnosed"),
     ):
         if digest != said:
             raise UsageError(

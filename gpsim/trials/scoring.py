@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.trials.claims import Claim, claims_of, gate_figures, identity
 from gpsim.trials.equivalents import Rival
 from gpsim.trials.revealing import Answer
 from gpsim.trials.systems import SYSTEMS
 
 Json = Mapping[str, Any]
-Claim = frozenset[tuple[str, str]]
+FACTORS = (
+    "gain",
+    "ratio",
+    "scale",
+    "gain_positive",
+    "gain_negative",
+)  # they change nothing at 1, others at 0
 WRONG_ODDS = 10.0  # a wrong name asserted with odds above this counts as such
-LEAST_IOU, LARGEST_ONSET = 0.5, 0.1  # of a region; of an onset's error as a share of the recording's duration
 LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is
 LEADING_RATE = 0.5  # a rate with at least this share of the largest true share is a right one to point at
-
-
-def claims_of(effects: Sequence[Json]) -> Claim:
-    """What a list of effects of a diagnosis claims."""
-    return frozenset((str(e["family"]), _place(e["on"])) for e in effects)
 
 
 def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
@@ -42,7 +42,8 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
         "truth": sorted(map(list, truth)) or [[e["family"], e["on"]] for e in answer.content["effects"]],
     }
     if report is None:
-        return out | {"verdict": "failed", "said": [], "right": False, "leading_right": False}
+        wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
+        return out | {"verdict": "failed", "said": []} | wrong
     verdict, leader = str(report["verdict"]), claims_of(report["effects"])
     others = [claims_of(a["effects"]) for a in report["alternatives"]]
     out |= {
@@ -52,7 +53,8 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
         "leading_right": leader in right_claims and bool(leader),
         "families_right": _families(leader) in {_families(c) for c in right_claims} and bool(leader),
         "found": len(leader & truth),
-        "right": _right(str(out["stratum"]), verdict, leader, others, right_claims),
+        "verdict_right": verdict in _verdicts(str(out["stratum"]), equal),
+        "right": _right(str(out["stratum"]), verdict, leader, others, truth, right_claims),
     }
     if out["stratum"] == "none":
         out["false_alarm"] = verdict in ("named", "ambiguous") or bool(leader)
@@ -68,8 +70,8 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
 
 
 def parameters(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[str, Any]]:
-    """Relative error of every true parameter and whether its 90 % interval holds it."""
-    found = {(str(e["family"]), _place(e["on"])): e["parameters"] for e in said}
+    """Errors of every true parameter, relative to its value and to what it changes; whether its interval holds it."""
+    found = {identity(e): e["parameters"] for e in said}
     out = []
     for effect in truth:
         for name, value in effect["parameters"].items():
@@ -77,12 +79,13 @@ def parameters(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[str, An
             if given is None:
                 continue
             covered = given["low"] is not None and given["low"] <= value <= given["high"]
-            error = abs(given["value"] - value) / max(abs(value), 1e-300)
+            error, neutral = abs(given["value"] - value), 1.0 if name in FACTORS else 0.0
             out.append(
                 {
                     "family": effect["family"],
                     "name": name,
-                    "relative_error": error,
+                    "relative_error": error / max(abs(value), 1e-300),
+                    "error_of_effect": error / max(abs(value - neutral), 1e-300),
                     "covered": bool(covered),
                     # Where zero is an arbitrary point, an error relative to the value says nothing.
                     "has_scale": name != "rest_position",
@@ -96,32 +99,20 @@ def held_out_fit(answer: Answer, report: Json) -> dict[str, dict[str, float]]:
     held = [int(name) for name in report["fit"]["held_out"] if str(name).isdigit()]
     rows = np.isin(answer.episode, held)
     own = answer.own[rows if rows.any() else slice(None)]
+    rates = SYSTEMS[answer.world.system].rates
     out = {}
-    for i, (rate, errors) in enumerate(report["fit"]["one_step"].items()):
-        best = max(float(np.sqrt(np.mean(own[:, i] ** 2))), 1e-12)
+    for rate, errors in report["fit"]["one_step"].items():
+        best = max(float(np.sqrt(np.mean(own[:, rates.index(rate)] ** 2))), 1e-12)
         kinds = ("before", "tuned", "gp", "after", "after_gp")
         out[rate] = {kind: float(errors[kind]) / best for kind in kinds if errors.get(kind) is not None}
     return out
 
 
-def iou(first: FloatArray, second: FloatArray) -> float:
-    """Length of the intersection of two intervals over that of their union."""
-    inner = min(first[1], second[1]) - max(first[0], second[0])
-    outer = max(first[1], second[1]) - min(first[0], second[0])
-    return float(max(inner, 0.0) / outer) if outer > 0 else 0.0
-
-
-def _visited(answer: Answer, channel: str) -> tuple[float, float]:
-    """Where a channel went: edges of a region beyond that are anybody's guess."""
-    column = SYSTEMS[answer.world.system].names.index(channel)
-    return (
-        min(float(e[:, column].min()) for e in answer.clean),
-        max(float(e[:, column].max()) for e in answer.clean),
-    )
-
-
-def _place(on: Any) -> str:
-    return str(on) if isinstance(on, str) else ",".join(map(str, on))
+def _visited(answer: Answer) -> dict[str, tuple[float, float]]:
+    """From where to where each channel went."""
+    readings = np.concatenate(answer.clean)
+    edges = zip(readings.min(axis=0).tolist(), readings.max(axis=0).tolist(), strict=True)
+    return dict(zip(SYSTEMS[answer.world.system].names, edges, strict=True))
 
 
 def _families(claims: Claim) -> tuple[str, ...]:
@@ -129,7 +120,7 @@ def _families(claims: Claim) -> tuple[str, ...]:
 
 
 def _right(
-    stratum: str, verdict: str, leader: Claim, others: Sequence[Claim], right_claims: set[Claim]
+    stratum: str, verdict: str, leader: Claim, others: Sequence[Claim], truth: Claim, right_claims: set[Claim]
 ) -> bool:
     """`ambiguous` is right only if the truth is in the set and every member is the truth or a listed equivalent."""
     if stratum == "none":
@@ -139,8 +130,18 @@ def _right(
     if verdict == "named":
         return bool(leader in right_claims)
     if verdict == "ambiguous":
-        return all(member in right_claims for member in (leader, *others))
+        members = {leader, *others}
+        return truth in members and members <= right_claims
     return verdict == "none" and frozenset() in right_claims
+
+
+def _verdicts(stratum: str, equal: set[Claim]) -> set[str]:
+    """The verdicts that a world calls for; with listed equivalents there is more than one."""
+    if stratum == "none":
+        return {"none"}
+    if stratum == "unknown":
+        return {"unknown", "named"} if equal else {"unknown"}
+    return {"named"} | ({"ambiguous"} if equal else set()) | ({"none"} if frozenset() in equal else set())
 
 
 def _outside(verdict: str, report: Json, excused: bool) -> dict[str, Any]:
@@ -152,27 +153,14 @@ def _outside(verdict: str, report: Json, excused: bool) -> dict[str, Any]:
 
 
 def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Claim]) -> dict[str, Any]:
-    """Whether the rate, the place and the gate are right; the gate of the effect that has one."""
-    truth = frozenset(answer.claims)
-    gates = [e for e in answer.content["effects"] if e["region"] or e["since"] is not None]
-    said = report["location"]
-    world = answer.world
+    """Whether the rate, the place and the gates are right."""
+    truth, world = frozenset(answer.claims), answer.world
     duration = float(world.clock_offsets[-1] + world.steps * world.dt)
-    out: dict[str, Any] = {"rate_right": _rate_right(answer.content["one_step"], said["channels"])}
-    region: Json = next((e["region"] for e in gates if e["region"]), {})
-    since = next((e["since"] for e in gates if e["since"] is not None), None)
-    out["place_right"] = leader in right_claims or {on for _, on in leader} == {on for _, on in truth}
-    if region:
-        ((name, interval),) = region.items()
-        given = said["region"].get(name)
-        reach = _visited(answer, name)
-        out["iou"] = iou(np.clip(interval, *reach), np.clip(given, *reach)) if given else 0.0
-    if since is not None:
-        given = said["since"]
-        out["onset_error"] = abs(given - since) / duration if given is not None else 1.0
-    gate_right = out.get("iou", 1.0) >= LEAST_IOU and out.get("onset_error", 0.0) <= LARGEST_ONSET
-    spurious = bool(said["region"] and not region) or (said["since"] is not None and since is None)
-    out["gate_right"] = gate_right and not spurious
+    out: dict[str, Any] = {
+        "rate_right": _rate_right(answer.content["one_step"], report["location"]["channels"]),
+        "place_right": leader in right_claims or {on for _, on in leader} == {on for _, on in truth},
+        **gate_figures(answer.content["effects"], report["effects"], _visited(answer), duration),
+    }
     out["location_right"] = bool(out["rate_right"] and out["place_right"] and out["gate_right"])
     return out
 

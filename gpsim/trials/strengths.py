@@ -66,7 +66,7 @@ class Scales:
         return np.asarray(self._columns[:, SYSTEMS[self.world.system].names.index(name)])
 
     def reach(self, name: str) -> float:
-        """Standard deviation of a channel; a vehicle's positions wander, for them 0.5 m at most."""
+        """Standard deviation of a channel; of a vehicle's positions, which wander, that of all episodes together."""
         return float(np.std(self.column(name)))
 
     def speed(self, coordinate: str) -> float:

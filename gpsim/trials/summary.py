@@ -8,29 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
+
+from gpsim.trials.goals import EQUIVALENT, goals
+from gpsim.trials.intervals import interval, median_interval, rate
 
 SCHEMA = "gpsim.prove/1"
-LEVEL = 0.95
 Score = Mapping[str, Any]
 SIZES = ("single", "pair", "triple")
-GOALS: Mapping[str, tuple[str, float]] = {
-    "single.share": (">=", 0.95),
-    "pair.share": (">=", 0.88),
-    "triple.share": (">=", 0.75),
-    "location.share": (">=", 0.97),
-    "parameters.median_relative_error": ("<=", 0.05),
-    "parameters.coverage_90": (">=", 0.85),
-    "none.share_false": ("<=", 0.01),
-    "unknown.share": (">=", 0.90),
-    "unknown.share_named_wrong": ("<=", 0.03),
-    "undecided.share": ("<=", 0.05),
-    "fit.share_within": (">=", 0.95),
-    "seconds.median": ("<=", 20.0),
-    "seconds.max": ("<=", 60.0),
-}
-"""What the proof has to reach."""
-EQUIVALENT = "an equivalent"
 NEAR_OWN = 1.1  # held-out error over the true model's own
 
 
@@ -60,6 +44,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
         "rivals": _rivals(standard),
         "misses": [s["trial"] for s in scores if not s["right"]],
         "failed": [s["trial"] for s in scores if s["verdict"] == "failed"],
+        "not_scored": [s["trial"] for s in scores if not s.get("scored", True)],
     }
 
 
@@ -71,17 +56,19 @@ def block(scores: Sequence[Score]) -> dict[str, Any]:
         if part:
             out[size] = rate([s["right"] for s in part], "right") | {
                 "leading_right": sum(bool(s["leading_right"]) for s in part),
-                "families_right": sum(bool(s.get("families_right")) for s in part),
+                "families_right": sum(bool(s["families_right"]) for s in part),
+                "failed": _failed(part),
             }
+    out |= _optional("verdict_right", [s["verdict_right"] for s in scores], "right")
     with_effects = [s for s in scores if s["stratum"] in SIZES]
     decided = [s for s in with_effects if s["identifiable"]]
+    out |= _optional("families_right", [s["families_right"] for s in with_effects], "right")
     out |= _optional("undecided", [s["verdict"] in ("ambiguous", "unknown") for s in decided], "count")
-    out |= _optional("location", [bool(s.get("location_right")) for s in with_effects], "right")
+    if with_effects:
+        out["location"] = location_figures(with_effects)
     nothing = [s for s in scores if s["stratum"] == "none"]
     if nothing:
-        false = rate([bool(s.get("false_alarm")) for s in nothing], "false_alarms")
-        false["share_false"] = false.pop("share")
-        out["none"] = false | {"said_so": sum(s["verdict"] == "none" for s in nothing)}
+        out["none"] = _without_mismatch(nothing)
     outside = [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]
     if outside:
         wrong = sum(bool(s.get("named_wrong")) for s in outside)
@@ -89,69 +76,85 @@ def block(scores: Sequence[Score]) -> dict[str, Any]:
             "named_wrong": wrong,
             "share_named_wrong": wrong / len(outside),
             "interval_named_wrong": interval(wrong, len(outside)),
+            "failed": _failed(outside),
         }
-    values = [p for s in with_effects for p in s.get("parameters", [])]
-    if values:
-        out["parameters"] = parameter_figures(values)
+    out |= parameter_figures([s.get("parameters", []) for s in with_effects])
     worst = [w for s in with_effects if (w := worst_fit(s)) is not None]
     if worst:
-        near = [w <= NEAR_OWN for w in worst]
-        within = rate(near, "within")
-        out["fit"] = within | {"share_within": within["share"], "median": float(np.median(worst))}
+        within = rate([w <= NEAR_OWN for w in worst], "within")
+        out["fit"] = within | {"share_within": within["share"]} | _median("median", [[w] for w in worst])
     seconds = [float(s["seconds"]) for s in scores]
     if seconds:
-        out["seconds"] = {"median": round(float(np.median(seconds)), 2), "max": round(max(seconds), 2)}
+        out["seconds"] = _median("median", [[t] for t in seconds], 2) | {"max": round(max(seconds), 2)}
     return out
 
 
-def rate(hits: Sequence[bool], name: str) -> dict[str, Any]:
-    """n, the count under `name`, its share, and the Wilson interval."""
-    count, n = sum(map(bool, hits)), len(hits)
-    return {"n": n, name: count, "share": count / n, "interval": interval(count, n)}
+def location_figures(scores: Sequence[Score]) -> dict[str, Any]:
+    """Rate, place and gates all right; each of them; and how well the gates fit where there are any."""
+    out = rate([bool(s.get("location_right")) for s in scores], "right")
+    for part in ("rate_right", "place_right", "gate_right"):
+        out[part] = rate([bool(s.get(part)) for s in scores], "right")
+    for figure in ("iou", "onset_error"):
+        values = [float(s[figure]) for s in scores if figure in s]
+        if values:
+            out[figure] = {"n": len(values), "mean": float(np.mean(values))}
+            out[figure] |= _median("median", [[v] for v in values])
+    return out
 
 
-def interval(count: int, n: int) -> list[float]:
-    """The 95 % Wilson score interval of a share (Wilson 1927)."""
-    found = binomtest(count, n).proportion_ci(LEVEL, method="wilson")
-    return [round(float(found.low), 4), round(float(found.high), 4)]
+def parameter_figures(worlds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
+    """Errors and coverage of all parameters of rightly named effects, world by world; nothing where there are none.
 
-
-def parameter_figures(values: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Median relative error and coverage of the 90 % intervals, of all parameters of rightly named effects."""
-    errors = [p["relative_error"] for p in values if p["has_scale"]]
+    Errors are relative to the value, and, `of_effect`, to how far the value is from what changes nothing.
+    """
+    values = [p for world in worlds for p in world]
+    if not values:
+        return {}
     covered = rate([p["covered"] for p in values], "covered")
-    low, high = np.quantile(errors, [0.25, 0.75]) if errors else (float("nan"), float("nan"))
+    scaled = [[p for p in world if p["has_scale"]] for world in worlds]
+    errors = [p["relative_error"] for world in scaled for p in world]
     return {
-        "n": len(values),
-        "median_relative_error": float(np.median(errors)) if errors else None,
-        "quartiles": [float(low), float(high)] if errors else None,
-        "coverage_90": covered["share"],
-        "interval": covered["interval"],
+        "parameters": {
+            "n": len(values),
+            **_median("median_relative_error", [[p["relative_error"] for p in world] for world in scaled]),
+            "quartiles": [float(q) for q in np.quantile(errors, [0.25, 0.75])] if errors else None,
+            **_median("median_error_of_effect", [[p["error_of_effect"] for p in world] for world in scaled]),
+            "coverage_90": covered["share"],
+            "interval": covered["interval"],
+        }
     }
 
 
-def worst_fit(score: Score) -> float | None:
-    """The corrected simulator's held-out error over the true model's own, in the rate where it is worst.
+def _without_mismatch(scores: Sequence[Score]) -> dict[str, Any]:
+    """False alarms among the worlds that were given an answer: one that failed is neither an alarm nor quiet."""
+    answered = [s for s in scores if s["verdict"] != "failed"]
+    out = rate([bool(s.get("false_alarm")) for s in answered], "false_alarms")
+    out["share_false"] = out.pop("share")
+    return out | {"said_so": sum(s["verdict"] == "none" for s in answered), "failed": _failed(scores)}
+
+
+def _failed(scores: Sequence[Score]) -> int:
+    return sum(s["verdict"] == "failed" for s in scores)
+
+
+def _median(name: str, worlds: Sequence[Sequence[float]], digits: int = 6) -> dict[str, Any]:
+    """A median under `name` and its interval; each None where there is no value."""
+    values = [v for world in worlds for v in world]
+    bounds = median_interval(worlds)
+    return {
+        name: round(float(np.median(values)), digits) if values else None,
+        f"interval_{name}": None if bounds is None else [round(edge, digits) for edge in bounds],
+    }
+
+
+def worst_fit(score: Score, kind: str = "after") -> float | None:
+    """A model's held-out error over the true model's own, in the rate where it is worst.
 
     Infinite where the diagnosis failed or what it corrected ran away; None where nothing was measured.
     """
     if score["verdict"] == "failed":
         return math.inf
-    return max((kinds.get("after", math.inf) for kinds in score.get("fit", {}).values()), default=None)
-
-
-def goals(figures: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Every goal, what was reached, and whether that is enough."""
-    out = {}
-    for name, (sign, wanted) in GOALS.items():
-        part, key = name.split(".")
-        got = figures.get(part, {}).get(key)
-        reached = None if got is None else bool(got >= wanted if sign == ">=" else got <= wanted)
-        out[name] = {"wanted": f"{sign} {wanted:g}", "got": got, "reached": reached}
-    coverage = figures.get("parameters", {}).get("coverage_90")
-    if coverage is not None:
-        out["parameters.coverage_90"] |= {"wanted": "0.85-0.95", "reached": 0.85 <= coverage <= 0.95}
-    return out
+    return max((kinds.get(kind, math.inf) for kinds in score.get("fit", {}).values()), default=None)
 
 
 def confusion(scores: Sequence[Score]) -> dict[str, dict[str, int]]:
@@ -212,16 +215,17 @@ def _by_kind(scores: Sequence[Score]) -> dict[str, Any]:
 
 
 def _rivals(scores: Sequence[Score]) -> dict[str, Any]:
-    """The same worlds by other means: held-out error over the true model's own; and who names what."""
+    """The same worlds by other means: held-out error over the true model's own; and who names what.
+
+    A diagnosis that failed or a model that ran away counts as infinite.
+    """
     out: dict[str, Any] = {}
-    part = [s for s in scores if s["stratum"] in (*SIZES, "unknown") and s.get("fit")]
+    part = [s for s in scores if s["stratum"] in (*SIZES, "unknown") and worst_fit(s) is not None]
     for kind in ("before", "tuned", "gp", "after", "after_gp"):
-        worst = [
-            max(k[kind] for k in s["fit"].values()) for s in part if all(kind in k for k in s["fit"].values())
-        ]
-        if worst:
-            near = rate([w <= NEAR_OWN for w in worst], "within")
-            out[kind] = near | {"median": float(np.median(worst))}
+        if any(kind in k for s in part for k in s.get("fit", {}).values()):
+            worst = [worst_fit(s, kind) for s in part]
+            near = rate([w is not None and w <= NEAR_OWN for w in worst], "within")
+            out[kind] = near | _median("median", [[w] for w in worst if w is not None])
     named = [s["sindy"] for s in scores if s.get("sindy")]
     if named:
         same = [s for s in scores if s.get("sindy")]

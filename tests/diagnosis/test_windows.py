@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from gpsim.channels import wrap_angle
-from gpsim.diagnosis.windows import cut
-from gpsim.recordings import Recording
+from gpsim.diagnosis.rolling import _longest
+from gpsim.diagnosis.windows import Windows, cut, held_out_mask
+from gpsim.recordings import HeldOut, Recording
 
 from .worlds import World, record
 
@@ -38,3 +40,49 @@ def test_most_windows_are_evenly_spread():
     assert len(some) == 20 < len(every)
     assert set(some.t[:, 0]) <= set(every.t[:, 0])
     assert set(some.episode) == {0, 1, 2, 3}
+
+
+def samples(windows: Windows) -> set[tuple[int, float]]:
+    return {
+        (int(e), float(t))
+        for e, row, valid in zip(windows.episode, windows.t, windows.valid, strict=True)
+        for t in row[valid]
+    }
+
+
+@pytest.mark.parametrize(
+    ("episodes", "steps", "rule", "session"),
+    [
+        (1, 200, None, False),
+        (2, 60, None, False),
+        (2, 100, None, True),
+        (4, 75, None, False),
+        (7, 40, None, False),
+        (1, 300, HeldOut(time_from=3.1), False),
+        (3, 100, HeldOut(time_from=3.1), True),
+        (3, 100, HeldOut(time_from=1.3), False),
+        (4, 60, HeldOut(episodes_from=2), False),
+    ],
+)
+def test_no_sample_is_both_learned_from_and_held_out(episodes, steps, rule, session):
+    """However long the windows are: a judgement on samples that a parameter was fitted to proves nothing."""
+    recording = record(World("slider"), episodes=episodes, steps=steps, session=session)
+    recording = replace(recording, held_out=rule)
+    parts = [cut(recording, length) for length in (25, 1, 50)]
+    learned = set().union(*(samples(w.take(~held_out_mask(recording, w))) for w in parts))
+    judged = set().union(*(samples(w.take(held_out_mask(recording, w))) for w in parts))
+    assert learned
+    assert judged
+    assert not learned & judged
+    total = sum(len(e.t) for e in recording.episodes)
+    assert len(learned | judged) >= total - len(recording.episodes) - 1  # one sample alone says nothing
+
+
+@pytest.mark.parametrize(("episodes", "steps"), [(1, 200), (2, 100), (4, 75)])
+def test_short_held_out_stretches_are_rolled_out_as_far_as_they_go(episodes, steps):
+    recording = replace(record(World("slider"), episodes=episodes, steps=steps), held_out=None)
+    length = _longest(recording)
+    windows = cut(recording, length)
+    whole = windows.take(held_out_mask(recording, windows) & windows.valid[:, -1])
+    assert length >= 10
+    assert len(whole) >= 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gpsim.artifacts import finite
+from gpsim.artifacts import plain
 from gpsim.channels import Channels
 from gpsim.evaluation.one_step import OneStep, outside_range
 from gpsim.evaluation.returns import summarise
@@ -96,7 +96,7 @@ def test_rollouts_that_run_away_are_counted_and_leave_the_others_readable():
     target = np.zeros((20, 5, 2))
     paths = np.full((20, 5, 2), 0.5)
     paths[0, 3:], paths[1, 4:, 1] = np.nan, np.inf
-    found = finite(compare(paths, target, channels))
+    found = plain(compare(paths, target, channels))
     assert found["not_finite"] == 2
     assert found["bands"]["x"]["median"] == [0.5] * 5
     assert found["rms"] == {"x": None, "yaw": None}
@@ -107,7 +107,7 @@ def test_rollouts_that_run_away_are_counted_and_leave_the_others_readable():
 def test_a_residual_without_a_range_has_scores_that_json_can_hold():
     n = 30
     flat = OneStep(np.zeros((n, 1)), np.zeros((n, 1)), np.zeros((n, 1)), np.array([1e-6]), np.zeros(n, int))
-    scores = finite(flat.scores(0, np.random.default_rng(0), sample_noise=True))
+    scores = plain(flat.scores(0, np.random.default_rng(0), sample_noise=True))
     assert scores["mean"]["nrmse"] is scores["mean"]["r2"] is None
     assert scores["coverage"]["0.9"] == 1.0
     json.dumps(scores, allow_nan=False)

@@ -21,8 +21,8 @@ from gpsim.recordings.files import write_recording
 from gpsim.recordings.recording import Recording
 from gpsim.trials import concealing
 from gpsim.trials.blind import diagnose_blind, read_report
-from gpsim.trials.judging import judge
 from gpsim.trials.revealing import reveal
+from gpsim.trials.trial_scores import score_trial
 
 EPISODES, ROWS = 8, 131
 SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias
@@ -112,7 +112,7 @@ def test_a_swapped_answer_scores_differently_and_the_diagnosis_stays_the_same(di
     diagnose_blind(other, NAME)
     first, second = (folder / "diagnoses" / NAME / "diagnosis" / "diagnosis.json" for folder in (out, other))
     assert first.read_bytes() == second.read_bytes()
-    swapped = judge(other, private, NAME)
+    swapped = score_trial(other, private, NAME)
     assert swapped["truth"] == [["viscous_friction", "q"]]
     assert not swapped["right"]
 
@@ -172,10 +172,12 @@ def test_diagnosing_without_published_hashes_is_refused(tmp_path):
     assert "no hashes" in str(result.exception)
 
 
-@pytest.mark.parametrize("words", [["prove"], ["prove", "conceal", "--out", "x", "--stratum", "odd"], ["prove", "--out", "x", "diagnose"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
-def test_bad_input_is_one_line(words):
+@pytest.mark.parametrize("words", [["prove"], ["prove", "conceal", "--out", "x", "--stratum", "odd"], ["prove", "--out", "x", "diagnose"], ["prove", "--seed", "7", "conceal", "--out", "x"], ["prove", "--no-long", "conceal", "--out", "x"], ["prove", "reveal", "--out", "nowhere"], ["prove", "answers", "nowhere"]])  # fmt: skip
+def test_bad_input_is_one_line(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, words)
     assert isinstance(result.exception, UsageError)
+    assert not list(tmp_path.iterdir())
 
 
 def test_no_module_of_the_trials_is_loaded_by_a_diagnosis():

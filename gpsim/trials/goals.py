@@ -1,0 +1,52 @@
+"""What the proof has to reach, and how its tables call it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+EQUIVALENT = "an equivalent"  # said in place of the truth, and as right
+
+
+class Goal(NamedTuple):
+    """A figure's name in words, and what it must be at least or at most; coverage must not be too high either."""
+
+    label: str
+    sign: str
+    wanted: float
+    most: float | None = None
+
+
+GOALS: Mapping[str, Goal] = {
+    "single.share": Goal("one effect: right", ">=", 0.95),
+    "pair.share": Goal("two effects: both right", ">=", 0.88),
+    "triple.share": Goal("three effects: all right", ">=", 0.75),
+    "location.share": Goal("rate, place and gate right", ">=", 0.97),
+    "parameters.median_relative_error": Goal("parameters, median error", "<=", 0.05),
+    "parameters.coverage_90": Goal("90 % intervals cover", ">=", 0.85, 0.95),
+    "none.share_false": Goal("nothing missing: false alarms", "<=", 0.01),
+    "unknown.share": Goal("outside: said so", ">=", 0.90),
+    "unknown.share_named_wrong": Goal("outside: wrong name, odds > 10", "<=", 0.03),
+    "undecided.share": Goal("undecided though identifiable", "<=", 0.05),
+    "fit.share_within": Goal("held-out error near the truth's", ">=", 0.95),
+    "seconds.median": Goal("seconds, median", "<=", 20.0),
+    "seconds.max": Goal("seconds, longest", "<=", 60.0),
+}
+"""Figure (part and key of the summary) -> goal."""
+
+
+def goals(figures: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Every goal, what was reached, and whether that is enough; None where nothing was measured."""
+    out = {}
+    for name, goal in GOALS.items():
+        part, key = name.split(".")
+        got = figures.get(part, {}).get(key)
+        words = f"{goal.sign} {goal.wanted:g}" if goal.most is None else f"{goal.wanted:g}-{goal.most:g}"
+        out[name] = {"wanted": words, "got": got, "reached": None if got is None else _reached(goal, got)}
+    return out
+
+
+def _reached(goal: Goal, got: float) -> bool:
+    if goal.most is not None and got > goal.most:
+        return False
+    return bool(got >= goal.wanted if goal.sign == ">=" else got <= goal.wanted)

@@ -1,0 +1,59 @@
+"""The part of state, action or time in which a mismatch lives."""
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.concentrating import concentrated
+from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.telling import paragraphs
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+RNG = np.random.default_rng(0)
+N = 4000
+X, V, T = RNG.uniform(-1, 1, N), RNG.normal(size=N), np.linspace(0, 60, N)
+NOISE = RNG.normal(size=N)
+
+
+def part(law):
+    return concentrated({"x": X, "v": V, "t": T}, (NOISE + law) ** 2, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "channel", "inside", "low", "high"),
+    [
+        (6.0 * ((X > -0.3) & (X < 0.2)), "x", True, -0.3, 0.2),
+        (6.0 * (np.abs(V) > 1.3), "v", False, -1.3, 1.3),
+        (6.0 * (T > 45), "t", True, 45, 60),
+    ],
+)
+def test_the_part_is_found(law, channel, inside, low, high):
+    found = part(law)
+    assert (found.channel, found.inside) == (channel, inside)
+    assert found.low == pytest.approx(low, abs=0.06 * (1 if channel != "t" else 60))
+    assert found.high == pytest.approx(high, abs=0.06 * (1 if channel != "t" else 60))
+    assert found.share >= 0.9
+    assert found.samples < 0.35
+
+
+@pytest.mark.parametrize("law", [0.0 * X, 6.0 * V, 5.0 + 0.0 * X, 4.0 * X])
+def test_what_acts_everywhere_lives_nowhere_in_particular(law):
+    assert part(law) is None
+
+
+def test_physics_outside_the_catalogue_is_located():
+    """A magnet under the track: nothing that is known, but it sits somewhere."""
+
+    def magnet(q, v, t):
+        return 8.0 * np.exp(-(((q - 0.15) / 0.05) ** 2)) * np.sin(40 * q)
+
+    recording = record(World("slider", forces={0: magnet}), seed=2, episodes=6, steps=300)
+    report = diagnose(
+        recording, make_simulator("slider"), recording.parameters, np.random.default_rng(0)
+    ).report
+    place = report["location"]["concentrated"]
+    assert (place["channel"], place["where"]) == ("q", "inside")
+    assert place["interval"] == pytest.approx([0.05, 0.25], abs=0.1)
+    if not report["location"]["region"]:
+        assert "lies inside q" in paragraphs(report)[0]

@@ -1,0 +1,168 @@
+"""Scores are never stale, what is dear to find out is kept, and no trial stops another; diagnoses are made up here."""
+
+import json
+import shutil
+
+import pytest
+from gpsim.cli.main import app
+from typer.testing import CliRunner
+
+from gpsim.errors import UsageError
+from gpsim.stages import prove
+from gpsim.trials import blind, concealing, listing, sindy
+from gpsim.trials.equivalents import Rival
+from gpsim.trials.revealing import reveal
+from gpsim.trials.trial_scores import score_trial
+
+SEED, NUMBERS = 5, (10, 2)
+NAME, OTHER = "0010", "0002"  # a slider whose actuator has a bias, and another world
+TWIN = Rival((("constant_force", "q"),), 0.5, False)
+
+
+def effect(family, on):
+    return {"family": family, "on": on, "probability": 0.99, "region": {}, "since": None, "parameters": {}}
+
+
+def said(*effects):
+    """The diagnosis that names these effects."""
+    return {
+        "verdict": "named" if effects else "none",
+        "effects": list(effects),
+        "alternatives": [],
+        "location": {"channels": {"q_acc": 0.9}, "region": {}, "since": None},
+        "fit": {"held_out": [], "one_step": {}},
+    }
+
+
+def say(out, name, report):
+    (out / "diagnoses" / name / "diagnosis" / "diagnosis.json").write_text(json.dumps(report))
+
+
+def made_up(room):
+    """In place of a diagnosis."""
+    (room / "diagnosis").mkdir()
+    (room / "diagnosis" / "diagnosis.json").write_text(json.dumps(said(effect("constant_force", "q"))))
+    return 0, ""
+
+
+@pytest.fixture(scope="module")
+def concealed(tmp_path_factory):
+    out = tmp_path_factory.mktemp("proof")
+    digests = {concealing.trial_name(n): concealing.write_trial(out, SEED, n) for n in NUMBERS}
+    concealing.publish_hashes(out, digests)
+    return out
+
+
+@pytest.fixture
+def proof(concealed, tmp_path, monkeypatch):
+    out = tmp_path / "proof"
+    shutil.copytree(concealed, out)
+    monkeypatch.setattr(blind, "_run", made_up)
+    for name in (NAME, OTHER):
+        blind.diagnose_blind(out, name)
+    return out
+
+
+@pytest.fixture
+def fits(monkeypatch):
+    """The rule for equivalents, made up; the list counts how often it was asked."""
+    asked = []
+    monkeypatch.setattr(listing, "rivals", lambda *given: asked.append(given) or [TWIN])
+    monkeypatch.setattr(sindy, "installed", lambda: False)
+    return asked
+
+
+def run_here(work, numbers, workers, progress):
+    return [(number, work(number)) for number in numbers]
+
+
+def test_a_score_is_made_anew_while_its_equivalents_are_kept(proof, fits):
+    private = proof / "private"
+    assert score_trial(proof, private, NAME)["right"]
+    kept = json.loads((proof / "equivalents" / f"{NAME}.json").read_text())
+    assert kept["rivals"] == [{"claims": [["constant_force", "q"]], "nats_lost": 0.5, "richer": False, "equivalent": True}]  # fmt: skip
+    say(proof, NAME, said(effect("spring", "q")))
+    assert not score_trial(proof, private, NAME)["right"]
+    assert not json.loads((proof / "scores" / f"{NAME}.json").read_text())["right"]
+    assert len(fits) == 1
+
+
+@pytest.mark.parametrize("changed", ["version", "answer_sha256", "recording"])
+def test_equivalents_of_something_else_are_found_anew(proof, fits, changed):
+    path = proof / "equivalents" / f"{NAME}.json"
+    score_trial(proof, proof / "private", NAME)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {changed: None}))
+    score_trial(proof, proof / "private", NAME)
+    path.unlink()
+    score_trial(proof, proof / "private", NAME)
+    assert len(fits) == 3
+
+
+def test_pysindy_installed_later_is_asked_then(proof, fits, monkeypatch):
+    monkeypatch.setattr(sindy, "applies", lambda content: True)
+    assert score_trial(proof, proof / "private", NAME)["sindy"] is None
+    monkeypatch.setattr(sindy, "installed", lambda: True)
+    monkeypatch.setattr(sindy, "name", lambda recording: (("constant_force", "q"),))
+    found = score_trial(proof, proof / "private", NAME)
+    assert found["sindy"] == {"said": [["constant_force", "q"]], "right": True}
+    monkeypatch.setattr(sindy, "installed", lambda: False)
+    assert score_trial(proof, proof / "private", NAME)["sindy"] == found["sindy"]
+    assert len(fits) == 1
+
+
+def test_a_recording_that_was_exchanged_after_its_diagnosis_is_refused(proof):
+    with (proof / "public" / NAME / "recording.csv").open("a") as stream:
+        stream.write("\n")
+    with pytest.raises(UsageError, match="not the recording that was diagnosed"):
+        reveal(proof, proof / "private", NAME)
+
+
+def test_the_hash_on_record_is_the_one_that_stood_there_before_the_diagnosis(
+    concealed, tmp_path, monkeypatch
+):
+    out = tmp_path / "proof"
+    shutil.copytree(concealed, out)
+    before = blind.published(out)[NAME]
+
+    def meanwhile(room):
+        concealing.publish_hashes(out, {NAME: "0" * 64})
+        return made_up(room)
+
+    monkeypatch.setattr(blind, "_run", meanwhile)
+    assert blind.diagnose_blind(out, NAME)["answer_sha256"] == before
+
+
+def test_a_recording_without_a_published_hash_is_not_diagnosed(proof):
+    shutil.copytree(proof / "public" / NAME, proof / "public" / "0099")
+    with pytest.raises(UsageError, match="no hash of the answer to trial 0099"):
+        blind.diagnose_blind(proof, "0099")
+    assert not (proof / "diagnoses" / "0099").exists()
+
+
+def test_a_trial_that_cannot_be_scored_is_wrong_and_stops_no_other(proof, fits, monkeypatch):
+    monkeypatch.setattr(prove, "run_trials", run_here)
+    say(proof, NAME, {"verdict": "named"})
+    content = prove.reveal(proof, None, 1, lambda *_: None)
+    assert content["all"]["n"] == 2
+    assert content["not_scored"] == [NAME]
+    assert NAME in content["misses"]
+    score = json.loads((proof / "scores" / f"{NAME}.json").read_text())
+    assert not score["right"]
+    assert score["error"].startswith("not scored: KeyError")
+    assert "not scored: KeyError" in (proof / "report.html").read_text()
+
+
+def test_what_was_not_diagnosed_and_by_which_commit_the_rest_was_is_said(proof, fits, monkeypatch):
+    monkeypatch.setattr(prove, "run_trials", run_here)
+    shutil.rmtree(proof / "diagnoses" / OTHER)
+    path = proof / "diagnoses" / NAME / "outcome.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"git_commit": "abc"}))
+    result = CliRunner().invoke(app, ["prove", "reveal", "--out", str(proof)])
+    assert result.exit_code == 0, result.output
+    content = json.loads((proof / "prove.json").read_text())
+    assert content["undiagnosed"] == [OTHER]
+    assert content["diagnosed_under"] == ["abc"]
+    assert "1 of 2 published trials were not diagnosed" in " ".join(result.output.split())
+    page = (proof / "report.html").read_text()
+    assert OTHER in page
+    assert "abc" in page
