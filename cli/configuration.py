@@ -4,18 +4,43 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from hydra import compose, initialize_config_module
-from hydra.errors import HydraException
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.plugins import Plugins
+from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
 
 from gpsim.errors import UsageError
 
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
+SECTIONS = (
+    "simulator", "target", "task", "policy", "gp", "collect",
+    "randomise", "residuals", "diagnose", "certify", "evaluate",
+)  # fmt: skip
+"""Settings that hold settings; the rest are values."""
+
+
+class Settings(dict[str, Any]):
+    """A mapping of the configuration; reading what it lacks is a UsageError that names the key."""
+
+    def __init__(self, content: Mapping[str, Any], where: str = "") -> None:
+        super().__init__((key, self._nested(value, f"{where}{key}.")) for key, value in content.items())
+        self.where = where
+
+    @staticmethod
+    def _nested(value: Any, where: str) -> Any:
+        return Settings(value, where) if isinstance(value, dict) else value
+
+    def __missing__(self, key: str) -> Any:
+        raise UsageError(f"setting '{self.where}{key}' is missing")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Settings, (dict(self), self.where)
 
 
 def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
@@ -25,23 +50,66 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
     """
     if config_dir is not None and not config_dir.is_dir():
         raise UsageError(f"--config-dir {config_dir}: no such folder")
+    if config_dir is not None and (config_dir / "config.yaml").exists():
+        raise UsageError(
+            f"--config-dir {config_dir}: its config.yaml would replace all of gpsim's settings; "
+            "keep choices in folders, as gp/mine.yaml, and words for the rest"
+        )
     for word in words:
-        if "=" not in word and not word.startswith("~"):
+        if word.startswith("=") or ("=" not in word and not word.startswith("~")):
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
-    search = [f"hydra.searchpath=[file://{config_dir.resolve()}]"] if config_dir is not None else []
-    with initialize_config_module("gpsim.conf", version_base="1.3"):
+    with _hydra(config_dir):
         try:
-            config = compose("config", overrides=[*search, *words])
+            config = compose("config", overrides=list(words))
             resolved = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-        except (HydraException, OmegaConfBaseException) as error:
+        except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
             raise UsageError(_one_line(error, words)) from error
     assert isinstance(resolved, dict)
-    return {str(key): value for key, value in resolved.items()}
+    return _checked({str(key): value for key, value in resolved.items()})
 
 
-def as_yaml(config: dict[str, Any]) -> str:
+class _UsersFolder(SearchPathPlugin):
+    """Puts the user's folder before gpsim's own; `hydra.searchpath` would put it behind."""
+
+    folder: Path | None = None
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Hydra calls it while it is initialised."""
+        if self.folder is not None:
+            search_path.prepend("--config-dir", f"file://{self.folder}")
+
+
+@contextmanager
+def _hydra(config_dir: Path | None) -> Iterator[None]:
+    """Hydra, looking in the user's folder first."""
+    Plugins.instance().register(_UsersFolder)
+    _UsersFolder.folder = config_dir.resolve() if config_dir is not None else None
+    try:
+        with initialize_config_module("gpsim.conf", version_base="1.3"):
+            yield
+    finally:
+        _UsersFolder.folder = None
+
+
+def _checked(config: dict[str, Any]) -> dict[str, Any]:
+    """The configuration with every part in its place."""
+    for name in SECTIONS:
+        if not isinstance(config.get(name), dict):
+            raise UsageError(f"{name}: expected settings, as {name}.key=value, got {config.get(name)!r}")
+    for name in ("experiment", "runs_dir"):
+        value = config.get(name)
+        if not isinstance(value, str) or not value:
+            raise UsageError(f"{name}: expected a text, got {value!r}")
+    return Settings(config)
+
+
+def as_yaml(config: Mapping[str, Any]) -> str:
     """The configuration as YAML."""
-    return OmegaConf.to_yaml(OmegaConf.create(config))
+    return OmegaConf.to_yaml(OmegaConf.create(_plain(config)))
+
+
+def _plain(value: Any) -> Any:
+    return {key: _plain(item) for key, item in value.items()} if isinstance(value, dict) else value
 
 
 def _one_line(error: Exception, words: Sequence[str]) -> str:
@@ -54,23 +122,56 @@ def _one_line(error: Exception, words: Sequence[str]) -> str:
     if choices:
         options = ", ".join(choices.group(3).split())
         return f"no '{choices.group(1).split('/')[-1]}' among the choices of {choices.group(2)}; there are: {options}"
+    word = _failing(error, words)
+    if word is not None:
+        return _unknown_key(word, words)
+    said, culprit = " ".join(text.split()) or type(error).__name__, _culprit(words)
+    return said if culprit is None or culprit in said else f"{culprit}: {said}"
+
+
+def _culprit(words: Sequence[str]) -> str | None:
+    """The first word that fails by itself: not every error names it."""
     for word in words:
-        key = _KEY.match(word)
-        if key and f"'{key.group(1)}'" in text and "Could not override" in text:
-            return _unknown_key(key.group(1))
-    return " ".join(text.split())
+        try:
+            compose("config", overrides=[word])
+        except Exception:  # as in resolve
+            return word
+    return None
 
 
-def _unknown_key(key: str) -> str:
+def _failing(error: Exception, words: Sequence[str]) -> str | None:
+    """The word whose key the configuration lacks, if that is what the error says."""
+    text = str(error)
+    if "Could not override" not in text:
+        return None
+    return next((w for w in words if (key := _KEY.match(w)) and f"'{key.group(1)}'" in text), None)
+
+
+def _composed_without(word: str, words: Sequence[str]) -> Any:
+    """What the other words select; those that fail, too, are left out in their turn."""
+    others = [other for other in words if other != word]
+    while True:
+        try:
+            return compose("config", overrides=others)
+        except Exception as error:  # as in resolve
+            failing = _failing(error, others)
+            others = [other for other in others if other != failing] if failing is not None else []
+
+
+def _unknown_key(word: str, words: Sequence[str]) -> str:
     """Name the settings beside the one that does not exist, and the nearest."""
-    node: Any = compose("config")
-    parts, known = key.split("."), []
+    found = _KEY.match(word)
+    assert found is not None
+    key, node = found.group(1), _composed_without(word, words)
+    parts = key.split(".")
     for depth, part in enumerate(parts):
-        if not isinstance(node, DictConfig) or part not in node:
-            known = [str(k) for k in node] if isinstance(node, DictConfig) else []
-            where = ".".join(parts[:depth])
+        where = ".".join(parts[:depth])
+        if not isinstance(node, DictConfig):
+            return f"no setting '{key}'; {where} is a value"
+        if part not in node:
+            known = [str(k) for k in node]
             near = difflib.get_close_matches(part, known, n=1)
             hint = f"; did you mean {'.'.join([*parts[:depth], near[0]])}?" if near else ""
-            return f"no setting '{key}'; {where or 'the top level'} has: {', '.join(known)}{hint}"
+            return f"no setting '{key}'; {where or 'the top level'} has: {', '.join(known) or 'none'}{hint}"
         node = node[part]
-    return f"'{key}' cannot be set; add a new key with +{key}=..."
+    return f"'{key}' cannot be set by '{word}'"

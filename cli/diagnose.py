@@ -11,8 +11,9 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .configuration import resolve
+from .configuration import as_yaml, resolve
 from .progress import single_progress
+from .stages import ConfigDir, ShowConfig, shown_words
 
 Words = Annotated[
     list[str] | None,
@@ -41,12 +42,17 @@ def diagnose_command(
     out: Out = None,
     explain: Explain = False,
     cores: Cores = None,
+    config_dir: ConfigDir = None,
+    show_config: ShowConfig = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     recording, settings = _split(words or [])
     if recording is not None:
         _refuse(settings)
-    config = resolve(settings, None)
+    config = resolve(settings, config_dir)
+    if show_config:
+        typer.echo(as_yaml(config), nl=False)
+        return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.diagnosis.telling import paragraphs, ranking
     from gpsim.stages import diagnose_loop
@@ -58,7 +64,9 @@ def diagnose_command(
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
     stage = stage_for(task) if task else diagnose_loop.STAGE
     with single_progress("diagnose") as progress:
-        request = Request(config, tuple(settings), progress, out, cores=cores or os.cpu_count() or 1)
+        request = Request(
+            config, shown_words(settings, config_dir), progress, out, cores=cores or os.cpu_count() or 1
+        )
         artifact, existed = stage.make(request)
     report = read_diagnosis(artifact.path)
     typer.echo(f"Verdict: {report['verdict']}\n")

@@ -54,10 +54,24 @@ def _root(
 add_stages(app)
 app.command("report", rich_help_panel="Stages, in order")(report_command)
 app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
-app.command("diagnose", rich_help_panel="Everything at once")(diagnose_command)
-app.add_typer(prove_app, name="prove", rich_help_panel="Everything at once")
-app.command("import", rich_help_panel="Recordings in and out")(import_command)
-app.add_typer(export_app, name="export", rich_help_panel="Recordings in and out")
+app.command(
+    "diagnose", short_help="Say which physics the simulator lacks.", rich_help_panel="Everything at once"
+)(diagnose_command)
+app.add_typer(
+    prove_app,
+    name="prove",
+    short_help="Conceal worlds, diagnose them blind, reveal and score.",
+    rich_help_panel="Everything at once",
+)
+app.command("import", short_help="Make a recording of raw logs.", rich_help_panel="Recordings in and out")(
+    import_command
+)
+app.add_typer(
+    export_app,
+    name="export",
+    short_help="Write a recording or a policy for other programs.",
+    rich_help_panel="Recordings in and out",
+)
 
 
 def main() -> None:

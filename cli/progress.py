@@ -15,9 +15,11 @@ SECONDS_BETWEEN_LINES = 20.0
 
 
 class Board:
-    """One line a running job."""
+    """One line a running job and, of several, one for all of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, jobs: int = 0) -> None:
+        self._jobs, self._done, self._kept, self._began = jobs, 0, 0, time.monotonic()
+        self._all: TaskID | None = None
         self._console = Console(stderr=True)
         self._live = self._console.is_terminal
         self._bars = Progress(
@@ -38,6 +40,8 @@ class Board:
     def __enter__(self) -> Board:
         if self._live:
             self._bars.start()
+            if self._jobs:
+                self._all = self._bars.add_task("all jobs", total=self._jobs, note="")
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -66,11 +70,28 @@ class Board:
                 flush=True,
             )
 
-    def finish(self, job: str, line: str) -> None:
-        """Job `job` is done: say so and drop its bar."""
+    def finish(self, job: str, line: str, kept: bool = False) -> None:
+        """Job `job` is done: say so and drop its bar. kept: it was there already."""
         if job in self._tasks:
             self._bars.remove_task(self._tasks.pop(job))
+        self._done, self._kept = self._done + 1, self._kept + kept
+        if self._all is not None:
+            self._bars.update(self._all, completed=self._done, note=self.overall())
+        elif self._jobs:
+            line = f"{line} [dim]({self.overall()})[/]"
         (self._bars.console if self._live else self._console).print(line, highlight=False, soft_wrap=True)
+
+    def overall(self) -> str:
+        """How many jobs are done and, once one was made, about how long the rest takes at that pace."""
+        said, made, left = (
+            f"{self._done} of {self._jobs} jobs",
+            self._done - self._kept,
+            self._jobs - self._done,
+        )
+        if not made or not left:
+            return said
+        minutes = (time.monotonic() - self._began) / made * left / 60.0
+        return f"{said}, about {minutes:.0f} min left" if minutes >= 1.0 else f"{said}, under a minute left"
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from .configuration import as_yaml, resolve
 from .progress import Board
-from .stages import ConfigDir, ShowConfig, Words
+from .stages import ConfigDir, ShowConfig, Words, shown_words
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
@@ -43,17 +43,16 @@ def full_loop(
     from gpsim.stages import report
     from gpsim.stages.stage import Request
 
-    shown = tuple(words or ()) + ((f"--config-dir={config_dir}",) if config_dir else ())
     started = time.monotonic()
     console = Console(stderr=True)
-    with Board() as board:
+    request = Request(config, shown_words(words, config_dir))
+    chosen = tuple(request.seed + i for i in range(seeds))
+    with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
             mark = "[dim]kept[/]" if existed else "[green]made[/]"
-            board.finish(job, f"{mark} {job:<34} {artifact.path}")
+            board.finish(job, f"{mark} {job:<34} {artifact.path}", existed)
 
-        request = Request(config, shown)
-        chosen = tuple(request.seed + i for i in range(seeds))
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
@@ -88,7 +87,7 @@ def report_command(
     from gpsim.stages import report
     from gpsim.stages.stage import Request
 
-    request = Request(config, tuple(words or ()))
+    request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
     artifact, _ = report.stage_for(chosen).make(request)
     gathered = report.gather(request, chosen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -21,24 +22,37 @@ Out = Annotated[
 ]
 PANEL = "Stages, in order"
 STAGES = {
-    "train-source": "Train a policy in the base simulator (variant=source|randomised|target).",
-    "build-residuals": "Subtract the simulator's prediction from the recording, rate by rate.",
-    "fit-gp": "Fit one Gaussian process per rate to the residuals.",
-    "train-gp-policy": "Train a policy in the corrected simulator "
-    "(correction=gp|effects|effects+gp, prediction=mean|sample).",
-    "certify": "Search which of the evaluation's starts can be solved at all.",
-    "evaluate": "Compare policies, simulators and target: one step, rollouts, returns.",
+    "train-source": (
+        "Train a policy in the base simulator.",
+        "variant=source|randomised|target: the base simulator, the same with its parameters randomised, the target.",
+    ),
+    "build-residuals": (
+        "Subtract the prediction from the recording, rate by rate.",
+        "recording=DIR takes another recording than the one that `collect` made.",
+    ),
+    "fit-gp": ("Fit one Gaussian process per rate to the residuals.", ""),
+    "train-gp-policy": (
+        "Train a policy in the corrected simulator.",
+        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does.",
+    ),
+    "certify": ("Search which starts of the evaluation can be solved.", ""),
+    "evaluate": (
+        "Compare policies and simulators on the target.",
+        "One step, rollouts and returns; deployed=BAG scores recorded deployments instead.",
+    ),
 }
+"""A line for `gpsim --help`, and what the command's own help adds."""
 
 
 def add_stages(app: typer.Typer) -> None:
     """One command a stage, in the order of the loop."""
     from .collect import collect_command  # it shares this module's options
 
-    for name, text in STAGES.items():
-        app.command(name, help=text, rich_help_panel=PANEL)(_command(name))
+    for name, (line, more) in STAGES.items():
+        app.command(name, help=f"{line}\n\n{more}", short_help=line, rich_help_panel=PANEL)(_command(name))
         if name == "train-source":
-            app.command("collect", rich_help_panel=PANEL)(collect_command)
+            short = "Record episodes of the target, or import logs of it."
+            app.command("collect", short_help=short, rich_help_panel=PANEL)(collect_command)
 
 
 def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the signature of the inner function
@@ -54,6 +68,11 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
     return command
 
 
+def shown_words(words: Sequence[str] | None, config_dir: Path | None) -> tuple[str, ...]:
+    """What was typed, for the commands that messages and reports name."""
+    return (*(words or ()), *((f"--config-dir={config_dir}",) if config_dir else ()))
+
+
 def run_stage(
     name: str, config: dict[str, object], words: tuple[str, ...], config_dir: Path | None, out: Path | None
 ) -> None:
@@ -62,9 +81,9 @@ def run_stage(
     from gpsim.stages import registry
     from gpsim.stages.stage import Request
 
-    shown = words + ((f"--config-dir={config_dir}",) if config_dir else ())
     with single_progress(name) as progress:
-        artifact, existed = registry.STAGES[name].make(Request(config, shown, progress, out))
+        request = Request(config, shown_words(words, config_dir), progress, out)
+        artifact, existed = registry.STAGES[name].make(request)
     typer.echo(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
     for line in registry.STAGES[name].notes(artifact):
         typer.echo(f"  {line}")

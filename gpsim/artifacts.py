@@ -132,23 +132,10 @@ def folder_digests(folder: Path) -> dict[str, str]:
 
 def read_artifact(path: Path, stage: str | None = None) -> Artifact:
     """Open and verify an artifact; a changed, missing or added byte is a UsageError."""
-    try:
-        raw = (path / MANIFEST).read_bytes()
-        manifest = json.loads(raw)
-        expected, made_by = manifest["files"], manifest["stage"]
-    except FileNotFoundError as error:
-        raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
-    except (json.JSONDecodeError, KeyError, TypeError, UnicodeDecodeError, OSError) as error:
-        raise UsageError(
-            f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again"
-        ) from error
+    artifact = _read_manifest(path)
+    expected, made_by = artifact.manifest["files"], artifact.stage
     if stage is not None and made_by != stage:
         raise UsageError(f"{path}: made by '{made_by}', expected an artifact of '{stage}'")
-    recorded = manifest.pop("sha256", None)
-    if recorded != hashlib.sha256(canonical(manifest)).hexdigest():
-        raise UsageError(
-            f"{path / MANIFEST}: changed after it was written; delete the folder and make it again"
-        )
     actual = folder_digests(path)
     for name in sorted(set(expected) | set(actual)):
         if expected.get(name) != actual.get(name):
@@ -156,16 +143,26 @@ def read_artifact(path: Path, stage: str | None = None) -> Artifact:
             raise UsageError(
                 f"{path / name}: {problem} after it was written; delete the folder and make it again"
             )
-    return Artifact(path, manifest, str(recorded))
+    return artifact
 
 
-def read_timings(path: Path) -> Json:
-    """Wall-clock facts of an artifact; empty when there are none."""
+def _read_manifest(path: Path) -> Artifact:
+    """An artifact whose manifest is whole; its files are not looked at."""
     try:
-        content: Json = json.loads((path / TIMINGS).read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError):
-        return {}
-    return content
+        manifest = json.loads((path / MANIFEST).read_bytes())
+        recorded = manifest.pop("sha256", None)
+        whole = recorded == hashlib.sha256(canonical(manifest)).hexdigest()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
+    except (ValueError, TypeError, AttributeError, OSError) as error:
+        raise UsageError(
+            f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again"
+        ) from error
+    if not whole or not {"files", "stage", "key"} <= set(manifest):
+        raise UsageError(
+            f"{path / MANIFEST}: changed after it was written; delete the folder and make it again"
+        )
+    return Artifact(path, manifest, str(recorded))
 
 
 @dataclass(frozen=True)
@@ -178,15 +175,19 @@ class Store:
     def versions(self, stage: str) -> Iterator[Path]:
         """Finished versions of a stage, newest first."""
         folder = self.root / self.experiment / stage
-        if not folder.is_dir():
+        if not os.path.isdir(folder):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
             return
         found = [p for p in folder.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir()]
         yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
 
     def find(self, recipe: Recipe) -> Artifact | None:
-        """The artifact with the same key, verified; None when there is none yet."""
+        """The artifact with the same key, verified; None when there is none yet.
+
+        A version whose manifest is damaged may be the one: it is refused, not passed over.
+        """
+        key = recipe.key
         for path in self.versions(recipe.stage):
-            if _key_of(path) == recipe.key:
+            if _read_manifest(path).key == key:
                 return read_artifact(path, recipe.stage)
         return None
 
@@ -205,10 +206,12 @@ class Store:
         folder, which the next publication of that stage removes.
         """
         shelf = out.parent if out else self.root / self.experiment / recipe.stage
-        if out is not None and out.exists():
-            raise UsageError(f"{out}: exists already; artifacts are never overwritten, choose another --out")
         with _disk_errors(shelf):
-            shelf.mkdir(parents=True, exist_ok=True)
+            _make_folder(shelf)
+            if out is not None and out.exists():
+                raise UsageError(
+                    f"{out}: exists already; artifacts are never overwritten, choose another --out"
+                )
             _sweep(shelf)
             temporary = shelf / f".tmp-{os.getpid()}-{uuid.uuid4().hex[:8]}"
             temporary.mkdir()
@@ -231,14 +234,6 @@ class Store:
             if number not in taken:
                 yield number
             number += 1
-
-
-def _key_of(path: Path) -> str | None:
-    try:
-        key = json.loads((path / MANIFEST).read_bytes())["key"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return str(key)
 
 
 def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
@@ -300,6 +295,17 @@ def _fsync(path: Path) -> None:
         os.close(descriptor)
 
 
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise UsageError(
+            f"{path}: cannot be made ({error.strerror}); choose another runs_dir or --out"
+        ) from error
+
+
 def _sweep(shelf: Path) -> None:
     """Remove the temporary folders of processes that are no more."""
     for path in shelf.glob(".tmp-*"):
@@ -330,6 +336,6 @@ def _disk_errors(shelf: Path) -> Iterator[None]:
             ) from error
         if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.EEXIST):
             raise UsageError(
-                f"{shelf}: cannot write here ({error.strerror}); choose another runs_dir"
+                f"{shelf}: cannot write here ({error.strerror}); choose another runs_dir or --out"
             ) from error
         raise

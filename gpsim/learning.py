@@ -33,6 +33,16 @@ class PpoSettings:
         1.0  # rewards are multiplied by it while training; a critic learns small targets faster
     )
 
+    def __post_init__(self) -> None:
+        _check(self, 1, "total_steps", "n_envs", "n_steps", "n_epochs")
+        _check(self, 2, "batch_size")  # advantages are scaled to unit variance, which one does not have
+        _check(self, 0, "ent_coef")
+        _check_positive(self, "learning_rate", "clip_range", "reward_scale")
+        _check_share(self, "gamma", "gae_lambda")
+        _check_layers(self.hidden)
+        if self.n_envs * self.n_steps < 2:
+            raise ValueError("n_envs times n_steps must be at least 2")
+
 
 @dataclass(frozen=True)
 class SacSettings:
@@ -64,6 +74,12 @@ class SacSettings:
     checkpoint_gamma: float = 0.995  # an evaluation's score is the mean return discounted by this a step
 
     def __post_init__(self) -> None:
+        _check(self, 1, "total_steps", "n_envs", "gradient_steps", "batch_size", "buffer_size", "n_step")
+        _check(self, 1, "action_repeat", "checkpoint_every", "checkpoint_episodes")
+        _check(self, 0, "learning_starts")
+        _check_positive(self, "learning_rate", "tau", "initial_entropy", "reward_scale", "checkpoint_gamma")
+        _check_share(self, "gamma", "tau", "checkpoint_gamma")
+        _check_layers(self.hidden)
         if not 0.0 < self.final_part <= 1.0:
             raise ValueError(f"final_part is {self.final_part}: it must be more than 0 and at most 1")
 
@@ -74,6 +90,29 @@ class SacSettings:
         left = max(1.0 - done / self.total_steps, 0.0)
         share = max(1.0 - left / self.final_part, 0.0)
         return self.target_entropy + share * (self.final_entropy - self.target_entropy)
+
+
+def _check(settings: object, low: int, *names: str) -> None:
+    for name in names:
+        if not getattr(settings, name) >= low:
+            raise ValueError(f"{name} must be at least {low}, got {getattr(settings, name)}")
+
+
+def _check_positive(settings: object, *names: str) -> None:
+    for name in names:
+        if not getattr(settings, name) > 0:
+            raise ValueError(f"{name} must be positive, got {getattr(settings, name)}")
+
+
+def _check_share(settings: object, *names: str) -> None:
+    for name in names:
+        if not 0 <= getattr(settings, name) <= 1:
+            raise ValueError(f"{name} must lie in [0, 1], got {getattr(settings, name)}")
+
+
+def _check_layers(hidden: Sequence[int]) -> None:
+    if not hidden or min(hidden) < 1:
+        raise ValueError(f"hidden must name the units of each layer, as [64, 64], got {list(hidden)}")
 
 
 @dataclass(frozen=True)

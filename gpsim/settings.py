@@ -21,9 +21,10 @@ def build(cls: type[T], values: Mapping[str, Any], where: str, **fixed: Any) -> 
     hints = typing.get_type_hints(cls)
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     given = {key: value for key, value in values.items() if key != "name"}
-    unknown = sorted(set(given) - set(fields))
+    free = [name for name in fields if name not in fixed]
+    unknown = sorted(set(given) - set(free))
     if unknown:
-        raise UsageError(f"{where}: no setting '{unknown[0]}'; there are: {', '.join(fields)}")
+        raise UsageError(f"{where}: no setting '{unknown[0]}'; there are: {', '.join(free)}")
     arguments = {key: _checked(value, hints[key], f"{where}.{key}") for key, value in given.items()}
     missing = [
         name
@@ -51,6 +52,34 @@ def positive(value: Any, where: str) -> int:
     """A whole number of at least 1."""
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise UsageError(f"{where}: expected a whole number of at least 1, got {value!r}")
+    return value
+
+
+def whole(value: Any, where: str) -> int:
+    """A whole number of at least 0."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise UsageError(f"{where}: expected a whole number of at least 0, got {value!r}")
+    return value
+
+
+def number(value: Any, where: str) -> float:
+    """A number."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"{where}: expected a number, got {value!r}")
+    return float(value)
+
+
+def texts(value: Any, where: str) -> list[str]:
+    """A list of texts."""
+    if not isinstance(value, list | tuple) or not all(isinstance(item, str) for item in value):
+        raise UsageError(f"{where}: expected a list of texts, as [a, b], got {value!r}")
+    return list(value)
+
+
+def truth(value: Any, where: str) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise UsageError(f"{where}: expected true or false, got {value!r}")
     return value
 
 

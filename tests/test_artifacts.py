@@ -80,14 +80,29 @@ def test_any_changed_byte_is_refused(tmp_path, data):
     at = data.draw(st.integers(0, len(content) - 1))
     content[at] ^= 1 << data.draw(st.integers(0, 7))
     (made.path / name).write_bytes(bytes(content))
-    try:
-        again = read_artifact(made.path)
-    except UsageError as error:
-        assert str(made.path) in str(error)
-        return
-    # White space in the manifest may change without changing what it says.
-    assert name == MANIFEST
-    assert again == made
+    for read in (read_artifact, lambda _: store.find(recipe(n=1))):
+        try:
+            again = read(made.path)
+        except UsageError as error:
+            assert str(made.path) in str(error)
+        else:  # white space in the manifest may change without changing what it says
+            assert name == MANIFEST
+            assert again == made
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('"key": "', '"key": "0'), ('"key"', '"kex"'), ("{", "["), ('"sha256"', '"sha257"')]
+)
+def test_a_manifest_that_no_longer_says_what_it_is_is_not_passed_over(store, old, new):
+    made = store.publish(recipe(n=1), write)
+    manifest = made.path / MANIFEST
+    manifest.write_text(manifest.read_text().replace(old, new, 1))
+    for wanted in (recipe(n=1), recipe(n=2)):  # it may have been either
+        with pytest.raises(UsageError, match=r"manifest\.json: (damaged|changed)"):
+            store.find(wanted)
+    manifest.unlink()
+    with pytest.raises(UsageError, match="not an artifact"):
+        store.find(recipe(n=1))
 
 
 def test_missing_and_added_files_are_refused(store):
@@ -162,6 +177,15 @@ def test_a_read_only_place_is_one_line(tmp_path):
     (tmp_path / "runs").write_text("a file where a folder should be")
     with pytest.raises(UsageError, match="choose another runs_dir"):
         Store(tmp_path / "runs", "cartpole").publish(recipe(n=1), write)
+
+
+def test_a_place_that_cannot_be_is_one_line(tmp_path):
+    for place in (Path("/proc/nothing"), tmp_path / ("x" * 300)):
+        with pytest.raises(UsageError, match="cannot be made .*; choose another runs_dir or --out"):
+            Store(place, "cartpole").publish(recipe(n=1), write)
+        assert Store(place, "cartpole").find(recipe(n=1)) is None
+        with pytest.raises(UsageError, match="cannot be made .*; choose another runs_dir or --out"):
+            Store(tmp_path, "cartpole").publish(recipe(n=1), write, out=place / "mine")
 
 
 def test_publishing_side_by_side_never_collides(store):

@@ -7,6 +7,8 @@ from gpsim.envs import Episodes
 from gpsim.evaluation.certify import balance_search
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
+from gpsim.stages import certify
+from gpsim.stages.stage import Request
 from gpsim.targets import FrictionCartPole
 from gpsim.tasks import Balance, Start
 
@@ -49,6 +51,21 @@ def test_exhaustive_search_agrees_on_short_horizons():
     assert 0 < truth.sum() < len(truth)
     assert not (got & ~truth).any()
     assert (got == truth).mean() > 0.95
+
+
+def test_the_search_reads_the_target_alone(tmp_path):
+    """Its artifact does not depend on the simulator, so neither may what is in it."""
+    words = ["target=friction", "evaluate.episodes=30", "certify.width=2", "task.max_steps=60"]
+    literal = "target.parameters={gravity: 9.8, cart_mass: 1.0, pole_mass: 0.1, pole_half_length: 0.5}"
+    other = ["simulator.parameters.gravity=25.0", "simulator.parameters.pole_half_length=4.0", literal]
+    written = []
+    for more in ([literal], other):
+        asked = Request(resolve([*words, *more], None))
+        folder = tmp_path / str(len(written))
+        folder.mkdir()
+        certify.write(asked, certify.recipe(asked), folder)
+        written.append((certify.recipe(asked).key, (folder / "certified.csv").read_bytes()))
+    assert written[0] == written[1]
 
 
 def test_the_smoke_budget_searches_less():

@@ -1,6 +1,7 @@
 """The command line as a person meets it."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,32 @@ def gpsim(*words, cwd, **env):
     )
 
 
+def test_help_is_one_line_a_command_at_80_columns(tmp_path):
+    shown = gpsim("--help", cwd=tmp_path, COLUMNS="80").stdout
+    panels = shown[shown.index("Stages, in order") :].splitlines()
+    lines = [line for line in panels if line.startswith("│")]
+    assert len(lines) == 13
+    for line in lines:
+        assert re.match(r"│ [a-z-]+ +[A-Z].*\. +│$", line), line
+
+
+def test_the_config_folder_is_kept_in_commands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cfg" / "gp").mkdir(parents=True)
+    (tmp_path / "cfg" / "gp" / "mine.yaml").write_text("n_train: 12\ninputs: [x]\n")
+    for command in ("diagnose", "report", "fit-gp"):
+        monkeypatch.setattr(sys, "argv", ["gpsim", command, "gp=mine", "--config-dir", "cfg"])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 2
+        assert re.search(r"make it with: gpsim [\w-]+ gp=mine --config-dir=cfg ", capsys.readouterr().err)
+    monkeypatch.setattr(sys, "argv", ["gpsim", "diagnose", "gp=mine", "--config-dir", "cfg", "--show-config"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    assert "n_train: 12" in capsys.readouterr().out
+
+
 def test_help_lists_the_stages_in_order(tmp_path):
     shown = gpsim("--help", cwd=tmp_path)
     assert shown.returncode == 0
@@ -61,6 +88,92 @@ def test_help_lists_the_stages_in_order(tmp_path):
         (["collect", "collect.source=nowhere.bag"], "error: nowhere.bag: no such file or folder"),
         (["run", "full-loop", "polcy.gamma=1"], "error: no setting 'polcy.gamma'; the top level has:"),
         (["evaluate", "evaluate.policies=[Best]"], "error:"),
+        (
+            ["run", "full-loop", "evaluate.start_seed=-1"],
+            "evaluate.start_seed: expected a whole number of at least 0, got -1",
+        ),
+        (
+            ["certify", "evaluate.start_seed=abc"],
+            "evaluate.start_seed: expected a whole number of at least 0, got 'abc'",
+        ),
+        (
+            ["run", "full-loop", "evaluate.policies=null"],
+            "evaluate.policies: expected a list of texts, as [a, b], got None",
+        ),
+        (
+            ["run", "full-loop", "evaluate.rollouts=0"],
+            "evaluate.rollouts: expected a whole number of at least 1, got 0",
+        ),
+        (["run", "full-loop", "gp.inputs=null"], "gp.inputs: expected a list of texts, as [a, b], got None"),
+        (["run", "full-loop", "gp.inputs=[x,speed]"], "no channel 'speed'"),
+        (["run", "full-loop", "gp.noise_floor=0"], "gp.noise_floor: bounds of noise_std need 0 < low < high"),
+        (["run", "full-loop", "+gp.bounds=3"], "gp: no setting 'bounds'"),
+        (["run", "full-loop", "sample_noise=3"], "sample_noise: expected true or false, got 3"),
+        (["run", "full-loop", "gp.restarts=-1"], "error: gp: restarts must be at least 0, got -1\n"),
+        (["run", "full-loop", "gp.patience=0"], "error: gp: patience must be at least 1, got 0\n"),
+        (
+            ["run", "full-loop", "diagnose.episodes=0"],
+            "diagnose.episodes: expected a whole number of at least 1, got 0",
+        ),
+        (["run", "full-loop", "target=recording"], "target=recording cannot be driven"),
+        (
+            ["run", "full-loop", "experiment=limo", "collect.speeds=0"],
+            "collect.speeds: expected a whole number of at least 1, got 0",
+        ),
+        (["collect", "collect.policy=sweep"], "a sweep needs the bounds of speed and turn rate"),
+        (["collect", "collect.source=[]"], "collect.source: name a log, or several as [a.bag, b.bag]"),
+        (["collect", "collect.source=3"], "collect.source: expected a list of texts"),
+        (["evaluate", "experiment=limo", "deployed=[]"], "deployed: name a log, or several"),
+        (["export", "recording", "nowhere", "--out", "x"], "error: nowhere: no such"),
+        (["run", "full-loop", "gp.filter=3"], "gp.filter: expected true or false, got 3"),
+        (["run", "full-loop", "task.start_range=-1"], "task: start_range must be at least 0, got -1"),
+        (["run", "full-loop", "task.max_steps=0"], "task: max_steps must be at least 1, got 0"),
+        (["run", "full-loop", "task=goal"], "task goal does not go with simulator cartpole"),
+        (["run", "full-loop", "policy.total_steps=0"], "policy: total_steps must be at least 1, got 0"),
+        (["run", "full-loop", "policy.n_envs=0"], "policy: n_envs must be at least 1, got 0"),
+        (["run", "full-loop", "policy.batch_size=0"], "policy: batch_size must be at least 2, got 0"),
+        (["run", "full-loop", "policy.learning_rate=-1"], "policy: learning_rate must be positive, got -1.0"),
+        (
+            ["run", "full-loop", "policy.hidden=[]"],
+            "policy: hidden must name the units of each layer, as [64, 64], got []",
+        ),
+        (["run", "full-loop", "experiment=limo", "policy.tau=0"], "policy: tau must be positive, got 0.0"),
+        (
+            ["run", "full-loop", "target=sticking", "target.substeps=0"],
+            "target: substeps must be at least 1, got 0",
+        ),
+        (["run", "full-loop", "target.friction=-3"], "target: friction must be at least 0, got -3"),
+        (
+            ["run", "full-loop", "target.parameters={}"],
+            "target: parameters.gravity must be a positive number, got None",
+        ),
+        (["run", "full-loop", "target=limo"], "target limo (x, y, yaw) does not go with simulator cartpole"),
+        (
+            ["run", "full-loop", "simulator.parameters=null"],
+            "simulator.parameters: expected a mapping of numbers, got None",
+        ),
+        (["run", "full-loop", "simulator.name=3"], "simulator.name: expected a text, got 3"),
+        (
+            ["run", "full-loop", "collect.changes=null"],
+            "collect.changes: expected a list of texts, as [a, b], got None",
+        ),
+        (
+            ["run", "full-loop", "collect.episodes=-1"],
+            "collect.episodes: expected a whole number of at least 1, got -1",
+        ),
+        (
+            ["run", "full-loop", "residuals.test_fraction=1"],
+            "residuals.test_fraction: expected a number in [0, 1), got 1",
+        ),
+        (
+            ["run", "full-loop", "experiment=limo", "task.goal_radius=2"],
+            "task: goal_radius 2 m leaves no room in the arena",
+        ),
+        (
+            ["run", "full-loop", "experiment=limo", "task.evaluation_goal=[1]"],
+            "task: evaluation_goal must be two numbers, got [1.0]",
+        ),
+        (["collect", "collect.policy=random", "runs_dir=/proc/nothing"], "cannot be made"),
     ],
 )
 def test_mistakes_end_in_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, words, message):

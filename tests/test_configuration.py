@@ -1,5 +1,7 @@
 """Settings: everything resolves, and every mistake is one line with the alternatives."""
 
+import pickle
+
 import pytest
 from gpsim.cli.configuration import as_yaml, resolve
 
@@ -52,6 +54,38 @@ def test_a_folder_of_ones_own(tmp_path):
     assert resolve(["gp=mine"], tmp_path)["gp"] == {"n_train": 12, "inputs": ["x"]}
     with pytest.raises(UsageError, match="no such folder"):
         resolve([], tmp_path / "absent")
+    with pytest.raises(
+        UsageError, match="no setting 'gp.inputz'; gp has: n_train, inputs; did you mean gp.inputs"
+    ):
+        resolve(["gp=mine", "gp.inputz=[x]"], tmp_path)
+
+
+def test_ones_own_choice_wins_over_the_shipped_one_of_that_name(tmp_path):
+    folder = tmp_path / "my, [configs]"  # what Hydra's grammar would stumble over
+    (folder / "gp").mkdir(parents=True)
+    (folder / "gp" / "jump.yaml").write_text("n_train: 12\ninputs: [x]\n")
+    assert resolve([], folder)["gp"] == {"n_train": 12, "inputs": ["x"]}
+    assert resolve(["gp=raw"], folder)["gp"] == resolve(["gp=raw"], None)["gp"]
+    assert resolve([], None)["gp"]["n_train"] == 250
+    (folder / "config.yaml").write_text("seed: 1\n")
+    with pytest.raises(UsageError, match=r"its config\.yaml would replace all of gpsim's settings"):
+        resolve([], folder)
+
+
+@pytest.mark.parametrize("content", [b"n_train: [1\n x: {\n", b"- 1\n- 2\n", b"\xff\xfe\x00x: 3"])
+def test_a_damaged_file_of_ones_own_is_one_line(tmp_path, content):
+    (tmp_path / "gp").mkdir()
+    (tmp_path / "gp" / "bad.yaml").write_bytes(content)
+    with pytest.raises(UsageError, match="gp") as caught:
+        resolve(["gp=bad"], tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_setting_that_was_taken_away_is_named_where_it_is_read():
+    config = pickle.loads(pickle.dumps(resolve(["~evaluate.episodes"], None)))  # as workers get it
+    with pytest.raises(UsageError, match="setting 'evaluate.episodes' is missing"):
+        _ = config["evaluate"]["episodes"]
+    assert config["simulator"]["parameters"]["gravity"] == 9.8
 
 
 @pytest.mark.parametrize(
@@ -63,6 +97,21 @@ def test_a_folder_of_ones_own(tmp_path):
         (["sed=3"], r"no setting 'sed'; the top level has: .*did you mean seed\?"),
         (["seed.x=3"], "no setting 'seed.x'"),
         (["gp.n_train"], "'gp.n_train' is not a setting: write key=value"),
+        (["seed.x=3"], "no setting 'seed.x'; seed is a value"),
+        # Beside the user's own choices, not the plain default's.
+        (["experiment=limo", "collect.holdd=3"], r"collect has: .*speeds.*did you mean collect.hold\?"),
+        (
+            ["experiment=limo", "policy.n_epochs=3"],
+            "no setting 'policy.n_epochs'; policy has: .*gradient_steps",
+        ),
+        (["policy.n_epoch=3", "experiment=limo", "sed=3"], "policy has: .*gradient_steps"),
+        (["=3"], "'=3' is not a setting: write key=value"),
+        (["gp=null"], "^gp=null: "),
+        (["~gp"], "gp: expected settings"),
+        (["evaluate=3"], "evaluate: expected settings, as evaluate.key=value, got 3"),
+        (["runs_dir="], "runs_dir: expected a text, got ''"),
+        (["simulator=[1]"], "."),
+        (["gp.inputs.x=3"], "."),
         (["gp.n_train=[1,"], "."),
         (["target.parameters=${nowhere}"], "."),
     ],

@@ -1,5 +1,7 @@
 """What stages take from one another: one simulator throughout, files that count, settings that fit together."""
 
+import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,10 +9,12 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
+from gpsim.artifacts import Artifact
 from gpsim.errors import UsageError
+from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import source_file
-from gpsim.stages import train_source
+from gpsim.stages import evaluate, fit_gp, report, train_source
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
 from gpsim.stages.evaluate_recording import judged_episodes
@@ -73,6 +77,24 @@ def test_a_users_simulator_counts_with_its_file(tmp_path: Path):
         train_source.recipe(Request(config))
 
 
+def test_the_noise_floor_is_a_setting_that_decides_the_fit_and_keeps_old_artifacts():
+    plain, raised = request(), request("gp.noise_floor=0.05")
+    assert fit_gp.fit_settings(plain) == FitSettings(restarts=4, minimum_improvement=1e-3)
+    assert fit_gp.fit_settings(raised).bounds.noise_std.low == 0.05
+    # At its default it is no part of the key: artifacts from before it was a setting are found.
+    assert "noise_floor" not in plain.section("gp")["gp"]
+    assert raised.section("gp")["gp"]["noise_floor"] == 0.05
+    report = fit_gp.fit_outputs(
+        np.arange(20.0)[:, None], np.ones((20, 1)), fit_gp.fit_settings(raised), np.random.default_rng(0)
+    )[0].report
+    assert report is not None
+    assert report.hyper_parameters.noise_std >= 0.05
+    # What a fit in trouble advises can be typed.
+    advised = re.search(r"\((gp\.\w+)\)", FitOutcome.LINE_SEARCH_FAILED.advice)
+    assert advised is not None
+    request(f"{advised[1]}=0.01")
+
+
 def test_settings_that_are_not_finite_are_one_line():
     with pytest.raises(UsageError, match="train-source: a setting is not finite"):
         _ = train_source.recipe(request("task.position_limit=inf")).key
@@ -91,3 +113,27 @@ def test_a_policy_that_does_not_fit_the_task_is_one_line(tmp_path: Path, words, 
     asked = request(*words)
     with pytest.raises(UsageError, match=message):
         train_source.write(asked, train_source.recipe(asked), tmp_path)
+
+
+def test_evaluate_warns_where_the_recording_covers_too_little(tmp_path: Path):
+    made = Artifact(tmp_path, {"stage": "evaluate"}, "")
+    for share, lines in ((0.099, 0), (0.101, 1), (None, 0)):
+        content = {"seed": 0, "outside_recording": {"policy": 0.8, "deployed": share}}
+        (tmp_path / "evaluation.json").write_text(json.dumps(content))
+        assert len(evaluate.notes(made)) == lines
+    (tmp_path / "evaluation.json").write_text('{"outside_recording": {"deployed": 0.5}}')
+    assert evaluate.notes(made)[0].startswith("warning: 50 % of what the deployed GP policy visits")
+
+
+def test_the_page_does_not_know_where_its_artifacts_lie(tmp_path: Path):
+    """The same artifacts below another folder or with other numbers: the same page."""
+    made = []
+    for words, version in (
+        (("gp=raw", "runs_dir=a"), "v0001"),
+        (("gp=raw", "runs_dir=b", "seed=0"), "v0007"),
+    ):
+        asked = Request(resolve(list(words), None), words)
+        artifact = Artifact(tmp_path / version, {"stage": "fit-gp"}, "ab" * 32)
+        made.append((report._command(asked, (0, 1)), report._made_by("fit-gp", 0, artifact)))
+    assert made[0] == made[1]
+    assert made[0][0] == "gpsim run full-loop gp=raw --seeds 2"

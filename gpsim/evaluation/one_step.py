@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,8 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.evaluation.statistics import nrmse, r2
 
 LEVELS = (0.5, 0.9, 0.99)
+MUCH_OUTSIDE = 0.1
+"""Share of a deployed policy's transitions outside the recording from which on it is a warning."""
 
 
 @dataclass(frozen=True)
@@ -70,3 +73,15 @@ def outside_range(visited: FloatArray, training: FloatArray) -> float:
     """
     outside = (visited < training.min(axis=0)) | (visited > training.max(axis=0))
     return float(np.mean(outside.any(axis=1)))
+
+
+def coverage_warnings(outside: Mapping[str, float | None]) -> list[str]:
+    """What to say where the deployed policy goes where nothing was recorded; `outside`: driver to `outside_range`."""
+    share = outside.get("deployed")
+    if share is None or not share > MUCH_OUTSIDE:
+        return []
+    return [
+        f"{100.0 * share:.0f} % of what the deployed GP policy visits on the target lies outside the range of the "
+        "recording, where the Gaussian processes only extrapolate: record more of it (collect.episodes, "
+        "collect.policy=dithered)"
+    ]

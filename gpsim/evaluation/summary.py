@@ -16,15 +16,17 @@ AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout")
 
 
 def start_sets(
-    returns: Mapping[str, FloatArray], certified: BoolArray, reached: Mapping[str, BoolArray] | None = None
+    returns: Mapping[str, FloatArray],
+    certified: BoolArray,
+    max_steps: int,
+    reached: Mapping[str, BoolArray] | None = None,
 ) -> dict[str, BoolArray]:
     """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
 
-    returns: policy to (seeds, N). Solved means the highest return that any policy reached anywhere or, where the task
+    returns: policy to (seeds, N). Solved means a return of max_steps, 1 for every step there is, or, where the task
     has a goal, that it was reached: policy to (seeds, N). Without a Target policy the first set is the certified one.
     """
-    full = max(float(values.max()) for values in returns.values())
-    solves = {name: values >= full for name, values in returns.items()} if reached is None else reached
+    solves = {name: values >= max_steps for name, values in returns.items()} if reached is None else reached
     solved = np.asarray(solves["Target"].any(axis=0)) if "Target" in solves else certified
     return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
 
@@ -52,10 +54,13 @@ def summarise_seeds(
 def _mean(values: Sequence[Any]) -> Any:
     """The same structure with every number averaged; None where a number is missing."""
     first = values[0]
+    if any(value is None for value in values):
+        return None
     if isinstance(first, Mapping):
-        return {key: _mean([value[key] for value in values]) for key in first}
+        keys = dict.fromkeys(key for value in values for key in value)
+        return {key: _mean([value.get(key) for value in values]) for key in keys}
     if isinstance(first, list):
         return [_mean(list(column)) for column in zip(*values, strict=True)]
-    if isinstance(first, str) or any(value is None for value in values):
+    if isinstance(first, str):
         return first
     return float(np.mean(values)) if isinstance(first, float) or len(set(values)) > 1 else first

@@ -22,7 +22,7 @@ class FitOutcome(enum.Enum):
     )
     LINE_SEARCH_FAILED = (
         "The line search found no better point before the likelihood settled: look for hyper-parameters "
-        "at their bounds, and raise the noise floor (bounds.noise_std.low) if K is ill-conditioned."
+        "at their bounds, and raise the noise floor (gp.noise_floor) if K is ill-conditioned."
     )
 
     @property

@@ -40,10 +40,11 @@ class FitSettings:
     average_replicates: bool = True
 
     def __post_init__(self) -> None:
-        if self.restarts < 0 or min(self.screening_iterations, self.max_iterations, self.patience) < 1:
-            raise ValueError(
-                f"restarts must be at least 0 and iteration counts and patience at least 1: {self}"
-            )
+        if self.restarts < 0:
+            raise ValueError(f"restarts must be at least 0, got {self.restarts}")
+        for name in ("screening_iterations", "max_iterations", "patience"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         if not self.minimum_improvement > 0.0:
             raise ValueError(f"minimum_improvement must be positive, got {self.minimum_improvement}")
 

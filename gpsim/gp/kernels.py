@@ -115,11 +115,6 @@ class HyperParameters:
             "noise_std": self.noise_std,
         }
 
-    @staticmethod
-    def from_dict(values: dict[str, float | list[float]]) -> HyperParameters:
-        """Inverse of `to_dict`."""
-        return HyperParameters(**values)  # type: ignore[arg-type]
-
 
 class Interval(NamedTuple):
     """Lower and upper bound, both positive."""
@@ -176,8 +171,3 @@ def linear_covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> F
 def covariance(a: FloatArray, b: FloatArray, hyper: HyperParameters) -> FloatArray:
     """k(a, b) of (4.9) without noise: inputs (A, D) and (B, D) -> (A, B)."""
     return rbf_covariance(a, b, hyper) + linear_covariance(a, b, hyper)
-
-
-def prior_variance(a: FloatArray, hyper: HyperParameters) -> FloatArray:
-    """k(a_i, a_i) of (4.9) without noise: (A, D) -> (A,)."""
-    return np.asarray(hyper.signal_std**2 + hyper.bias_std**2 + a**2 @ hyper.linear_stds**2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from gpsim.channels import FloatArray, wrap_angle
+from gpsim.channels import FloatArray
 
 # Absolute stamps (about 1.7e9 s) in double precision are a quarter of a microsecond apart: a command
 # that arrives within this of t_k was given at t_k, not one step later.
@@ -20,11 +20,6 @@ def linear(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
 def unwrapped(angles: FloatArray) -> FloatArray:
     """Angles [rad] made continuous: each step the short way round."""
     return np.asarray(np.unwrap(angles), dtype=np.float64)
-
-
-def circular(at: FloatArray, t: FloatArray, angles: FloatArray) -> FloatArray:
-    """Angles [rad] in [-pi, pi) at times `at`, interpolated the short way round the circle."""
-    return wrap_angle(linear(at, t, unwrapped(angles)))
 
 
 def slerp(at: FloatArray, t: FloatArray, quaternions: FloatArray) -> FloatArray:

@@ -43,11 +43,13 @@ class ResidualSlice:
 
 @dataclass(frozen=True)
 class MadeBy:
-    """An artifact that the report rests on. role: what it is to the loop, as `GP-Mean`; seed: None where shared."""
+    """An artifact that the report rests on. role: what it is to the loop, as `GP-Mean`; seed: None where shared.
+
+    It is known by the hash of its manifest: the number of its version says only what was made before it.
+    """
 
     stage: str
     role: str
-    version: str
     sha256: str
     seed: int | None = None
     manifest: Mapping[str, Any] = field(default_factory=dict)
@@ -76,7 +78,8 @@ class LoopReport:
     starts: the keys of START_SETS to masks (N,); best_return: how many steps an episode may take,
     which is what it earns at most where every step earns 1; curves: policy to
     one (steps, mean return) per seed; slices: rate to slice, of the first seed; named: seed to what its
-    diagnosis found, in sentences; fits: seed to the content of fit.json; rollouts: simulator to (B, T + 1, S) states
+    diagnosis found, in sentences; fits: seed to the content of fit.json; outside: seed to the share of what each driver
+    visited outside the recording; rollouts: simulator to (B, T + 1, S) states
     in the order of `states`; units: channel or rate to unit;
     limits: channel to the absolute value beyond which an episode ends; settings: the resolved configuration worth
     knowing; command: what makes this report again.
@@ -94,6 +97,7 @@ class LoopReport:
     slices: Mapping[str, ResidualSlice] = field(default_factory=dict)
     named: Mapping[int, Sequence[str]] = field(default_factory=dict)
     fits: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    outside: Mapping[int, Mapping[str, float | None]] = field(default_factory=dict)
     states: tuple[str, ...] = ()
     rollouts: Mapping[str, FloatArray] = field(default_factory=dict)
     dt: float = 1.0

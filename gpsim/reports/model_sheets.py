@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from gpsim.evaluation.one_step import coverage_warnings
 from gpsim.reports import thesis
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.sheets import (
@@ -153,8 +154,17 @@ def rollout_sheet(report: LoopReport) -> Sheet:
         title,
         ("Simulator", *(with_unit(name, report.units) for name in channels)),
         tuple(rows),
-        note=_averaged(report).strip(),
+        note=" ".join([_averaged(report).strip(), *_runaways(simulators)]).strip(),
     )
+
+
+def _runaways(simulators: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """What a mean over infinity cannot say."""
+    return [
+        f"{name}: {significant(found['not_finite'])} rollouts ceased to be finite, and count as infinitely far."
+        for name, found in simulators.items()
+        if known(found.get("not_finite")) and found["not_finite"]
+    ]
 
 
 def fit_sheet(report: LoopReport) -> Sheet:
@@ -209,13 +219,16 @@ def fits(report: LoopReport) -> Iterator[tuple[int, str, Mapping[str, Any]]]:
             yield seed, rate, found
 
 
-def fit_warnings(report: LoopReport) -> list[str]:
-    """The fits' warnings, each once, with the seeds that gave it."""
+def gp_warnings(report: LoopReport) -> list[str]:
+    """What the fits and the coverage of the recordings warn of, each once, with the seeds that gave it."""
     seeds: dict[str, list[int]] = {}
     for seed, fit in report.fits.items():
         for text in fit.get("warnings") or ():
             seeds.setdefault(str(text), []).append(seed)
-    if len(report.fits) < 2:
+    for seed, outside in report.outside.items():
+        for text in coverage_warnings(outside):
+            seeds.setdefault(text, []).append(seed)
+    if len(report.seeds) < 2:
         return list(seeds)
     return [
         f"{text} (seeds {', '.join(map(str, found))})" if len(found) > 1 else f"{text} (seed {found[0]})"

@@ -19,7 +19,7 @@ from gpsim.reports.loop_report import LoopReport, MadeBy
 from gpsim.reports.model_sheets import (
     calibration_sheet,
     fit_sheet,
-    fit_warnings,
+    gp_warnings,
     one_step_sheet,
     rollout_sheet,
     scale_sheet,
@@ -62,7 +62,7 @@ def render(report: LoopReport) -> str:
         rollout=_filled(rollout_sheet(report)),
         fit=_filled(fit_sheet(report)),
         scales=_filled(scale_sheet(report)),
-        warnings=fit_warnings(report),
+        warnings=gp_warnings(report),
         pictures=_pictures(report),
         settings=list(settings(report.settings)),
         manifest=_manifest,

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gpsim.reports.loop_report import LoopReport
-from gpsim.reports.model_sheets import calibration_sheet, one_step_sheet, rollout_sheet
+from gpsim.reports.model_sheets import calibration_sheet, gp_warnings, one_step_sheet, rollout_sheet
 from gpsim.reports.palette import POLICIES, colours
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.sheets import Cell, Sheet
@@ -33,9 +33,10 @@ def terminal_tables(report: LoopReport) -> list[Table]:
 
 
 def terminal_notes(report: LoopReport) -> list[str]:
-    """What the tables do not say by themselves: on what was judged, and why a layer is missing."""
+    """What the tables do not say by themselves: on what was judged, why a layer is missing, what to be wary of."""
     found = (("judged_on", "judged on {}"), ("not_driven", "{}"))
-    return [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
+    said = [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
+    return [*said, *(f"warning: {text}" for text in gp_warnings(report))]
 
 
 def _parts(sheet: Sheet) -> list[Sheet]:

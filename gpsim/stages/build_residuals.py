@@ -14,6 +14,7 @@ from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import Residuals, build_residuals, from_table, to_table
+from gpsim.settings import number
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import collect
 from gpsim.stages.building import base_plant
@@ -24,6 +25,7 @@ SAME_DT = 0.02  # relative difference of the control step that a jittering clock
 
 def recipe(request: Request) -> Recipe:
     """The base simulator and the recording: the loop's own, or the folder that `recording=` names."""
+    check(request)
     config = request.section("simulator", "residuals")
     given = request.config["recording"]
     if given is None:
@@ -41,6 +43,14 @@ def recipe(request: Request) -> Recipe:
     return Recipe("build-residuals", {**config, "recording": digests}, {}, {"seed": request.seed})
 
 
+def check(request: Request) -> float:
+    """The share of the episodes that is held out; raises UsageError for one that is none."""
+    fraction = request.config["residuals"]["test_fraction"]
+    if not 0 <= number(fraction, "residuals.test_fraction") < 1:
+        raise UsageError(f"residuals.test_fraction: expected a number in [0, 1), got {fraction!r}")
+    return float(fraction)
+
+
 def recording_folder(request: Request) -> Path:
     """Where the recording lies: the loop's own, or the folder that `recording=` names."""
     given = request.config["recording"]
@@ -52,15 +62,12 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     source = recipe.parents["recording"].path if recipe.parents else Path(str(request.config["recording"]))
     recording, base = read_recording(source), base_plant(request.config)
     check_same(recording, base)
-    fraction = request.config["residuals"]["test_fraction"]
-    if not isinstance(fraction, int | float) or not 0 <= fraction < 1:
-        raise UsageError(f"residuals.test_fraction: expected a number in [0, 1), got {fraction!r}")
     residuals = build_residuals(
         recording,
         base.simulator,
         base.parameters,
         base.integrator,
-        test_fraction=float(fraction),
+        test_fraction=check(request),
         rng=generator(request.seed, "build-residuals/order"),
     )
     to_table(residuals).to_parquet(folder / "residuals.parquet", index=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
@@ -20,11 +20,16 @@ RECORDED = "recording"
 """The target that is known by its logs alone: nothing can be driven."""
 ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSettings, "sac": SacSettings}
 TASKS: Mapping[str, type[Task]] = {"balance": Balance, "goal": GoalReaching}
+FITS: Mapping[str, Callable[[int, int], bool]] = {
+    "balance": lambda states, actions: (states, actions) == (4, 1),
+    "goal": lambda states, actions: states >= 3 and actions == 2,
+}
+"""Whether a task goes with a simulator of so many state and action channels."""
 
 
 def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
     """The base simulator with its own parameters."""
-    simulator, section = make_simulator(config["simulator"]["name"]), config["simulator"]
+    simulator, section = make_simulator(_name(config)), config["simulator"]
     integrator = choice(section["integrator"], INTEGRATORS, "simulator.integrator")
     parameters = simulator.defaults(_numbers(section["parameters"], "simulator.parameters"))
     dt = _positive(section["dt"], "simulator.dt")
@@ -56,13 +61,27 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
         raise UsageError(
             "target=recording cannot be driven: it is known by its logs alone (collect.source=); choose a stand-in"
         )
-    return build(TARGETS[section["name"]], section, "target")
+    target = build(TARGETS[section["name"]], section, "target")
+    simulator = make_simulator(_name(config))
+    if (len(target.state), len(target.action)) != (len(simulator.state), len(simulator.action)):
+        raise UsageError(
+            f"target {section['name']} ({', '.join(target.state.names)}) does not go with simulator "
+            f"{simulator.name} ({', '.join(simulator.state.names)}); choose both, or an experiment"
+        )
+    return target
 
 
 def make_task(config: Mapping[str, Any]) -> Task:
     """The task."""
     section = config["task"]
-    return build(TASKS[choice(section["name"], tuple(TASKS), "task.name")], section, "task")
+    name = choice(section["name"], tuple(TASKS), "task.name")
+    task, simulator = build(TASKS[name], section, "task"), make_simulator(_name(config))
+    if not FITS[name](len(simulator.state), len(simulator.action)):
+        raise UsageError(
+            f"task {name} does not go with simulator {simulator.name} ({', '.join(simulator.state.names)}); "
+            "choose both, or an experiment"
+        )
+    return task
 
 
 def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
@@ -73,7 +92,16 @@ def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
     )
 
 
-def _numbers(values: Mapping[str, Any], where: str) -> dict[str, float]:
+def _name(config: Mapping[str, Any]) -> str:
+    name = config["simulator"]["name"]
+    if not isinstance(name, str):
+        raise UsageError(f"simulator.name: expected a text, got {name!r}")
+    return name
+
+
+def _numbers(values: Any, where: str) -> dict[str, float]:
+    if not isinstance(values, Mapping):
+        raise UsageError(f"{where}: expected a mapping of numbers, got {values!r}")
     for key, value in values.items():
         if not isinstance(value, int | float) or isinstance(value, bool):
             raise UsageError(f"{where}.{key}: expected a number, got {value!r}")

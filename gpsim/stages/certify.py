@@ -14,17 +14,18 @@ from gpsim.errors import UsageError
 from gpsim.evaluation import turning
 from gpsim.evaluation.certify import balance_search
 from gpsim.settings import positive
-from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.building import make_task, target_plant
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.targets import Limo
+from gpsim.targets import FrictionCartPole, Limo
 from gpsim.tasks import GoalReaching, Start
 
 
 def recipe(request: Request) -> Recipe:
     """The target, the task and the starts; independent of the loop's seed."""
-    evaluate = request.config["evaluate"]
     config = request.section("target", "task", "certify")
-    starts = {key: evaluate[key] for key in ("episodes", "start_seed")}
+    positive(request.config["certify"]["width"], "certify.width")
+    count = positive(request.config["evaluate"]["episodes"], "evaluate.episodes")
+    starts = {"episodes": count, "start_seed": request.start_seed}
     return Recipe("certify", {**config, "starts": starts}, {}, {})
 
 
@@ -32,24 +33,29 @@ def evaluation_starts(request: Request) -> Start:
     """The starts of layer 3, the same for every policy and seed."""
     section = request.config["evaluate"]
     count = positive(section["episodes"], "evaluate.episodes")
-    rng = generator(section["start_seed"], "evaluate/starts")
+    rng = generator(request.start_seed, "evaluate/starts")
     return make_task(request.config).evaluation_starts(count, rng)
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write certified.csv: one row a start."""
     task, start = make_task(request.config), evaluation_starts(request)
-    base = base_plant(request.config)
+    target = target_plant(request.config)
     if isinstance(task, GoalReaching):
         solvable = _by_geometry(request, task, start, task.floor)
         # What the thesis's own arena would have left of them, had its edge counted.
         small = {"certified_in_arena": _by_geometry(request, task, start, task.arena).astype(int)}
-        _write_table(folder, base.state.names, start, solvable, small)
+        _write_table(folder, target.state.names, start, solvable, small)
         return {}
-    g, half = base.parameters["gravity"], base.parameters["pole_half_length"]
+    if not isinstance(target, FrictionCartPole):
+        raise UsageError(
+            "certify: only a cart-pole's starts can be searched; choose target=friction or sticking"
+        )
+    # The target's own parameters: the search must not depend on what the simulator believes.
+    g, half = target.parameters["gravity"], target.parameters["pole_half_length"]
     search = balance_search(g, half, positive(request.config["certify"]["width"], "certify.width"))
-    solvable = search.solvable(target_plant(request.config), task, start, request.progress)
-    _write_table(folder, base.state.names, start, solvable, {})
+    solvable = search.solvable(target, task, start, request.progress)
+    _write_table(folder, target.state.names, start, solvable, {})
     return {}
 
 

@@ -10,13 +10,21 @@ from gpsim.collecting import Act, collect_episodes, dithered_actor, policy_actor
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, write_recording
 from gpsim.recordings.import_report import ImportReport
-from gpsim.settings import choice, positive
+from gpsim.settings import choice, number, positive
 from gpsim.stages import train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
-from gpsim.stages.import_log import read_logs, read_mapping, source_digests, write_import
+from gpsim.stages.import_log import (
+    changes_of,
+    logs_of,
+    read_logs,
+    read_mapping,
+    salvages,
+    source_digests,
+    write_import,
+)
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.sweep import run_sweep
+from gpsim.stages.sweep import plan_table, run_sweep
 
 DRIVERS = ("source", "random", "dithered", "sweep")
 
@@ -25,7 +33,8 @@ def recipe(request: Request) -> Recipe:
     """The target, the task and who drives; or the logs and how they are read."""
     if request.config["collect"]["source"] is not None:
         return _import_recipe(request)
-    driver = choice(request.config["collect"]["policy"], DRIVERS, "collect.policy")
+    check(request)
+    driver = request.config["collect"]["policy"]
     parents = (
         {}
         if driver in ("random", "sweep")
@@ -35,6 +44,21 @@ def recipe(request: Request) -> Recipe:
     if driver == "sweep":  # which reads what it logged through the mapping
         config["mapping"] = read_mapping(str(request.config["collect"]["mapping"]))
     return Recipe("collect", config, parents, {"seed": request.seed})
+
+
+def check(request: Request) -> None:
+    """Raise UsageError for settings with which nothing can be recorded."""
+    section = request.config["collect"]
+    changes_of(section), salvages(section)
+    if section["source"] is not None:
+        return
+    target_plant(request.config)
+    if choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
+        plan_table(request.config)
+    else:
+        positive(section["episodes"], "collect.episodes")
+        if not 0 <= number(section["dither"], "collect.dither") <= 1:
+            raise UsageError(f"collect.dither: expected a number in [0, 1], got {section['dither']!r}")
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
@@ -78,8 +102,8 @@ def _import_recipe(request: Request) -> Recipe:
     section = request.config["collect"]
     config = {
         "mapping": section["mapping"],
-        "salvage": section["salvage"],
-        "changes": list(section["changes"]),
+        "salvage": salvages(section),
+        "changes": changes_of(section),
         "sources": source_digests(_sources(request)),
     }
     if section["mapping"] is not None:
@@ -88,14 +112,13 @@ def _import_recipe(request: Request) -> Recipe:
 
 
 def _sources(request: Request) -> list[Path]:
-    source = request.config["collect"]["source"]
-    return [Path(str(one)) for one in (source if isinstance(source, list) else [source])]
+    return logs_of(request.config["collect"]["source"], "collect.source")
 
 
 def _read(request: Request) -> tuple[Recording, ImportReport, dict[str, Any]]:
     section = request.config["collect"]
     mapping = None if section["mapping"] is None else str(section["mapping"])
-    return read_logs(_sources(request), mapping, section["changes"], bool(section["salvage"]))
+    return read_logs(_sources(request), mapping, changes_of(section), salvages(section))
 
 
 def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
@@ -106,10 +129,7 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
     actor = policy_actor(read_policy(recipe.parents["policy"].path), rng)
     if section["policy"] == "source":
         return actor
-    share = section["dither"]
-    if not isinstance(share, int | float) or not 0 <= share <= 1:
-        raise UsageError(f"collect.dither: expected a number in [0, 1], got {share!r}")
-    return dithered_actor(actor, task, float(share), rng)
+    return dithered_actor(actor, task, float(section["dither"]), rng)
 
 
 STAGE = Stage(

@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation.one_step import outside_range
+from gpsim.evaluation.one_step import coverage_warnings, outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
-from gpsim.evaluation.rollout import bands, divergence, roll_out, root_mean_square
+from gpsim.evaluation.rollout import compare, roll_out
 from gpsim.evaluation.summary import start_sets
 from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
-from gpsim.settings import positive
+from gpsim.settings import positive, texts, truth
 from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
@@ -50,18 +50,26 @@ TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
 """The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
-MUCH_OUTSIDE = 0.1
 
 
 def policy_names(request: Request) -> tuple[str, ...]:
     """The policies to compare."""
-    names = request.config["evaluate"]["policies"]
+    names = texts(request.config["evaluate"]["policies"], "evaluate.policies")
     unknown = [name for name in names if name not in TRAINED_BY]
     if unknown or not names:
         raise UsageError(
             f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}"
         )
-    return tuple(name for name in names if name != "Target" or drivable(request.config))
+    return tuple(name for name in dict.fromkeys(names) if name != "Target" or drivable(request.config))
+
+
+def check(request: Request) -> None:
+    """Raise UsageError for settings of the evaluation that would only fail when everything else is done."""
+    policy_names(request)
+    _ = request.start_seed
+    truth(request.config["sample_noise"], "sample_noise")
+    for key in ("episodes", "one_step_episodes", "rollouts", "rollout_steps"):
+        positive(request.config["evaluate"][key], f"evaluate.{key}")
 
 
 def recipe(request: Request) -> Recipe:
@@ -71,6 +79,7 @@ def recipe(request: Request) -> Recipe:
     """
     if request.config["deployed"] is not None:
         return evaluate_deployed.recipe(request)
+    check(request)
     if not drivable(request.config):
         return evaluate_recording.recipe(request, with_effects="Effects" in policy_names(request))
     parents = {
@@ -117,10 +126,12 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         folder / "returns.csv", index_label="start", lineterminator="\n"
     )
     reached = {name: trip.reached[None] for name, trip in trips.items()} or None
-    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, reached)
+    steps = make_task(request.config).max_steps
+    by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, steps, reached)
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
+        "seeds": [request.seed],
         **{
             key: summarise_all({n: v[None] for n, v in returns.items()}, starts)
             for key, starts in by_set.items()
@@ -135,7 +146,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "one_step_random": scores["random"],
         "rollout": rollout,
     }
-    write_json(folder / "evaluation.json", evaluation)
+    write_json(folder / "evaluation.json", plain(evaluation))
     request.progress(3, 3, "done")
     return {}
 
@@ -165,7 +176,7 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
     """Fresh target episodes driven by the policy of the parent `driver`, or at random."""
     section, base = request.config["evaluate"], base_plant(request.config)
     task = make_task(request.config).on_target()
-    rng = generator(section["start_seed"], f"evaluate/one-step/{driver}")
+    rng = generator(request.start_seed, f"evaluate/one-step/{driver}")
     act: Act = random_actor(task, rng)
     if driver is not None:
         act = policy_actor(read_policy(recipe.parents[driver].path), rng)
@@ -189,7 +200,7 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
         make_task(request.config),
         target_plant(request.config),
     )
-    rng = generator(section["start_seed"], "evaluate/rollouts")
+    rng = generator(request.start_seed, "evaluate/rollouts")
     count = positive(section["rollouts"], "evaluate.rollouts")
     steps = positive(section["rollout_steps"], "evaluate.rollout_steps")
     begin = task.start(count, rng)
@@ -200,17 +211,13 @@ def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:
     order = ("Target", "Source", "GP-Mean", "GP-Sample", "Effects")
     plants = {name: trained[name] for name in order if name in trained}
     paths = {
-        name: roll_out(plant, start, actions, generator(section["start_seed"], "evaluate/rollouts/noise"))
+        name: roll_out(plant, start, actions, generator(request.start_seed, "evaluate/rollouts/noise"))
         for name, plant in plants.items()
     }
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     found: dict[str, Any] = {"horizon_s": steps * target.dt, "rollouts": count, "dt": target.dt}
     for name in (name for name in plants if name != "Target"):
-        distance = divergence(paths[name], paths["Target"], target.state)
-        found[name] = {
-            "rms": root_mean_square(distance, target.state),
-            "bands": bands(distance, target.state),
-        }
+        found[name] = compare(paths[name], paths["Target"], target.state)
     return found
 
 
@@ -220,7 +227,7 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
         target_plant(request.config),
         certify.evaluation_starts(request),
     )
-    seed = request.config["evaluate"]["start_seed"]
+    seed = request.start_seed
 
     def returns(name: str) -> FloatArray:
         act = policy_actor(read_policy(recipe.parents[name].path))
@@ -231,13 +238,13 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
 
 
 def notes(artifact: Artifact) -> list[str]:
-    """What was found of recorded deployments, or why layer 3 is missing."""
+    """What was found of recorded deployments, why layer 3 is missing, or where the recording covers too little."""
     evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
     if "deployed" in evaluation:
         return evaluate_deployed.notes(artifact)
     if "not_driven" in evaluation:
         return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
-    return []
+    return [f"warning: {text}" for text in coverage_warnings(evaluation.get("outside_recording") or {})]
 
 
 STAGE = Stage(

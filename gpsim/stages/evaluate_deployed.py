@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import path_length
@@ -18,7 +18,7 @@ from gpsim.recordings import Episode, Recording
 from gpsim.reports.canvas import png
 from gpsim.reports.trip_figures import figure_deployed
 from gpsim.stages.building import make_task
-from gpsim.stages.import_log import read_logs, read_mapping, source_digests
+from gpsim.stages.import_log import changes_of, logs_of, read_logs, read_mapping, salvages, source_digests
 from gpsim.stages.stage import Request
 from gpsim.tasks import GoalReaching
 
@@ -33,8 +33,8 @@ def recipe(request: Request) -> Recipe:
         "goal": _goal(request).tolist(),
         "tolerance": _tolerance(request),
         "mapping": read_mapping(_mapping(request)),
-        "changes": list(section["changes"]),
-        "salvage": section["salvage"],
+        "changes": changes_of(section),
+        "salvage": salvages(section),
         "deployed": source_digests(_sources(request)),
     }
     return Recipe("evaluate", config, {}, {})
@@ -45,7 +45,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     task, goal = _task(request), _goal(request)
     section = request.config["collect"]
     recording, _, mapping = read_logs(
-        _sources(request), _mapping(request), section["changes"], bool(section["salvage"])
+        _sources(request), _mapping(request), changes_of(section), salvages(section)
     )
     if recording.state.names[:2] != ("x", "y"):
         raise UsageError(
@@ -75,7 +75,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "steps": float(there["steps"].mean()) if len(there) else None,
         "path": float(there["path"].mean()) if len(there) else None,
     }
-    write_json(folder / "evaluation.json", {"experiment": request.config["experiment"], "deployed": summary})
+    evaluation = {"experiment": request.config["experiment"], "deployed": plain(summary)}
+    write_json(folder / "evaluation.json", evaluation)
     (folder / "figures").mkdir()
     figure = figure_deployed(paths, goal, task.goal_radius, task.floor)
     (folder / "figures" / "deployed.png").write_bytes(png(figure))
@@ -138,8 +139,7 @@ def _name(recording: Recording, episode: Episode) -> str:
 
 
 def _sources(request: Request) -> list[Path]:
-    given = request.config["deployed"]
-    return [Path(str(one)) for one in (given if isinstance(given, list) else [given])]
+    return logs_of(request.config["deployed"], "deployed")
 
 
 def _mapping(request: Request) -> str:

@@ -40,7 +40,7 @@ def drive_all(
     task, start = goal_task(request), certify.evaluation_starts(request)
     assert task is not None
     endless = replace(task, ends_at_edge=False)  # in simulation nothing stops at the floor's edge
-    seed = request.config["evaluate"]["start_seed"]
+    seed = request.start_seed
     target = target_plant(request.config)
     acts = {name: policy_actor(read_policy(recipe.parents[name].path)) for name in names}
     # The same noise for every policy: they are compared with one another.

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import Json, Recipe, write_json
+from gpsim.artifacts import Json, Recipe, plain, write_json
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
-from gpsim.evaluation.rollout import bands, divergence, root_mean_square
+from gpsim.evaluation.rollout import compare
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.residuals import Residuals
 from gpsim.settings import positive
@@ -49,6 +49,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     evaluation = {
         "experiment": request.config["experiment"],
         "seed": request.seed,
+        "seeds": [request.seed],
         "judged_on": "held-out episodes"
         if held_out
         else "the training episodes: the recording holds nothing out",
@@ -56,7 +57,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "one_step": scores,
         "rollout": _rollouts(request, recipe, judged, folder),
     }
-    write_json(folder / "evaluation.json", evaluation)
+    write_json(folder / "evaluation.json", plain(evaluation))
     request.progress(2, 2, "done")
     return {}
 
@@ -87,7 +88,7 @@ def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path)
         positive(section["rollout_steps"], "evaluate.rollout_steps"),
         positive(section["rollouts"], "evaluate.rollouts"),
     )
-    rng = generator(section["start_seed"], "evaluate/rollouts")
+    rng = generator(request.start_seed, "evaluate/rollouts")
     steps = windows.recorded.shape[1] - 1
     found: dict[str, Any] = {
         "horizon_s": steps * base.dt, "rollouts": len(windows.states), "dt": base.dt, "warm_up_s": WARM_UP * base.dt,
@@ -97,10 +98,6 @@ def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path)
         request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
     ).items():
         paths[name] = replay(plant, windows, rng)
-        distance = divergence(paths[name], windows.recorded, base.state)
-        found[name] = {
-            "rms": root_mean_square(distance, base.state),
-            "bands": bands(distance, base.state),
-        }
+        found[name] = compare(paths[name], windows.recorded, base.state)
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     return found

@@ -26,6 +26,10 @@ def export_recording(path: Path, form: str, out: Path) -> list[str]:
         raise UsageError(f"{out}: exists already; choose another --out")
     if not out.parent.is_dir():
         raise UsageError(f"{out.parent}: no such folder; make it first")
+    if not path.exists() or (path.is_file() and path.stem != "recording"):
+        raise UsageError(
+            f"{path}: no such recording; give a folder with recording.yaml, as `gpsim import` makes"
+        )
     recording = read_recording(path)
     predictions, notes = predict(recording)
     try:

@@ -12,40 +12,39 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
 from gpsim.features import Features
-from gpsim.gp import FitSettings, Predictor, fit_outputs
+from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
 from gpsim.residuals import Residuals
-from gpsim.settings import build, positive
+from gpsim.settings import build, number, positive, texts, truth, whole
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import build_residuals
 from gpsim.stages.building import base_plant
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Request, Stage, generator
 
+OF_THE_STAGE = ("n_train", "inputs", "settle", "filter")
+"""Settings of `gp` that say what is fitted, not how."""
+
 
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
+    check(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Fit and write gp.safetensors, gp.json and fit.json (likelihoods, hyper-parameters, convergence, warnings)."""
-    section = dict(request.config["gp"])
+    section = request.config["gp"]
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
-    section.pop("n_train")
-    features = Features.of(section.pop("inputs"), residuals.channels)
-    base, settle, filtered = (
-        base_plant(request.config),
-        section.pop("settle", 0),
-        section.pop("filter", False),
-    )
+    features = Features.of(input_names(request), residuals.channels)
+    base, settle, filtered = base_plant(request.config), _settle(request), section.get("filter", False)
     count, rows = _count(request), rows_of(request, residuals)
     if len(rows) < 10:
         late = f" whose action has stood for {settle} steps (gp.settle)" if settle else ""
         raise UsageError(
             f"only {len(rows)} training transitions{late}: record more, or hold out fewer episodes"
         )
-    settings = build(FitSettings, section, "gp")
+    settings = fit_settings(request)
     inputs, targets = features(residuals.inputs[rows]), residuals.values[rows]
     gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
     predictor = Predictor(gps)
@@ -64,14 +63,43 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     return {}
 
 
+def check(request: Request) -> None:
+    """Raise UsageError for settings that no fit can have."""
+    section = request.config["gp"]
+    truth(section.get("filter", False), "gp.filter")
+    _count(request), _settle(request), fit_settings(request)
+    base = base_plant(request.config)
+    Features.of(input_names(request), base.state + base.action)
+
+
+def input_names(request: Request) -> list[str]:
+    """The names of the Gaussian processes' inputs, as configured."""
+    return texts(request.config["gp"]["inputs"], "gp.inputs")
+
+
+def fit_settings(request: Request) -> FitSettings:
+    """How the Gaussian processes are fitted, as configured."""
+    section = request.config["gp"]
+    rest = {key: value for key, value in section.items() if key not in OF_THE_STAGE}
+    floor = rest.pop("noise_floor", Bounds().noise_std.low)
+    try:
+        bounds = Bounds(noise_std=Interval(number(floor, "gp.noise_floor"), Bounds().noise_std.high))
+    except ValueError as error:
+        raise UsageError(f"gp.noise_floor: {error}") from error
+    return build(FitSettings, rest, "gp", bounds=bounds)
+
+
+def _settle(request: Request) -> int:
+    return whole(request.config["gp"].get("settle", 0), "gp.settle")
+
+
 def _count(request: Request) -> int:
     return positive(request.config["gp"]["n_train"], "gp.n_train")
 
 
 def rows_of(request: Request, residuals: Residuals) -> IntArray:
     """The rows that the configuration's GPs are conditioned on."""
-    settle = request.config["gp"].get("settle", 0)
-    return chosen_rows(residuals, len(base_plant(request.config).action), _count(request), settle)
+    return chosen_rows(residuals, len(base_plant(request.config).action), _count(request), _settle(request))
 
 
 def chosen_rows(residuals: Residuals, actions: int, count: int, settle: int) -> IntArray:
@@ -80,8 +108,6 @@ def chosen_rows(residuals: Residuals, actions: int, count: int, settle: int) -> 
     The last `actions` columns of the inputs are the actions.
     """
     rows = residuals.training_rows(count)
-    if isinstance(settle, bool) or not isinstance(settle, int) or settle < 0:
-        raise UsageError(f"gp.settle: expected a whole number of at least 0, got {settle!r}")
     if not settle:
         return rows
     return rows[settled_rows(residuals.inputs[:, -actions:], residuals.episode, settle)[rows]]

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
-from gpsim.stages.building import drivable
+from gpsim.settings import positive
+from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp
+from gpsim.stages.building import (
+    base_plant,
+    drivable,
+    make_task,
+    randomised_plant,
+    target_plant,
+    training_settings,
+)
 from gpsim.stages.evaluate import TRAINED_BY, policy_names
 from gpsim.stages.jobs import Finished, Job, Update, run_jobs
 from gpsim.stages.stage import Request
@@ -10,6 +19,7 @@ from gpsim.stages.stage import Request
 
 def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
     """The loop's jobs in the order in which they matter: what others wait for comes first."""
+    _check(request)
     jobs = [job for seed in seeds for job in _plan_seed(request.having(seed=seed), seed)]
     shared = [Job("certify", "certify", request.having(seed=seeds[0]))] if drivable(request.config) else []
     jobs += shared
@@ -18,6 +28,23 @@ def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
         parents = (*after, f"Source · seed {seed}", f"fit-gp · seed {seed}", *(job.label for job in shared))
         jobs.append(Job(f"evaluate · seed {seed}", "evaluate", request.having(seed=seed), parents))
     return jobs
+
+
+def _check(request: Request) -> None:
+    """Settings that are wrong are better found now than after an hour of training."""
+    base_plant(request.config), make_task(request.config)
+    training_settings(request.config)
+    evaluate.check(request)
+    if "Domain randomisation" in policy_names(request):
+        randomised_plant(request.config)
+    collect.check(request)
+    build_residuals.check(request)
+    fit_gp.check(request)
+    if (episodes := request.config["diagnose"]["episodes"]) is not None:
+        positive(episodes, "diagnose.episodes")
+    if drivable(request.config):
+        target_plant(request.config)
+        certify.recipe(request)
 
 
 def _plan_seed(request: Request, seed: int) -> list[Job]:

@@ -25,6 +25,7 @@ from gpsim.recordings.readers import open_log
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import find_logs
 from gpsim.reports.import_figure import draw_channels
+from gpsim.settings import texts, truth
 from gpsim.simulators.registry import SIMULATORS
 
 STAGE_NAME = "import"
@@ -63,6 +64,24 @@ def import_log(
     store = Store(out.resolve().parent, "")
     artifact = store.publish(Recipe(STAGE_NAME, config, {}, {}), write, out=out.resolve())
     return Imported(artifact, recording, report)
+
+
+def logs_of(given: Any, where: str) -> list[Path]:
+    """The logs that a setting names: a path or a list of them."""
+    paths = [given] if isinstance(given, str) else texts(given, where)
+    if not all(paths) or not paths:
+        raise UsageError(f"{where}: name a log, or several as [a.bag, b.bag]")
+    return [Path(path) for path in paths]
+
+
+def changes_of(section: Mapping[str, Any]) -> list[str]:
+    """The changes of the mapping that the configuration's `collect` names."""
+    return texts(section["changes"], "collect.changes")
+
+
+def salvages(section: Mapping[str, Any]) -> bool:
+    """Whether the configuration's `collect` goes on past damage."""
+    return truth(section["salvage"], "collect.salvage")
 
 
 def read_logs(

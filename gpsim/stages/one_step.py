@@ -32,7 +32,7 @@ def scores(
         correction.predictor.noise_variances,
         data.episode[rows],
     )
-    rng = generator(request.config["evaluate"]["start_seed"], "evaluate/one-step/sample")
+    rng = generator(request.start_seed, "evaluate/one-step/sample")
     return {
         name: result.scores(i, rng, sample_noise=correction.sample_noise)
         for i, name in enumerate(data.rate.names)
@@ -46,4 +46,4 @@ def training_inputs(request: Request, residuals: Residuals) -> FloatArray:
 
 def own_inputs(request: Request, data: Residuals) -> FloatArray:
     """(N, D): the GPs' inputs of transitions."""
-    return Features.of(request.config["gp"]["inputs"], data.channels)(data.inputs)
+    return Features.of(fit_gp.input_names(request), data.channels)(data.inputs)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
@@ -31,7 +31,7 @@ from gpsim.stages import (
 )
 from gpsim.stages.building import base_plant, drivable, make_task
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
-from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stage import Request, Stage, quoted
 
 SETTINGS = (
     "simulator",
@@ -62,12 +62,14 @@ def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
         f"{role}/{seed}" if seed is not None else role: artifact
         for role, seed, artifact in _artifacts(request, seeds)
     }
-    return Recipe("report", request.section(*SETTINGS), parents, {"seeds": list(seeds)})
+    # The page prints the command: what is printed is part of what it is made from.
+    config = {**request.section(*SETTINGS), "command": _command(request, seeds)}
+    return Recipe("report", config, parents, {"seeds": list(seeds)})
 
 
 def _write(request: Request, seeds: tuple[int, ...], folder: Path) -> Json:
     report = gather(request, seeds)
-    write_json(folder / "summary.json", _finite(report.summary))
+    write_json(folder / "summary.json", plain(report.summary))
     (folder / "report.html").write_text(render(report), encoding="utf-8")
     return {}
 
@@ -98,6 +100,10 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         slices=_slices(first),
         named=_named(requests) if "Effects" in evaluate.policy_names(request) else {},
         fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
+        outside={
+            seed: evaluation.get("outside_recording") or {}
+            for seed, evaluation in zip(seeds, evaluations, strict=True)
+        },
         states=base.state.names,
         rollouts=_rollouts(evaluated[seeds[0]]),
         dt=base.dt,
@@ -122,8 +128,8 @@ def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
     tables = [evaluate.read_returns(artifact) for artifact in evaluated]
     certified = tables[0][1]
     returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
-    trips = _trips(request, evaluated)
-    return Driven(returns, start_sets(returns, certified, trips.reached if trips else None), trips)
+    trips, steps = _trips(request, evaluated), make_task(request.config).max_steps
+    return Driven(returns, start_sets(returns, certified, steps, trips.reached if trips else None), trips)
 
 
 def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
@@ -164,7 +170,7 @@ def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int 
 
 
 def _made_by(role: str, seed: int | None, artifact: Artifact) -> MadeBy:
-    return MadeBy(artifact.stage, role, artifact.path.name, artifact.digest, seed, artifact.manifest)
+    return MadeBy(artifact.stage, role, artifact.digest, seed, artifact.manifest)
 
 
 def _curve(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
@@ -185,7 +191,9 @@ def _named(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
 
 
 def _rollouts(artifact: Artifact) -> Mapping[str, FloatArray]:
-    return dict(load_file(artifact.path / "rollouts.safetensors"))
+    paths = load_file(artifact.path / "rollouts.safetensors")
+    # A path that ran away ends where it did so: no figure has room for infinity.
+    return {name: np.where(np.isfinite(path), path, np.nan) for name, path in paths.items()}
 
 
 def _limits(task: Mapping[str, Any]) -> dict[str, float]:
@@ -194,7 +202,9 @@ def _limits(task: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _command(request: Request, seeds: tuple[int, ...]) -> str:
-    words = [word for word in request.words if not word.startswith("seed=")]
+    """What makes the report again, wherever its artifacts lie."""
+    given = [word for word in request.words if word.partition("=")[0].lstrip("+") not in ("seed", "runs_dir")]
+    words = [quoted(word) for word in given]
     start = [f"seed={seeds[0]}"] if seeds[0] else []
     several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []
     return " ".join(["gpsim run full-loop", *words, *start, *several])
@@ -203,12 +213,3 @@ def _command(request: Request, seeds: tuple[int, ...]) -> str:
 def _json(artifact: Artifact, name: str) -> Json:
     content: Json = json.loads((artifact.path / name).read_text(encoding="utf-8"))
     return content
-
-
-def _finite(value: Any) -> Any:
-    """NaN and infinity as null: JSON has neither."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value

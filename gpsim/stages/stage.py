@@ -12,10 +12,14 @@ import numpy as np
 
 from gpsim.artifacts import Artifact, Json, Recipe, Store, file_digest
 from gpsim.errors import UsageError
+from gpsim.settings import whole
 from gpsim.simulators import source_file
 
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note)"""
+
+LATER: Mapping[str, Mapping[str, Any]] = {"gp": {"noise_floor": 1e-3}}
+"""Settings that came after artifacts were made, at the value that these have: so they are still found."""
 
 
 def silent(done: int, total: int, note: str) -> None:
@@ -45,10 +49,12 @@ class Request:
     @property
     def seed(self) -> int:
         """The seed of the loop."""
-        seed = self.config["seed"]
-        if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise UsageError(f"seed: expected a whole number of at least 0, got {seed!r}")
-        return seed
+        return whole(self.config["seed"], "seed")
+
+    @property
+    def start_seed(self) -> int:
+        """What draws the evaluation's starts and data, whatever the loop's seed."""
+        return whole(self.config["evaluate"]["start_seed"], "evaluate.start_seed")
 
     def having(self, **values: Any) -> Request:
         """The same request with some top-level settings changed, in the words too."""
@@ -56,9 +62,15 @@ class Request:
         words = kept + tuple(f"{key}={value}" for key, value in values.items())
         return replace(self, config={**self.config, **values}, words=words, out=None, number=None)
 
+    def _deciding(self, key: str) -> Any:
+        later = LATER.get(key, {})
+        if not later:
+            return self.config[key]
+        return {k: v for k, v in self.config[key].items() if k not in later or v != later[k]}
+
     def section(self, *keys: str) -> Json:
         """The named parts of the configuration: what decides a stage's bytes; of a user's simulator its file, too."""
-        parts = {key: self.config[key] for key in keys}
+        parts = {key: self._deciding(key) for key in keys}
         if "simulator" in parts and (source := source_file(str(parts["simulator"]["name"]))):
             if not source.is_file():
                 raise UsageError(f"simulator.name: no file {source}; give FILE.py:ClassName")
@@ -81,7 +93,7 @@ class Stage:
 
     def command(self, request: Request) -> str:
         """The command line that makes this artifact."""
-        return " ".join(["gpsim", self.name, *(_quoted(word) for word in request.words)])
+        return " ".join(["gpsim", self.name, *(quoted(word) for word in request.words)])
 
     def need(self, request: Request) -> Artifact:
         """The finished artifact; a UsageError names the command that makes it."""
@@ -115,5 +127,6 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng(derived_seed(seed, purpose))
 
 
-def _quoted(word: str) -> str:
+def quoted(word: str) -> str:
+    """A word as a shell takes it."""
     return f"'{word}'" if any(c in word for c in " ()[]{},&;$*?") else word

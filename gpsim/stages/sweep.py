@@ -16,7 +16,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.settings import positive
 from gpsim.stages.building import base_plant, make_task, target_plant
-from gpsim.stages.import_log import read_logs, read_mapping, write_import
+from gpsim.stages.import_log import changes_of, read_logs, read_mapping, write_import
 from gpsim.stages.stage import Request, generator
 from gpsim.targets import Limo
 from gpsim.tasks import GoalReaching
@@ -59,7 +59,7 @@ def run_sweep(request: Request, folder: Path) -> Json:
     topics = _topics(request)
     write_ros1_bag(folder / ROS1_BAG, log, topics)
     write_ros2_bag(folder / ROS2_BAG, log, topics)
-    recording, report, _ = read_logs([folder / ROS1_BAG], str(section["mapping"]), section["changes"])
+    recording, report, _ = read_logs([folder / ROS1_BAG], str(section["mapping"]), changes_of(section))
     write_import(recording, report, folder)
     return {"transitions": recording.transition_count, "put_back": returns}
 

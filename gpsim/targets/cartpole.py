@@ -19,6 +19,8 @@ from gpsim.simulators.plant import Memory
 Contact = Literal["chatter", "stick"]
 CONTACTS: tuple[Contact, ...] = ("chatter", "stick")
 
+PARAMETERS = ("gravity", "cart_mass", "pole_mass", "pole_half_length")
+
 
 def cart_pole_accelerations(
     state: FloatArray, force: FloatArray, direction: FloatArray, p: Mapping[str, float], friction: float
@@ -53,6 +55,19 @@ class FrictionCartPole:
 
     state: ClassVar[Channels] = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"})
     action: ClassVar[Channels] = Channels.of({"force": "N"})
+
+    def __post_init__(self) -> None:
+        for name in PARAMETERS:
+            if not self.parameters.get(name, 0.0) > 0.0:
+                raise ValueError(
+                    f"parameters.{name} must be a positive number, got {self.parameters.get(name)}"
+                )
+        if not self.friction >= 0.0:
+            raise ValueError(f"friction must be at least 0, got {self.friction:g}")
+        if not self.dt > 0.0:
+            raise ValueError(f"dt must be positive, got {self.dt:g}")
+        if self.substeps < 1:
+            raise ValueError(f"substeps must be at least 1, got {self.substeps}")
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Nothing to remember."""

@@ -41,6 +41,13 @@ class Limo:
     substeps: int
 
     def __post_init__(self) -> None:
+        if (
+            min(self.track, self.position_noise, self.yaw_noise) < 0
+            or min(self.scale_left, self.scale_right) <= 0
+        ):
+            raise ValueError("track and noises must be at least 0, the scales positive")
+        if not self.inner_angle < 90:
+            raise ValueError(f"inner_angle must be less than 90 degrees, got {self.inner_angle:g}")
         if min(self.wheelbase, self.inner_angle, self.dt, self.mocap_rate) <= 0 or self.delay < 0:
             raise ValueError("lengths, angles, rates and dt must be positive, the delay at least 0")
         if min(self.steering_lag, self.motor_lag) <= 0 or self.substeps < 1:

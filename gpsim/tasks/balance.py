@@ -28,6 +28,16 @@ class Balance:
     start_range: float = 0.05
     max_steps: int = 500
 
+    def __post_init__(self) -> None:
+        limits = {"force": self.force, "angle_limit": self.angle_limit, "position_limit": self.position_limit}
+        for name, value in limits.items():
+            if value is not None and not value > 0:
+                raise ValueError(f"{name} must be positive, got {value:g}")
+        if not self.start_range >= 0:
+            raise ValueError(f"start_range must be at least 0, got {self.start_range:g}")
+        if self.max_steps < 1:
+            raise ValueError(f"max_steps must be at least 1, got {self.max_steps}")
+
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
         """The raw state (4,)."""

@@ -40,9 +40,25 @@ class GoalReaching:
     ends_at_edge: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("speed", "turn", "evaluation_goal"):
+            if len(getattr(self, name)) != 2:
+                raise ValueError(f"{name} must be two numbers, got {list(getattr(self, name))}")
+        for name in ("goal_radius", "floor"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name):g}")
+        for name in ("agent_radius", "evaluation_spread"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} must be at least 0, got {getattr(self, name):g}")
+        for name in ("max_steps", "evaluation_headings"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
         if not self.arena > 2.0 * self.agent_radius:
             raise ValueError(
                 f"arena {self.arena:g} m has no room for an agent of radius {self.agent_radius:g} m"
+            )
+        if not self.goal_radius < self.arena / 2.0 - self.agent_radius:
+            raise ValueError(
+                f"goal_radius {self.goal_radius:g} m leaves no room in the arena for a way to the goal"
             )
         if not (self.speed[0] < self.speed[1] and self.turn[0] < self.turn[1]):
             raise ValueError("speed and turn need a lower bound below the upper one")

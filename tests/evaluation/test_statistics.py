@@ -1,12 +1,16 @@
 """Statistics against closed forms and scipy."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy import stats
 
+from gpsim.artifacts import plain
+from gpsim.channels import Channels
 from gpsim.evaluation.one_step import OneStep, outside_range
 from gpsim.evaluation.returns import summarise
-from gpsim.evaluation.rollout import bands, divergence, roll_out
+from gpsim.evaluation.rollout import bands, compare, divergence, roll_out
 from gpsim.evaluation.statistics import bootstrap_interval, interquartile_mean, nrmse, r2
 from gpsim.evaluation.summary import start_sets, summarise_seeds
 from gpsim.simulators import make_simulator
@@ -86,6 +90,37 @@ def test_rollouts_of_the_same_plant_do_not_diverge_and_others_do():
     assert len(band["q90"]) == 31
 
 
+@pytest.mark.filterwarnings("error")
+def test_rollouts_that_run_away_are_counted_and_leave_the_others_readable():
+    channels = Channels.of({"x": "m", "yaw": "rad"})
+    target = np.zeros((20, 5, 2))
+    paths = np.full((20, 5, 2), 0.5)
+    paths[0, 3:], paths[1, 4:, 1] = np.nan, np.inf
+    found = plain(compare(paths, target, channels))
+    assert found["not_finite"] == 2
+    assert found["bands"]["x"]["median"] == [0.5] * 5
+    assert found["rms"] == {"x": None, "yaw": None}
+    json.dumps(found, allow_nan=False)
+    assert compare(target, target, channels)["not_finite"] == 0
+
+
+def test_a_residual_without_a_range_has_scores_that_json_can_hold():
+    n = 30
+    flat = OneStep(np.zeros((n, 1)), np.zeros((n, 1)), np.zeros((n, 1)), np.array([1e-6]), np.zeros(n, int))
+    scores = plain(flat.scores(0, np.random.default_rng(0), sample_noise=True))
+    assert scores["mean"]["nrmse"] is scores["mean"]["r2"] is None
+    assert scores["coverage"]["0.9"] == 1.0
+    json.dumps(scores, allow_nan=False)
+
+
+def test_the_average_over_seeds_knows_no_number_that_one_seed_lacks():
+    evaluations = [evaluation(0, 0.1), evaluation(1, None), {**evaluation(2, 0.2), "rollout": {"new": 3}}]
+    summary = summarise_seeds(evaluations, {}, {}, "cartpole")
+    assert summary["one_step"]["x_acc"]["mean"]["nrmse"] is None
+    assert summary["outside_recording"] == {"policy": 0.0}
+    assert summary["rollout"]["new"] is summary["rollout"]["horizon_s"] is None
+
+
 def evaluation(seed, nrmse_value):
     return {
         "seed": seed,
@@ -102,7 +137,7 @@ def test_the_three_sets_of_starts_and_the_average_over_seeds():
         "Target": np.array([[500.0, 30, 30, 30], [500, 500, 30, 30]]),
     }
     certified = np.array([True, True, True, False])
-    sets = start_sets(returns, certified)
+    sets = start_sets(returns, certified, 500)
     assert sets["returns"].tolist() == [True, True, False, False]
     assert sets["returns_all"].all()
     summary = summarise_seeds([evaluation(0, 0.1), evaluation(1, 0.3)], returns, sets, "cartpole")
@@ -112,7 +147,9 @@ def test_the_three_sets_of_starts_and_the_average_over_seeds():
     assert summary["returns"]["Source"]["episodes"] == 4
     assert summary["one_step"]["x_acc"]["mean"]["nrmse"] == pytest.approx(0.2)
     assert summary["rollout"]["Source"]["bands"]["x"]["median"] == [0.0, 0.5]
-    without = start_sets({"Source": returns["Source"]}, certified)
+    # What no policy survived is not solved, however far it got.
+    assert not start_sets(returns, certified, 600)["returns"].any()
+    without = start_sets({"Source": returns["Source"]}, certified, 500)
     assert without["returns"].tolist() == certified.tolist()
 
 

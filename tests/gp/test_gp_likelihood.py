@@ -21,7 +21,7 @@ from gpsim.gp import (
     log_marginal_likelihood,
 )
 from gpsim.gp.exact import Likelihood
-from gpsim.gp.kernels import covariance, prior_variance
+from gpsim.gp.kernels import covariance
 
 IDENTITY_2 = Standardisation(np.zeros(2), np.ones(2), 0.0, 1.0)
 
@@ -99,7 +99,6 @@ def test_covariance_is_the_formula_of_the_thesis() -> None:
     rng = np.random.default_rng(0)
     a, b, hyper = rng.normal(size=(7, 3)), rng.normal(size=(5, 3)), random_hyper(rng, 3)
     np.testing.assert_allclose(covariance(a, b, hyper), dense_covariance(a, b, hyper), rtol=1e-12)
-    np.testing.assert_allclose(prior_variance(a, hyper), np.diag(dense_covariance(a, a, hyper)), rtol=1e-12)
 
 
 def test_rbf_part_agrees_with_scikit_learn() -> None:

@@ -70,7 +70,7 @@ def _report(seeds: int = 1, policies: tuple[str, ...] = tuple(POLICIES)) -> Loop
         limits={"theta": 0.2},
         settings={"gp": {"n_train": 250, "inputs": ["x", "sign(x_dot)"]}, "sample_noise": True},
         artifacts=[
-            MadeBy("fit-gp", "fit-gp", "v0001", "ab" * 32, seed, {"stage": "fit-gp", "note": "<b>&</b>"})
+            MadeBy("fit-gp", "fit-gp", "ab" * 32, seed, {"stage": "fit-gp", "note": "<b>&</b>"})
             for seed in range(seeds)
         ],
         command="gpsim run full-loop experiment=cartpole",

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from gpsim.reports.loop_report import LoopReport
+from gpsim.reports.model_sheets import gp_warnings
 from gpsim.reports.page import render
-from gpsim.reports.tables import terminal_tables
+from gpsim.reports.tables import terminal_notes, terminal_tables
 
 
 class _Reader(HTMLParser):
@@ -142,6 +143,21 @@ def test_what_lies_outside_the_recording_is_said(make_report: Any) -> None:
     shares = {"policy": 0.031, "random": 0.4, "deployed": float("nan")}
     page = render(replace(report, summary={**report.summary, "outside_recording": shares}))
     assert "training rows: 3 % of the source policy&#39;s, 40 % of random." in page
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_much_outside_the_recording_is_a_warning(make_report: Any) -> None:
+    report = make_report(3)
+    outside = {0: {"policy": 0.9, "deployed": 0.1}, 1: {"deployed": 0.347}, 2: {"deployed": None}}
+    found = [text for text in gp_warnings(replace(report, outside=outside)) if "outside" in text]
+    assert len(found) == 1
+    assert found[0].startswith("35 % of what the deployed GP policy visits")
+    assert found[0].endswith("(seed 1)")
+    page = render(replace(report, outside=outside))
+    assert found[0] in page.split('class="warnings"')[1].split("</div>")[0]
+    assert f"warning: {found[0]}" in terminal_notes(replace(report, outside=outside))
+    # Without a fit to speak of, the warning still has its box.
+    assert 'class="warnings"' in render(replace(report, outside=outside, fits={}))
 
 
 @pytest.mark.usefixtures("undrawn")

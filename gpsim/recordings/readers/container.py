@@ -8,7 +8,6 @@ from typing import Literal, Protocol
 
 from gpsim.recordings.readers.damage import Ledger
 
-Encoding = Literal["ros1", "cdr"]
 DefinitionFormat = Literal["msg", "idl", "none"]
 Message = tuple[int, int, bytes]
 """(stream id, receive time [ns since 1970], serialised message)."""
