@@ -14,7 +14,7 @@ from gpsim.errors import UsageError
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import source_file
-from gpsim.stages import evaluate, fit_gp, report, train_source
+from gpsim.stages import evaluate, fit_gp, report, train_gp_policy, train_source
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
 from gpsim.stages.evaluate_recording import judged_episodes
@@ -137,3 +137,14 @@ def test_the_page_does_not_know_where_its_artifacts_lie(tmp_path: Path):
         made.append((report._command(asked, (0, 1)), report._made_by("fit-gp", 0, artifact)))
     assert made[0] == made[1]
     assert made[0][0] == "gpsim run full-loop gp=raw --seeds 2"
+
+
+def test_policies_of_older_training_code_are_not_kept(monkeypatch, tmp_path: Path):
+    diagnosis = Artifact(tmp_path, {"stage": "diagnose"}, "ab" * 32)
+    monkeypatch.setattr(train_gp_policy, "find_diagnosis", lambda asked: diagnosis)
+    asked = request("correction=effects")
+    for stage in (train_source, train_gp_policy):
+        before = stage.recipe(asked).key
+        assert stage.recipe(asked).key == before
+        monkeypatch.setattr(stage, "TRAINING_FORMAT", stage.TRAINING_FORMAT + 1)
+        assert stage.recipe(asked).key != before

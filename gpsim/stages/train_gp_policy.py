@@ -9,6 +9,7 @@ from gpsim.artifacts import Artifact, Json, Recipe
 from gpsim.corrected import PREDICTIONS, CorrectedPlant, GpCorrection
 from gpsim.corrected_effects import EffectsPlant
 from gpsim.errors import UsageError
+from gpsim.learning import TRAINING_FORMAT
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages import fit_gp
@@ -33,7 +34,8 @@ def recipe(request: Request) -> Recipe:
     parents = (
         {"gp": fit_gp.STAGE.need(request)} if correction == "gp" else {"diagnosis": find_diagnosis(request)}
     )
-    return Recipe("train-gp-policy", request.section(*keys), parents, {"seed": request.seed})
+    config = {**request.section(*keys), "training_format": TRAINING_FORMAT}
+    return Recipe("train-gp-policy", config, parents, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:

@@ -11,7 +11,7 @@ from gymnasium.spaces import Discrete
 from gpsim.artifacts import Json, Recipe
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.learning import PpoSettings
+from gpsim.learning import TRAINING_FORMAT, PpoSettings
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages.building import base_plant, make_task, randomised_plant, target_plant, training_settings
@@ -27,7 +27,7 @@ def recipe(request: Request) -> Recipe:
     """Everything the policy depends on; only the target variant depends on the target."""
     variant = choice(request.config["variant"], VARIANTS, "variant")
     config = request.section("variant", "simulator", "task", "policy", *_EXTRA[variant])
-    return Recipe("train-source", config, {}, {"seed": request.seed})
+    return Recipe("train-source", {**config, "training_format": TRAINING_FORMAT}, {}, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
