@@ -17,6 +17,7 @@ class BatterySag(ActuatorEffect):
 
     family: ClassVar[str] = "battery_sag"
     order: ClassVar[int] = 60
+    drifts: ClassVar[bool] = True
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """loss_per_second [1/s]."""

@@ -71,6 +71,7 @@ class Effect(ABC):
     variants: ClassVar[tuple[str, ...]] = ("",)
     gated: ClassVar[bool] = True  # may a region or an onset limit it?
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
+    drifts: ClassVar[bool] = False  # does it change with time by itself, as a battery does?
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 
     @abstractmethod

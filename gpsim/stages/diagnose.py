@@ -13,7 +13,7 @@ import pandas as pd
 from gpsim.artifacts import Artifact, Json, Recipe, file_digest, read_artifact, write_json
 from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
-from gpsim.corrected_effects import EffectsPlant, describe, plant_from
+from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
@@ -129,7 +129,8 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
         found = diagnose(recording, simulator, parameters, rng, request.progress)
     report = _plain(found.report)
     write_json(folder / "diagnosis.json", report)
-    write_json(folder / "corrected.json", describe(found.plant, gp=True))
+    plant = replace(found.plant, ages=ages_of(found.question.recording))
+    write_json(folder / "corrected.json", describe(plant, gp=True))
     write_gp(folder, found.comparison.gp, found.comparison.features)
     (folder / "figures").mkdir()
     pictures = figures(found)
