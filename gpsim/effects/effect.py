@@ -47,7 +47,7 @@ class EffectParameter:
 class Place:
     """Where an effect may act: the name it acts on, and how large things typically are there.
 
-    unit: of a force on the coordinate, of the action, channel or parameter. span: the typical size of that quantity
+    unit: of a force on the coordinate, of the action, channel or parameter. length: the unit of a coordinate's position. span: the typical size of that quantity
     in the recording (for a coordinate: of the force). middle: of a coordinate's positions; reach: their range, or of
     time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal
     force is known.
@@ -61,6 +61,12 @@ class Place:
     speed: float = 1.0
     dt: float = 0.02
     loaded: bool = False
+    length: str = ""
+
+    @property
+    def position_unit(self) -> str:
+        """The unit of a coordinate's position; where nobody said, what usually goes with the unit of its force."""
+        return self.length or ("m" if self.unit == "N" else "rad")
 
 
 class Effect(ABC):

@@ -176,6 +176,32 @@ def test_every_family_says_what_it_needs_on_every_simulator():
                     assert "\n" not in spoken
 
 
+@pytest.mark.parametrize(
+    ("force", "length", "expected"),
+    [
+        ("kN", "m", ["kN s/m", "kN s^2/m^2", "kN/m", "m", "m/s"]),
+        ("N", "mm", ["N s/mm", "N s^2/mm^2", "N/mm", "mm", "mm/s"]),
+        ("N m", "rad", ["N m s/rad", "N m s^2/rad^2", "N m/rad", "rad", "rad/s"]),
+        ("N", "", ["N s/m", "N s^2/m^2", "N/m", "m", "m/s"]),
+        ("N m", "", ["N m s/rad", "N m s^2/rad^2", "N m/rad", "rad", "rad/s"]),
+    ],
+)
+def test_units_of_forces_follow_from_the_position_they_depend_on(force, length, expected):
+    """A length unit that nobody gave is guessed from the force's, as for the built-in systems."""
+    place = Place("q", force, length=length)
+    units = {
+        family: {p.name: p.unit for p in FAMILIES[family].parameters(place)}
+        for family in ("viscous_friction", "quadratic_drag", "spring", "stribeck_friction")
+    }
+    assert [
+        units["viscous_friction"]["damping"],
+        units["quadratic_drag"]["drag"],
+        units["spring"]["stiffness"],
+        units["spring"]["rest_position"],
+        units["stribeck_friction"]["stribeck_velocity"],
+    ] == expected
+
+
 def test_the_registry_refuses_duplicates_and_names_the_alternatives():
     with pytest.raises(ValueError, match="twice"):
         register([FAMILIES["spring"], FAMILIES["spring"]])
