@@ -47,9 +47,10 @@ class EffectParameter:
 class Place:
     """Where an effect may act: the name it acts on, and how large things typically are there.
 
-    unit: of a force on the coordinate, of the action, channel or parameter. length: the unit of a coordinate's position. span: the typical size of that quantity
-    in the recording (for a coordinate: of the force). middle: of a coordinate's positions; reach: their range, or of
-    time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal
+    unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
+    the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
+    positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
+    recording's step [s]. loaded: a normal
     force is known.
     """
 

@@ -15,11 +15,13 @@ from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.hidden import guessed, hidden_channels
 from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.reports.diagnosis_page import figures, page
+from gpsim.residuals import check_match, check_rates
 from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator
@@ -124,6 +126,9 @@ def _recipe(request: Request, task: Task) -> Recipe:
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
     parameters = simulator.defaults(recording.parameters)
+    hidden = hidden_channels(recording, simulator)
+    check_match(recording, simulator, hidden=hidden)
+    check_rates(guessed(recording, simulator), simulator, parameters)
     rng = generator(request.seed, "diagnose")
     with cores(request.cores):
         found = diagnose(recording, simulator, parameters, rng, request.progress)
