@@ -1,5 +1,8 @@
 """Effects against closed-form solutions: memory, sticking, composition, gates, and the registry's promises."""
 
+import re
+import sys
+
 import numpy as np
 import pytest
 
@@ -214,3 +217,16 @@ def test_terms_survive_json():
     assert from_json(to_json(term)) == term
     with pytest.raises(UsageError, match="an effect needs"):
         from_json({"family": "spring"})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_states_its_law_its_units_and_where_it_comes_from(family):
+    """A reference has a year; what is plain arithmetic says that it is a definition."""
+    effect = FAMILIES[family]
+    source = sys.modules[type(effect).__module__].__doc__ or ""
+    assert re.search(r"\b1[6-9]\d\d\b|\b20\d\d\b|Definition:", source), source
+    assert type(effect).__doc__
+    assert type(effect).parameters.__doc__
+    simulators = [make_simulator(name) for name in SIMULATORS]
+    on = next(place for simulator in simulators for place in effect.places(simulator))
+    assert all(p.unit for p in effect.parameters(Place(on, "N")))
