@@ -16,6 +16,7 @@ from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.hidden import guessed, hidden_channels
+from gpsim.diagnosis.traces import course, traces
 from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
@@ -138,9 +139,10 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     write_json(folder / "corrected.json", describe(plant, gp=True))
     write_gp(folder, found.comparison.gp, found.comparison.features)
     (folder / "figures").mkdir()
-    pictures = figures(found)
+    leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]
+    pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))
     for name, picture in pictures.items():
-        (folder / "figures" / f"{name}.png").write_bytes(picture)
+        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
     (folder / "report.html").write_text(page(report, pictures, str(task.recording.name)), encoding="utf-8")
     return {}
 
