@@ -71,13 +71,18 @@ class Place:
 
 
 class Effect(ABC):
-    """One family. Subclasses choose a site's base class and write the law."""
+    """One family. Subclasses choose a site's base class and write the law.
+
+    What a search or a plant has to know of a family beside its law, the family says in class attributes, so that nobody
+    has to know it by name: whether it `drifts`, and which family it is a patch of (`patch_of`).
+    """
 
     family: ClassVar[str]
     site: ClassVar[Site]
     variants: ClassVar[tuple[str, ...]] = ("",)
     gated: ClassVar[bool] = True  # may a region or an onset limit it?
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
+    patch_of: ClassVar[str | None] = None  # the family whose law it is in a region of its own coordinate
     drifts: ClassVar[bool] = False  # does it change with time by itself, as a battery does?
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 

@@ -8,7 +8,7 @@ import pytest
 
 from gpsim.effects import FAMILIES, Gate, Place, Term
 from gpsim.effects.chain import Chain
-from gpsim.effects.registry import register
+from gpsim.effects.registry import effect_of, has_patch, register
 from gpsim.effects.term import from_json, to_json
 from gpsim.errors import UsageError
 from gpsim.simulators import SIMULATORS, make_simulator
@@ -230,3 +230,27 @@ def test_every_family_states_its_law_its_units_and_where_it_comes_from(family):
     simulators = [make_simulator(name) for name in SIMULATORS]
     on = next(place for simulator in simulators for place in effect.places(simulator))
     assert all(p.unit for p in effect.parameters(Place(on, "N")))
+
+
+@pytest.mark.parametrize("family", [f for f, e in FAMILIES.items() if e.site == "actuator"])
+def test_a_family_says_that_it_drifts_if_its_law_knows_the_time(family):
+    effect, commands = FAMILIES[family], np.array([[1.0, -2.0, 3.0]])
+    values = {p.name: np.array([[p.starts[0]]]) for p in effect.parameters(Place("u", "N"))}
+    step = np.full((1, 3), H)
+    said = [
+        effect.actuate(commands, values, effect.begin(1, 0.5, H), step, late + H * np.arange(3.0)[None])
+        for late in (0.0, 3.0)
+    ]
+    assert (not np.array_equal(*said)) == effect.drifts
+
+
+def test_a_patch_names_the_law_that_it_is_a_piece_of():
+    """Inside its region a patch grips as its family does everywhere, and it makes sense in a region only."""
+    patches = {f: e.patch_of for f, e in FAMILIES.items() if e.patch_of is not None}
+    assert patches == {"local_friction_patch": "coulomb_friction"}
+    assert [f for f in FAMILIES if has_patch(f)] == ["coulomb_friction"]
+    q, values = np.zeros(2), {"force": np.array([1.5, 2.0])}
+    for family, whole in patches.items():
+        assert FAMILIES[family].needs_region
+        grips = [effect_of(f).grip(q, q + 1.0, values, None) for f in (family, whole)]
+        np.testing.assert_array_equal(*grips)
