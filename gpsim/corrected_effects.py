@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,8 +15,9 @@ from gpsim.effects import Term
 from gpsim.effects.chain import Chain, Scheme
 from gpsim.effects.term import from_json, to_json
 from gpsim.errors import UsageError
+from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
-from gpsim.simulators.plant import Memory
+from gpsim.simulators.plant import Memory, restart
 from gpsim.simulators.simulator import INTEGRATORS
 
 SCHEMA = "gpsim.corrected/1"
@@ -24,10 +25,13 @@ SCHEMA = "gpsim.corrected/1"
 
 @dataclass(frozen=True)
 class EffectsPlant:
-    """Base simulator plus terms: every episode of the batch has its own memory (delays, lags, time since its start).
+    """Base simulator plus terms: every episode of the batch has its own memory (delays, lags, late sensors, its age).
 
-    States are the true ones; `measure` says what the corrected sensors make of them. Terms that began inside the
-    recording (`since`) act from the start: they describe the system as it is now.
+    States are the true ones; `measure` says what the corrected sensors make of them, as late as they are. Terms that
+    began inside the recording (`since`) act from the start: they describe the system as it is now.
+
+    ages: s. What changes with time by itself, a battery, goes by an episode's age: drawn anew for every episode,
+    uniformly from these, the first and the last moment at which an episode of the recording began.
     """
 
     simulator: Simulator
@@ -37,6 +41,7 @@ class EffectsPlant:
     substeps: int
     dt: float
     correction: RateCorrection | None = None
+    ages: tuple[float, float] = (0.0, 0.0)
 
     @property
     def state(self) -> Channels:
@@ -51,12 +56,16 @@ class EffectsPlant:
     @cached_property
     def chain(self) -> Chain:
         """What steps it."""
-        return Chain(self.simulator, self.parameters, self.terms, self.scheme, self.dt)
+        begun = tuple(replace(t, gate=replace(t.gate, since=None, until=None)) for t in self.terms)
+        return Chain(self.simulator, self.parameters, begun, self.scheme, self.dt)
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
-        """Actuators at rest, clocks at zero."""
+        """Actuators at rest, clocks at the episodes' ages, sensors that have seen nothing."""
         memory = {f"effects/{k}": v for k, v in self.chain.rest(count, self._step).items()}
-        memory["clock"] = np.full(count, self._latest)
+        memory["clock"] = self._drawn_ages(count, rng)
+        if self.chain.watches:
+            memory |= {f"seen/{k}": v for k, v in self._still(np.zeros((count, len(self.state)))).items()}
+            memory["met"] = np.zeros(count)
         if self.correction is not None:
             memory |= {f"gp/{k}": v for k, v in self.correction.begin(count, rng).items()}
         return memory
@@ -66,40 +75,66 @@ class EffectsPlant:
     ) -> FloatArray:
         """(B, S): the true state after one control step."""
         count = len(state)
-        effects = {k.removeprefix("effects/"): v for k, v in memory.items() if k.startswith("effects/")}
-        values = [{k: np.full(count, v) for k, v in term.values.items()} for term in self.terms]
+        effects, values, seen = _part(memory, "effects/"), self._values(count), self._seen(state, memory)
         extra = None
         if self.correction is not None:
-            own = {k.removeprefix("gp/"): v for k, v in memory.items() if k.startswith("gp/")}
-            extra = self.correction.rates(state, action, own, rng)
+            extra = self.correction.rates(state, action, _part(memory, "gp/"), rng)
         step = np.full(count, self._step)
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
             command = self.chain.command(action, state, values, effects, step, now)
             state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step
+            self.chain.watch(state, seen)
         return state
 
-    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """(B, S): what the corrected sensors say, their delays and noise left out."""
-        still = Chain(
-            self.simulator,
-            self.parameters,
-            tuple(t for t in self.terms if t.family != "sensor_delay"),
-            self.scheme,
-            self.dt,
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what the corrected sensors say, their noise left out."""
+        count = len(state)
+        return self.chain.measure(
+            state, self._values(count), self._seen(state, memory), np.full(count, self._step)
         )
-        values = [{k: np.full(len(state), v) for k, v in term.values.items()} for term in still.terms]
-        return still.measure(state, values, {}, np.full(len(state), self.dt))
+
+    def _values(self, count: int) -> list[dict[str, FloatArray]]:
+        return [{k: np.full(count, v) for k, v in term.values.items()} for term in self.terms]
+
+    def _seen(self, state: FloatArray, memory: Memory) -> Memory:
+        """What the sensors remember; those of a new episode have seen its first state only, standing still."""
+        seen = _part(memory, "seen/")
+        if seen and not memory["met"].all():
+            new = memory["met"] == 0.0
+            restart(seen, new, self._still(state[new]))
+            memory["met"][new] = 1.0
+        return seen
+
+    def _still(self, state: FloatArray) -> Memory:
+        """The memory of sensors that have long looked at a state (B, S)."""
+        back = self.chain.reach(self._values(1), np.array([self._step]))
+        return self.chain.watchers(np.repeat(state[:, None], back, axis=1))
+
+    def _drawn_ages(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """(count,) s; a drift that began inside the recording is no younger than its onset."""
+        onsets = [t.gate.since or 0.0 for t in self.terms if t.effect.drifts]
+        if not onsets:
+            return np.zeros(count)
+        youngest = max(self.ages[0], *onsets)
+        oldest = max(self.ages[1], youngest)
+        return rng.uniform(youngest, oldest, count) if oldest > youngest else np.full(count, youngest)
 
     @property
     def _step(self) -> float:
         return self.dt / (self.substeps * self.chain.refinement if self.scheme == "fine" else 1)
 
-    @property
-    def _latest(self) -> float:
-        """The clock at an episode's start: late enough for every onset to have passed."""
-        return max((t.gate.since for t in self.terms if t.gate.since is not None), default=0.0)
+
+def _part(memory: Memory, prefix: str) -> Memory:
+    """The views of one part's memory."""
+    return {key.removeprefix(prefix): values for key, values in memory.items() if key.startswith(prefix)}
+
+
+def ages_of(recording: Recording) -> tuple[float, float]:
+    """The first and the last moment [s] of a recording's clock at which an episode began."""
+    starts = [float(episode.t[0]) for episode in recording.episodes]
+    return min(starts), max(starts)
 
 
 def describe(plant: EffectsPlant, gp: bool) -> dict[str, Any]:
@@ -112,6 +147,7 @@ def describe(plant: EffectsPlant, gp: bool) -> dict[str, Any]:
         "scheme": plant.scheme,
         "substeps": plant.substeps,
         "terms": [to_json(term) for term in plant.terms],
+        "ages": list(plant.ages),
         "gp": gp,
     }
 
@@ -127,6 +163,7 @@ def plant_from(
             raise UsageError(
                 f"corrected.json: scheme '{data['scheme']}' is not one of fine, {', '.join(INTEGRATORS)}"
             )
+        low, high = data.get("ages", (0.0, 0.0))  # earlier versions knew none
         return EffectsPlant(
             simulator,
             simulator.defaults(data["parameters"]),
@@ -135,6 +172,7 @@ def plant_from(
             int(data["substeps"]),
             float(data["dt"]),
             correction,
+            (float(low), float(high)),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(

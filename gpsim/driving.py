@@ -48,7 +48,7 @@ class _Log:
 
     def place(self, t: float, state: FloatArray) -> FloatArray:
         """The car stands at state (1, 3) at t; returns what the motion capture says (1, 3)."""
-        seen = self._car.measure(state, self._rng)
+        seen = self._car.measure(state, {}, self._rng)
         self._pose_t.append(np.array([t]))
         self._poses.append(seen)
         return seen
@@ -64,7 +64,7 @@ class _Log:
         """Send the command and drive for a control step; returns the true pose (1, 3) and the measured one."""
         self.send(t, command)
         true = self._car.glimpses(state, command[None], memory)[0]
-        seen = self._car.measure(true, self._rng)
+        seen = self._car.measure(true, {}, self._rng)
         self._pose_t.append(t + self._car.dt * np.arange(1, len(true) + 1) / len(true))
         self._poses.append(seen)
         return true[-1:], seen[-1:]

@@ -45,7 +45,16 @@ class Episodes:
 
     def observe(self) -> NDArray[np.float32]:
         """(B, O): what the policy sees now, of the measured states."""
-        return self.task.observe(self.plant.measure(self.states, self.rng), self.context)
+        return self.task.observe(self.plant.measure(self.states, self.memory, self.rng), self.context)
+
+    def held(self, rows: BoolArray) -> tuple[FloatArray, Memory]:
+        """Copies of the masked rows' states and of what their plants remember."""
+        return self.states[rows], {key: values[rows] for key, values in self.memory.items()}
+
+    def put_back(self, rows: BoolArray, states: FloatArray, memory: Memory) -> None:
+        """Let the masked rows be where they were when `held` copied them."""
+        self.states[rows] = states
+        restart(self.memory, rows, memory)
 
     def restart(self, rows: BoolArray) -> None:
         """Begin new episodes in the masked rows."""
@@ -85,9 +94,10 @@ class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, Any]):
         """Play the actions in every episode; ended ones restart, their last observation is in `final_obs`."""
         rewards, terminated, truncated = self.episodes.step(actions)
         for _ in range(self.repeat - 1):
-            over, states = terminated | truncated, self.episodes.states
+            over = terminated | truncated
+            held = self.episodes.held(over)
             more, ended, late = self.episodes.step(actions)
-            self.episodes.states[over] = states[over]
+            self.episodes.put_back(over, *held)
             rewards += np.where(over, 0.0, more)
             terminated |= ended & ~over
             truncated |= late & ~over

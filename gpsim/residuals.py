@@ -10,8 +10,11 @@ import pandas as pd
 
 from gpsim.channels import BoolArray, Channel, Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
+from gpsim.evenly import evenly
 from gpsim.recordings import Recording, Transitions
 from gpsim.simulators import Integrator, Simulator
+
+RATES_LOOKED_AT = 300  # recorded rows at which a simulator's rates must be finite, beside the extreme ones
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ def build_residuals(
     that never changes is refused; what is only judged may be as it is.
     """
     check_match(recording, simulator)
+    check_rates(recording, simulator, parameters)
     transitions = recording.transitions()
     if learnt_from:
         check_varies(recording)
@@ -110,6 +114,36 @@ def check_match(recording: Recording, simulator: Simulator, *, hidden: Collectio
         raise UsageError(
             f"the recording's {kind} is {_listed(has)}, simulator {simulator.name} needs {_listed(needs)}; {remedy}"
         )
+
+
+def check_rates(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> None:
+    """The simulator must give finite rates where the recording has been: a root of a noisy level is no number.
+
+    Looked at are rows evenly spread, and those at which a channel is least and greatest. The recording must hold all of
+    the simulator's channels.
+    """
+    rows = recording.transitions()
+    if not len(rows):
+        return
+    inputs = np.hstack([rows.states, rows.actions])
+    extremes = (inputs.argmin(axis=0), inputs.argmax(axis=0))
+    looked = np.unique(np.concatenate([evenly(len(rows), RATES_LOOKED_AT), *extremes]))
+    some = rows.take(looked)
+    with np.errstate(all="ignore"):
+        rates = simulator.rates(some.states, some.actions, parameters)
+    bad = np.argwhere(~np.isfinite(rates))
+    if not len(bad):
+        return
+    at, column = (int(i) for i in bad[0])
+    episode = int(some.episode[at])
+    row = int(looked[at] - np.searchsorted(rows.episode, episode))
+    names = (*recording.state.names, *recording.action.names)
+    where = ", ".join(f"{name}={value:g}" for name, value in zip(names, inputs[looked[at]], strict=True))
+    raise UsageError(
+        f"simulator {simulator.name}: {simulator.rate.names[column]} is not finite ({rates[at, column]:g}) where the "
+        f"recording's episode {recording.episodes[episode].name}, row {row} has been ({where}); guard its roots, "
+        f"logarithms and divisions, as np.sqrt(np.maximum(level, 0.0)) does"
+    )
 
 
 def check_varies(recording: Recording) -> None:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Artifact
+from gpsim.artifacts import Artifact, Recipe, Store
+from gpsim.corrected_effects import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording
-from gpsim.simulators import source_file
+from gpsim.simulators import make_simulator, source_file
 from gpsim.stages import evaluate, fit_gp, report, train_gp_policy, train_source
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
@@ -50,6 +51,46 @@ def test_a_recording_of_another_simulator_is_refused_with_the_settings_that_woul
     assert wanted in str(caught.value)
     fitting = base_plant(resolve(wanted.split(), None))
     check_same(other, fitting)
+
+
+def diagnosed(tmp_path, plant):
+    """A finished diagnosis of which only the corrected simulator counts."""
+
+    def write(folder):
+        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
+        return {}
+
+    return Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "diagnosis")
+
+
+@pytest.mark.parametrize(
+    ("name", "dt", "parameters", "message"),
+    [
+        (
+            "slider",
+            0.02,
+            {},
+            "corrects the simulator slider, this experiment's is cartpole; choose a diagnosis of",
+        ),
+        ("cartpole", 0.1, {}, "choose simulator.dt=0.1, or diagnose a recording at"),
+        ("cartpole", 0.02, {"cart_mass": 0.3}, "choose simulator.parameters.cart_mass=0.3, or diagnose"),
+        ("cartpole", 0.0201, {}, None),
+    ],
+)
+def test_a_diagnosis_of_another_simulator_is_refused_before_anything_is_trained(
+    tmp_path, name, dt, parameters, message
+):
+    simulator = make_simulator(name)
+    plant = EffectsPlant(simulator, simulator.defaults(parameters), (), "euler", 1, dt)
+    artifact = diagnosed(tmp_path, plant)
+    asked = request("correction=effects", f"diagnosis={artifact.path}")
+    if message is None:
+        assert train_gp_policy.effects_plant(asked, artifact).dt == dt
+        return
+    with pytest.raises(UsageError, match=message) as caught:
+        train_gp_policy.STAGE.make(replace(asked, out=tmp_path / "policy"))
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "policy").exists()
 
 
 def test_what_is_held_out_from_a_moment_on_begins_there():

@@ -19,6 +19,7 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, screened, starts_of
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all, side_by_side
+from gpsim.effects import effect_of, has_patch
 
 GATED, PROMISING, PLACED = (
     4,
@@ -66,7 +67,7 @@ def gated_children(
     claims = directions.parent.hypothesis.claims
     looks: list[tuple[Directions, Candidate, tuple[float, ...], str | None, int]] = []
     for candidate in (c for c in offers if c.gateable and c.identity not in claims):
-        family = "coulomb_friction" if candidate.only_gated else candidate.family
+        family = effect_of(candidate.family).patch_of or candidate.family
         everywhere = best.get((family, candidate.place.on))
         seen = directions
         if everywhere is not None and len(everywhere.hypothesis.declared[-1]) == len(candidate.declared):
@@ -108,10 +109,10 @@ def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:
 
 
 def makes_sense(candidate: Candidate, channel: str | None) -> bool:
-    """Coulomb friction in a region of its own coordinate is a patch, which has its own family, and is nothing else."""
+    """A law in a region of its own coordinate may be a family of its own, a patch, and is nothing else then."""
     if candidate.only_gated:
         return channel == candidate.place.on
-    return not (candidate.family == "coulomb_friction" and channel == candidate.place.on)
+    return not (has_patch(candidate.family) and channel == candidate.place.on)
 
 
 def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:

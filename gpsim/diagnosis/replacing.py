@@ -20,7 +20,6 @@ from gpsim.effects import Gate, Term
 SWAPPED = 3  # candidates fitted on all windows to replace a term
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 AS_WELL = 5.0  # nats
-DRIFTS = ("battery_sag",)  # families that change with time by themselves
 JUMPS = 3  # candidates for what may have jumped instead
 
 
@@ -50,7 +49,7 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
     fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
     if not old.gate:
-        return fits + (_jumps(problem, part, parent, old.on, offers) if old.family in DRIFTS else [])
+        return fits + (_jumps(problem, part, parent, old.on, offers) if old.effect.drifts else [])
     worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     near = [f for f in fits if f.objective < worth_it]
     sharper = side_by_side(placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near])

@@ -1,4 +1,7 @@
-"""Asymmetry: g+ u for u > 0, g- u for u < 0."""
+"""Asymmetry: g+ u for u > 0, g- u for u < 0.
+
+Definition: two gains for the one of `actuator_gain`, as a motor controller scales its two directions.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A bias of the actuator: the simulator gets u + b."""
+"""A bias of the actuator: the simulator gets u + b.
+
+Definition: a sum.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A dead zone: commands smaller than the width do nothing, larger ones act in full."""
+"""A dead zone: commands smaller than the width do nothing, larger ones act in full.
+
+Khalil (2002), Nonlinear Systems, 3rd ed., section 1.2.7, whose dead zone also takes the width off larger
+commands; this one jumps, as a driver does that sets small commands to 0.
+"""
 
 from __future__ import annotations
 

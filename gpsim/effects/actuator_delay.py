@@ -1,4 +1,8 @@
-"""A delay: the simulator gets u(t - T), averaged over a substep."""
+"""A delay: the simulator gets u(t - T), averaged over a substep.
+
+Astrom and Wittenmark (1997), Computer-Controlled Systems, 3rd ed., chapter 2 (sampling a system with a time
+delay): a delay of a part of a step makes two neighbouring commands act in one step.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A gain of the actuator: the simulator gets g u."""
+"""A gain of the actuator: the simulator gets g u.
+
+Definition: a product.
+"""
 
 from __future__ import annotations
 

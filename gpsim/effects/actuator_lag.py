@@ -1,4 +1,7 @@
-"""A first-order lag: T u_a' = u - u_a, exact for a command held over the substep."""
+"""A first-order lag: T u_a' = u - u_a, exact for a command held over the substep.
+
+Ogata (2010), Modern Control Engineering, 5th ed., section 5-2 (first-order systems).
+"""
 
 from __future__ import annotations
 

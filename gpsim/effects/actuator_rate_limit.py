@@ -1,4 +1,8 @@
-"""A rate limit: |u_a'| <= r."""
+"""A rate limit: |u_a'| <= r.
+
+Duda (1997), "Prediction of pilot-in-the-loop oscillations due to rate saturation", Journal of Guidance,
+Control, and Dynamics 20(3).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Saturation: the simulator gets u clipped to [-limit, limit]."""
+"""Saturation: the simulator gets u clipped to [-limit, limit].
+
+Khalil (2002), Nonlinear Systems, 3rd ed., section 1.2.7.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Battery sag: the gain falls with time, g = 1 - loss t."""
+"""Battery sag: the gain falls with time, g = 1 - loss t.
+
+Definition: a straight line in the place of a discharge curve (Shepherd 1965, "Design of primary and secondary
+cells II. An equation describing battery discharge", Journal of the Electrochemical Society 112(7)). t: since
+the clock began.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +22,7 @@ class BatterySag(ActuatorEffect):
 
     family: ClassVar[str] = "battery_sag"
     order: ClassVar[int] = 60
+    drifts: ClassVar[bool] = True
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """loss_per_second [1/s]."""

@@ -1,4 +1,7 @@
-"""A constant force: F0, as a tilted track or a steady wind makes it."""
+"""A constant force: F0, as a tilted track or a steady wind makes it.
+
+Definition: m g sin(angle) of a tilt, for one.
+"""
 
 from __future__ import annotations
 

@@ -52,10 +52,10 @@ def longest_delay(dt: float) -> float:
 class Place:
     """Where an effect may act: the name it acts on, and how large things typically are there.
 
-    unit: of a force on the coordinate, of the action, channel or parameter. span: the typical size of that quantity
-    in the recording (for a coordinate: of the force). middle: of a coordinate's positions; reach: their range, or of
-    time [s] (for actions). speed: the typical speed of a coordinate. dt: the recording's step [s]. loaded: a normal
-    force is known. bounds: of a parameter, as shares of what is believed.
+    unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
+    the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
+    positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
+    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed.
     """
 
     on: str
@@ -67,21 +67,33 @@ class Place:
     dt: float = 0.02
     loaded: bool = False
     bounds: tuple[float, float] = (0.0, np.inf)
+    length: str = ""
 
     @property
     def longest_delay(self) -> float:
         """What a delay may be at most [s]."""
         return longest_delay(self.dt)
 
+    @property
+    def position_unit(self) -> str:
+        """The unit of a coordinate's position; where nobody said, what usually goes with the unit of its force."""
+        return self.length or ("m" if self.unit == "N" else "rad")
+
 
 class Effect(ABC):
-    """One family. Subclasses choose a site's base class and write the law."""
+    """One family. Subclasses choose a site's base class and write the law.
+
+    What a search or a plant has to know of a family beside its law, the family says in class attributes, so that nobody
+    has to know it by name: whether it `drifts`, and which family it is a patch of (`patch_of`).
+    """
 
     family: ClassVar[str]
     site: ClassVar[Site]
     variants: ClassVar[tuple[str, ...]] = ("",)
     gated: ClassVar[bool] = True  # may a region or an onset limit it?
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
+    patch_of: ClassVar[str | None] = None  # the family whose law it is in a region of its own coordinate
+    drifts: ClassVar[bool] = False  # does it change with time by itself, as a battery does?
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 
     @abstractmethod

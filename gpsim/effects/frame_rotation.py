@@ -1,4 +1,8 @@
-"""A frame turned against the vehicle's: yaw + psi."""
+"""A frame turned against the vehicle's: yaw + psi.
+
+Murray, Li and Sastry (1994), A Mathematical Introduction to Robotic Manipulation, chapter 2 (rigid body
+motion).
+"""
 
 from __future__ import annotations
 

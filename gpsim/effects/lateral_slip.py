@@ -1,4 +1,8 @@
-"""Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration."""
+"""Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration.
+
+Definition: one number for every speed. A linear tyre (Rajamani 2012, Vehicle Dynamics and Control, 2nd ed.,
+section 2.3) makes the slip angle, not the sideways speed, proportional to the lateral acceleration v w.
+"""
 
 from __future__ import annotations
 

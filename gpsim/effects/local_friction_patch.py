@@ -17,6 +17,7 @@ class LocalFrictionPatch(ForceEffect):
 
     family: ClassVar[str] = "local_friction_patch"
     needs_region: ClassVar[bool] = True
+    patch_of: ClassVar[str | None] = "coulomb_friction"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force [the coordinate's] inside the region."""

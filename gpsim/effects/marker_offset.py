@@ -1,4 +1,8 @@
-"""A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
+"""A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left).
+
+Murray, Li and Sastry (1994), A Mathematical Introduction to Robotic Manipulation, chapter 2 (rigid body
+motion).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""A minimum turning radius: |w| <= |v| / R, as a steering angle that ends makes it."""
+"""A minimum turning radius: |w| <= |v| / R, as a steering angle that ends makes it.
+
+Dubins (1957), "On curves of minimal length with a constraint on average curvature", American Journal of
+Mathematics 79(3); LaValle (2006), Planning Algorithms, section 13.1.2.1 (a simple car).
+"""
 
 from __future__ import annotations
 

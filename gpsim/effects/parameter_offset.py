@@ -1,4 +1,7 @@
-"""A parameter of the simulator that differs from what was believed: p = ratio * p_believed."""
+"""A parameter of the simulator that differs from what was believed: p = ratio * p_believed.
+
+Definition: a ratio.
+"""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ class QuadraticDrag(ForceEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Drag [force per squared speed]."""
         typical = place.span / place.speed**2
-        unit = f"{place.unit} s^2/{'m^2' if place.unit == 'N' else 'rad^2'}"
+        unit = f"{place.unit} s^2/{place.position_unit}^2"
         return (EffectParameter("drag", unit, 0.0, 100 * typical, (0.2 * typical,), 0.2 * typical),)
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:

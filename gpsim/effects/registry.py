@@ -78,6 +78,11 @@ FAMILIES: Mapping[str, Effect] = register(
 )
 
 
+def has_patch(family: str) -> bool:
+    """Whether the law in a region of its own coordinate is a family by itself, and the family there is nothing else."""
+    return any(effect.patch_of == family for effect in FAMILIES.values())
+
+
 def effect_of(family: str) -> Effect:
     """The effect of a family; raises UsageError with the alternatives."""
     if family not in FAMILIES:

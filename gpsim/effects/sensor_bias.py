@@ -1,4 +1,7 @@
-"""A sensor bias: y + o."""
+"""A sensor bias: y + o.
+
+Definition: a sum.
+"""
 
 from __future__ import annotations
 

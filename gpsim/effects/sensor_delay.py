@@ -1,4 +1,8 @@
-"""A sensor delay: y(t - T)."""
+"""A sensor delay: y(t - T).
+
+Definition: a shift; between samples, Lagrange's interpolation (Laakso, Valimaki, Karjalainen and Laine 1996,
+"Splitting the unit delay", IEEE Signal Processing Magazine 13(1)).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A sensor scale: k y."""
+"""A sensor scale: k y.
+
+Definition: a product.
+"""
 
 from __future__ import annotations
 

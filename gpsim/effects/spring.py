@@ -17,7 +17,7 @@ class Spring(ForceEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Stiffness [force per displacement] and rest_position; fitted where it rests within reach."""
         typical = place.span / place.reach
-        length = "m" if place.unit == "N" else "rad"
+        length = place.position_unit
         return (
             EffectParameter(
                 "stiffness", f"{place.unit}/{length}", 0.0, 100 * typical, (0.3 * typical,), 0.3 * typical

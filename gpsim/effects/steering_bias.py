@@ -1,4 +1,7 @@
-"""A steering bias: w + kappa v, as a wheel that points aside makes it."""
+"""A steering bias: w + kappa v, as a wheel that points aside makes it.
+
+Definition: a constant added to the curvature w / v.
+"""
 
 from __future__ import annotations
 

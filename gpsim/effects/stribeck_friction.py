@@ -22,7 +22,7 @@ class StribeckFriction(ForceEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force (sliding), static_force [the coordinate's] and stribeck_velocity [speed]."""
         span, speed = place.span, place.speed
-        unit = "m/s" if place.unit == "N" else "rad/s"
+        unit = f"{place.position_unit}/s"
         return (
             EffectParameter("force", place.unit, 0.0, 20 * span, (0.15 * span,), 0.2 * span),
             EffectParameter("static_force", place.unit, 0.0, 20 * span, (0.4 * span,), 0.2 * span),

@@ -17,7 +17,7 @@ class ViscousFriction(ForceEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Damping [force per speed]."""
         typical = place.span / place.speed
-        unit = f"{place.unit} s/{'m' if place.unit == 'N' else 'rad'}"
+        unit = f"{place.unit} s/{place.position_unit}"
         return (EffectParameter("damping", unit, 0.0, 100 * typical, (0.2 * typical,), 0.2 * typical),)
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:

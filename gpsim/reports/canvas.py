@@ -66,11 +66,11 @@ def panels(rows: int, columns: int, size: tuple[float, float], **kwargs: object)
     return figure, axes
 
 
-def legend_above(figure: Figure, axes: Axes, columns: int = 6) -> None:
+def legend_above(figure: Figure, axes: Axes, columns: int = 6, markerscale: float = 1.0) -> None:
     """One legend for the whole figure, of the labels in `axes`."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+        figure.legend(handles, labels, loc="outside upper left", ncols=columns, markerscale=markerscale)
 
 
 def svg(figure: Figure) -> bytes:

@@ -5,18 +5,17 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gpsim.diagnosis.diagnosis import Diagnosis
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.predicting import traced
-from gpsim.diagnosis.preparing import spread_out
-from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.telling import number, paragraphs, ranking
-from gpsim.reports.canvas import panels, png, style
+from gpsim.diagnosis.traces import BASE, EFFECTS, Course, Trace, Traces
+from gpsim.reports.canvas import legend_above, panels, png, style
+from gpsim.reports.palette import FAINT
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Diagnosis of {{ name }}</title>
@@ -26,6 +25,7 @@ h1 { font-size: 1.5rem; } .verdict { font-size: 1.2rem; font-weight: 600; }
 table { border-collapse: collapse; margin: 1rem 0; } td, th { padding: .25rem .8rem; text-align: right; }
 td:first-child, th:first-child { text-align: left; } tr { border-bottom: 1px solid #e5e7eb; }
 .typical td { color: #6b7280; font-size: .9rem; }
+.caption { color: #6b7280; font-size: .9rem; margin-top: .2rem; }
 img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: auto; }
 </style></head><body>
 <h1>Diagnosis of {{ name }}</h1>
@@ -40,7 +40,8 @@ img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: 
 {% for kind in kinds %}<td>{{ number(errors.typical[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
 {% endfor %}</table>
 {% endfor %}
-{% for title, source in pictures.items() %}<h2>{{ title }}</h2><img alt="{{ title }}" src="{{ source }}">
+{% for picture in pictures %}<h2>{{ picture.title }}</h2><img alt="{{ picture.title }}" src="{{ picture.source }}">
+<p class="caption">{{ picture.caption }}</p>
 {% endfor %}
 <h2>All hypotheses that were fitted</h2><p>Nats behind the best, integration, explanation.</p><pre>{{ ranking }}</pre>
 <h2>diagnosis.json</h2><pre>{{ text }}</pre>
@@ -54,19 +55,26 @@ KINDS = {
     "after_gp": "base + effects + GP",
     "noise_floor": "noise floor",
 }
-SHOWN = 100  # held-out windows among which the median and the worst are looked for
-TITLES = {
-    "residual_inputs": "Residual against its two most telling inputs",
-    "residual_time": "Residual over time, before and after",
-    "traces": "Measured and simulated: the median and the worst held-out window",
-}
+COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
+LINES = {BASE: (0, (4, 1.5)), EFFECTS: "-"}
 
 
-def page(report: Mapping[str, Any], pictures: Mapping[str, bytes], name: str) -> str:
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page: what stands above and below it."""
+
+    title: str
+    caption: str
+    png: bytes
+
+    @property
+    def source(self) -> str:
+        """What a page shows as an image."""
+        return f"data:image/png;base64,{base64.b64encode(self.png).decode()}"
+
+
+def page(report: Mapping[str, Any], pictures: Mapping[str, Picture], name: str) -> str:
     """One self-contained HTML page: no network, no scripts, no dates."""
-    sources = {
-        TITLES[k]: f"data:image/png;base64,{base64.b64encode(v).decode()}" for k, v in pictures.items()
-    }
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     short = {k: v for k, v in report.items() if k != "ranking"}
     return environment.from_string(PAGE).render(
@@ -76,7 +84,7 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, bytes], name: str) ->
         kinds=KINDS,
         number=number,
         tables=_tables(report["fit"]),
-        pictures=sources,
+        pictures=list(pictures.values()),
         ranking="\n".join(ranking(report)),
         text=json.dumps(short, indent=2),
     )
@@ -91,11 +99,42 @@ def _tables(fit: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     )
 
 
-def figures(found: Diagnosis) -> dict[str, bytes]:
-    """Name -> PNG."""
+def figures(found: Diagnosis, traces: Traces, course: Course) -> dict[str, Picture]:
+    """Name -> picture; what is drawn comes computed."""
     with style():
-        pictures = {"residual_inputs": _inputs(found)} if found.comparison.one_step else {}
-        return pictures | {"residual_time": _time(found), "traces": _traces(found)}
+        pictures = {}
+        if found.comparison.one_step:
+            pictures["residual_inputs"] = Picture(
+                "Residual against its two most telling inputs",
+                "Measured minus simulated rate of single transitions, each from its measured state.",
+                _inputs(found),
+            )
+        pictures["residual_time"] = Picture(
+            "Error over time, before and after",
+            f"Every dot is a window of {course.seconds:.3g} s that the diagnosis learnt from, simulated from the state "
+            "that was measured at its start; the base simulator takes its own step.",
+            _over_time(found, course),
+        )
+        if traces.traces:
+            pictures["traces"] = Picture(
+                _traces_title(traces), _traces_caption(traces), _traces(found, traces)
+            )
+        return pictures
+
+
+def _traces_title(traces: Traces) -> str:
+    what = "episode" if all(trace.whole for trace in traces.traces) else "stretch"
+    which = "the worst and the median" if len(traces.traces) > 1 else "the only"
+    return f"Measured and simulated: {which} {'held-out ' if traces.held_out else ''}{what}"
+
+
+def _traces_caption(traces: Traces) -> str:
+    judged = "base + effects" if EFFECTS in traces.traces[0].said else "the base simulator"
+    several = f" Worst and median by the error of {judged} in all channels." if len(traces.traces) > 1 else ""
+    return (
+        f"Rollouts over {traces.horizon:.3g} s, as in the table above: each starts at a measured state.{several} Shown "
+        "are the channels in which the base simulator is furthest off. A line that leaves the picture has gone astray."
+    )
 
 
 def _inputs(found: Diagnosis) -> bytes:
@@ -113,8 +152,17 @@ def _inputs(found: Diagnosis) -> bytes:
     figure, axes = panels(1, len(telling), (9.0, 3.6))
     for axis, name in zip(axes[0], telling, strict=True):
         column = names.index(name)
-        for values, label in ((before, "base"), (after, "base + effects")):
-            axis.plot(comparison.inputs[:, column], values, ".", markersize=2.5, alpha=0.4, label=label)
+        shown = {BASE: before} | ({EFFECTS: after} if found.judgement.leader.hypothesis.terms else {})
+        for label, values in shown.items():
+            axis.plot(
+                comparison.inputs[:, column],
+                values,
+                ".",
+                markersize=2.5,
+                alpha=0.4,
+                color=COLOURS[label],
+                label=label,
+            )
         axis.set_xlabel(f"{name} [{channels[column].unit}]")
         axis.set_ylim(
             low - margin, high + margin
@@ -122,54 +170,76 @@ def _inputs(found: Diagnosis) -> bytes:
     axes[0, 0].set_ylabel(f"residual of {simulator.rate.names[rate]} [{simulator.rate.items[rate].unit}]")
     if outside > 0:
         axes[0, -1].set_title(f"{100 * outside:.2g} % lie outside", fontsize=9)
-    axes[0, 0].legend(fontsize=8, markerscale=4)
+    legend_above(figure, axes[0, 0], markerscale=4)
     return png(figure)
 
 
-def _time(found: Diagnosis) -> bytes:
-    problem = found.question.everything
-    channel = int(
-        np.argmax(np.where(problem.observed, found.judgement.null.variance / problem.floor**2, 0.0))
-    )
-    unit = problem.simulator.state.items[channel].unit
-    clock = problem.windows.t[:, 0] + found.question.origin
-    session = bool((np.diff(clock) > 0).all())
+def _over_time(found: Diagnosis, course: Course) -> bytes:
+    channel = found.question.everything.simulator.state.items[course.channel]
     figure, axes = panels(1, 1, (9.0, 3.2))
-    for one, label in ((found.judgement.null, "base"), (found.judgement.leader, "base + effects")):
-        size = np.sqrt(np.mean(one.residuals[..., channel] ** 2, axis=1))
-        at = clock if session else np.arange(len(size))
-        axes[0, 0].semilogy(at, np.maximum(size, 1e-12), ".", markersize=4, label=label)
-    axes[0, 0].set_xlabel("t [s]" if session else "window, in the order of the recording")
-    axes[0, 0].set_ylabel(f"RMS residual of {problem.simulator.state.names[channel]} [{unit}]")
-    axes[0, 0].legend()
+    at = course.t if course.session else np.arange(len(course.t))
+    for label, size in course.sizes.items():
+        axes[0, 0].semilogy(at, np.maximum(size, 1e-12), ".", markersize=4, color=COLOURS[label], label=label)
+    axes[0, 0].set_xlabel(_clock(found) if course.session else "window, in the order of the recording")
+    axes[0, 0].set_ylabel(f"RMS error of {channel.name} [{channel.unit}]")
+    legend_above(figure, axes[0, 0], markerscale=2)
     return png(figure)
 
 
-def _traces(found: Diagnosis) -> bytes:
-    """The median and the worst held-out window (of all, where nothing was held out), start states fitted."""
-    question, leader = found.question, found.judgement.leader.hypothesis
-    problem = question.held_out if len(question.held_out.windows) else question.everything
-    problem = problem.on(spread_out(problem.windows, SHOWN))
-    windows, simulator = problem.windows, problem.simulator
-    fits = [
-        fit(problem, h.frozen(), windows.measured[:, 0], iterations=8)
-        for h in (Hypothesis(scheme=leader.scheme), leader)
-    ]
-    base, corrected = (traced(problem, f) for f in fits)
-    order = np.argsort(((fits[1].residuals / problem.scale) ** 2).sum(axis=(1, 2)))
-    figure, axes = panels(len(simulator.state), 2, (9.0, 1.9 * len(simulator.state)))
-    for column, (row, label) in enumerate(((order[len(order) // 2], "median"), (order[-1], "worst"))):
-        t = windows.t[row][windows.valid[row]]
-        for i, channel in enumerate(simulator.state):
-            axis = axes[i, column]
-            if channel.name not in question.hidden:
-                axis.plot(t, windows.measured[row, : len(t), i], "k.", markersize=3, label="measured")
-            axis.plot(t, base[row, : len(t), i], "--", label="base")
-            axis.plot(t, corrected[row, : len(t), i], label="base + effects")
+def _traces(found: Diagnosis, traces: Traces) -> bytes:
+    """One column a stretch, one row a channel."""
+    channels = [found.question.everything.simulator.state.items[i] for i in traces.shown]
+    rows, columns = len(channels), max(len(traces.traces), 1)
+    figure, axes = panels(rows, columns, (4.8 * columns + 0.6, 1.0 + 2.0 * rows), sharex="col")
+    for trace, column in zip(traces.traces, axes.T, strict=True):
+        column[0].set_title(_heading(trace), pad=20)
+        column[-1].set_xlabel(_clock(found))
+        for i, axis in enumerate(column):
+            axis.plot(trace.t, trace.measured[:, i], ".", color=FAINT, markersize=3.5, label="measured")
+            for label, said in trace.said.items():
+                axis.plot(
+                    trace.t,
+                    said[:, i],
+                    color=COLOURS[label],
+                    linestyle=LINES[label],
+                    linewidth=1.3,
+                    label=label,
+                )
+            axis.set_ylim(*_limits(trace, i))
             axis.ticklabel_format(useOffset=False)
-            axis.set_ylabel(f"{channel.name} [{channel.unit}]")
-            if i == 0:
-                axis.set_title(f"{label} window")
-        axes[-1, column].set_xlabel("t [s]")
-    axes[-1, 0].legend(fontsize=8)
+            unit = channels[i].unit
+            said_of = ", ".join(f"{k} {number(float(error[i]))} {unit}" for k, error in trace.errors.items())
+            axis.annotate(
+                f"RMS error: {said_of}",
+                (0.0, 1.0),
+                (0, 5),
+                "axes fraction",
+                "offset points",
+                fontsize=8,
+                color=FAINT,
+            )
+    for axis, channel in zip(axes[:, 0], channels, strict=True):
+        axis.set_ylabel(f"{channel.name} [{channel.unit}]")
+    figure.align_ylabels()
+    legend_above(figure, axes[0, 0], markerscale=2)
     return png(figure)
+
+
+def _heading(trace: Trace) -> str:
+    what = f"{'' if trace.whole else 'part of '}episode {trace.name}"
+    return f"{trace.place}: {what}" if trace.place else what[0].upper() + what[1:]
+
+
+def _limits(trace: Trace, column: int) -> tuple[float, float]:
+    """What was measured in full, and of a model that goes astray no more than once as much beside it."""
+    measured = trace.measured[:, column]
+    low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
+    reach = max(high - low, 1e-12)
+    every = np.concatenate([measured, *(said[:, column] for said in trace.said.values())])
+    bottom, top = max(float(np.nanmin(every)), low - reach), min(float(np.nanmax(every)), high + reach)
+    margin = 0.05 * max(top - bottom, 1e-12)
+    return bottom - margin, top + margin
+
+
+def _clock(found: Diagnosis) -> str:
+    return "t since the recording's start [s]" if found.question.origin else "t [s]"

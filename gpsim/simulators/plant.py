@@ -43,8 +43,11 @@ class Plant(Protocol):
         """(B, S): the next state; `memory` is changed in place."""
         ...
 
-    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """(B, S): what the sensors say of true states; policies see this, rewards do not."""
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what the sensors say of true states; policies see this, rewards do not.
+
+        `state` is the one that `step` returned last, or an episode's first; asking twice changes nothing.
+        """
         ...
 
 
@@ -84,7 +87,7 @@ class SimulatorPlant:
         dt = np.full(len(state), self.dt)
         return self.simulator.step(state, action, self.parameters, dt, self.integrator)
 
-    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
         """The state itself."""
         return state
 

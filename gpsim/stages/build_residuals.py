@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,20 +78,26 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 def check_same(recording: Recording, base: SimulatorPlant) -> None:
     """The recording's simulator must be the experiment's: policies, GPs and effects correct one and the same."""
-    wanted: dict[str, Any] = {}
-    if abs(recording.dt - base.dt) > SAME_DT * base.dt:
-        wanted["simulator.dt"] = f"{recording.dt:g}"
-    if recording.integrator != base.integrator:
-        wanted["simulator.integrator"] = recording.integrator
-    for name, value in recording.parameters.items():
-        if not math.isclose(value, base.parameters.get(name, math.nan), rel_tol=1e-9):
-            wanted[f"simulator.parameters.{name}"] = f"{value:g}"
+    wanted = other_settings(base, recording.dt, recording.parameters, recording.integrator)
     if wanted:
         raise UsageError(
             "the recording is compared with another simulator than this experiment's: choose "
-            + " ".join(f"{key}={value}" for key, value in wanted.items())
+            + " ".join(wanted)
             + ", or import it at this one's pace and with its parameters (collect.changes=[...])"
         )
+
+
+def other_settings(
+    base: SimulatorPlant, dt: float, parameters: Mapping[str, float], integrator: str | None = None
+) -> list[str]:
+    """KEY=VALUE of every setting that would make the experiment's simulator `base` step as it is said here."""
+    wanted = [] if abs(dt - base.dt) <= SAME_DT * base.dt else [f"simulator.dt={dt:g}"]
+    wanted += [f"simulator.integrator={integrator}"] if integrator not in (None, base.integrator) else []
+    return wanted + [
+        f"simulator.parameters.{name}={value:g}"
+        for name, value in parameters.items()
+        if not math.isclose(value, base.parameters.get(name, math.nan), rel_tol=1e-9)
+    ]
 
 
 def read_residuals(artifact: Artifact) -> Residuals:

@@ -6,19 +6,19 @@ import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from gpsim.artifacts import Artifact, Json, Recipe, file_digest, plain, read_artifact, write_json
-from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
-from gpsim.corrected_effects import EffectsPlant, describe, plant_from
+from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.hidden import guessed, hidden_channels
+from gpsim.diagnosis.traces import course, traces
 from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
-from gpsim.recordings import Episode, Recording, read_recording
+from gpsim.recordings import Recording, read_recording
+from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page
+from gpsim.residuals import check_match, check_rates
 from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator
@@ -86,7 +86,15 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     if task.simulator is None:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
     simulator = make_simulator(task.simulator)
-    return _first(_from_table(path, simulator), task.episodes), simulator
+    recording = read_bare_table(
+        path,
+        simulator.name,
+        simulator.state,
+        simulator.action,
+        simulator.defaults(),
+        optional=tuple(simulator.start),
+    )
+    return _first(recording, task.episodes), simulator
 
 
 def _first(recording: Recording, episodes: int | None) -> Recording:
@@ -120,65 +128,29 @@ def _recipe(request: Request, task: Task) -> Recipe:
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 
+def _title(recording: Recording) -> str:
+    """Not the folder's name: the same recording elsewhere makes the same page."""
+    return f"{recording.system}, {recording.transition_count} transitions"
+
+
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
     parameters = simulator.defaults(recording.parameters)
+    hidden = hidden_channels(recording, simulator)
+    check_match(recording, simulator, hidden=hidden)
+    check_rates(guessed(recording, simulator), simulator, parameters)
     rng = generator(request.seed, "diagnose")
     with cores(request.cores):
         found = diagnose(recording, simulator, parameters, rng, request.progress)
     report = plain(found.report)
     write_json(folder / "diagnosis.json", report)
-    write_json(folder / "corrected.json", describe(found.plant, gp=True))
+    plant = replace(found.plant, ages=ages_of(found.question.recording))
+    write_json(folder / "corrected.json", describe(plant, gp=True))
     write_gp(folder, found.comparison.gp, found.comparison.features)
     (folder / "figures").mkdir()
-    pictures = figures(found)
+    leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]
+    pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))
     for name, picture in pictures.items():
-        (folder / "figures" / f"{name}.png").write_bytes(picture)
-    (folder / "report.html").write_text(page(report, pictures, str(task.recording.name)), encoding="utf-8")
+        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
+    (folder / "report.html").write_text(page(report, pictures, _title(recording)), encoding="utf-8")
     return {}
-
-
-def _from_table(path: Path, simulator: Simulator) -> Recording:
-    try:
-        table = pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
-        raise UsageError(f"{path}: cannot be read: {' '.join(str(error).split())[:160]}") from error
-    state = Channels(
-        tuple(c for c in simulator.state if c.name in table.columns or c.name not in simulator.start)
-    )
-    needed = ("t", *state.names, *simulator.action.names)
-    missing = [name for name in needed if name not in table.columns]
-    if missing:
-        raise UsageError(
-            f"{path}: column(s) {', '.join(missing)} missing; {simulator.name} needs {', '.join(needed)}"
-        )
-    dates = [name for name in needed if table[name].dtype.kind in "mM"]
-    if dates:
-        raise UsageError(f"{path}: column(s) {', '.join(dates)} hold dates; write numbers (t in seconds)")
-    if "episode" not in table.columns:
-        table = table.assign(episode="0")
-    unnamed = np.flatnonzero(table["episode"].isna())
-    if unnamed.size:
-        raise UsageError(f"{path}: row {unnamed[0]}: no episode; give every row its episode's name")
-    episodes = []
-    for name, rows in table.groupby("episode", sort=False):
-        try:
-            values = rows[list(needed)].to_numpy(dtype=np.float64)
-        except ValueError as error:
-            raise UsageError(f"{path}: episode {name}: a value is not a number: {error}") from error
-        bad = np.argwhere(~np.isfinite(values[:-1]))
-        last = np.flatnonzero(~np.isfinite(values[-1, : 1 + len(state)]))
-        if bad.size or last.size:
-            row, column = bad[0] if bad.size else (len(values) - 1, last[0])
-            raise UsageError(
-                f"{path}: episode {name}, row {row}: {needed[column]} is not a finite number; repair it"
-            )
-        t, states = values[:, 0], values[:, 1 : 1 + len(state)]
-        if (np.diff(t) <= 0).any():
-            raise UsageError(f"{path}: episode {name}: t does not increase; sort the rows")
-        episodes.append(Episode(str(name), t, states, values[:-1, 1 + len(state) :]))
-    steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
-    if not len(steps):
-        raise UsageError(f"{path}: too short: no episode has two rows")
-    dt = float(np.median(steps))
-    return Recording(simulator.name, state, simulator.action, tuple(episodes), dt, simulator.defaults())

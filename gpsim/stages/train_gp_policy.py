@@ -11,8 +11,9 @@ from gpsim.corrected_effects import EffectsPlant
 from gpsim.errors import UsageError
 from gpsim.learning import TRAINING_FORMAT
 from gpsim.settings import choice
-from gpsim.simulators.plant import Plant
+from gpsim.simulators.plant import Plant, SimulatorPlant
 from gpsim.stages import fit_gp
+from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.diagnose import read_corrected
 from gpsim.stages.diagnose_loop import find_diagnosis
@@ -62,6 +63,7 @@ def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
 def effects_plant(request: Request, diagnosis: Artifact) -> EffectsPlant:
     """The base simulator with the effects that a diagnosis named, and with `effects+gp` a GP on the remainder."""
     plant = read_corrected(diagnosis.path, gp=request.config["correction"] == "effects+gp")
+    _check_fits(plant, base_plant(request.config), diagnosis.path)
     if not isinstance(plant.correction, GpCorrection):
         return plant
     prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
@@ -79,6 +81,24 @@ def simulators_of(request: Request, gp_folder: Path, diagnosis: Artifact | None)
     if diagnosis is not None:
         found["Effects"] = effects_plant(request.having(correction="effects"), diagnosis)
     return found
+
+
+def _check_fits(plant: EffectsPlant, base: SimulatorPlant, where: Path) -> None:
+    """What a diagnosis corrects must be the experiment's simulator, at its pace and with its parameters."""
+    theirs, ours = plant.simulator, base.simulator
+    if (theirs.state.units, theirs.action.units, theirs.name.rpartition(":")[2]) != (
+        ours.state.units, ours.action.units, ours.name.rpartition(":")[2],
+    ):  # fmt: skip
+        raise UsageError(
+            f"diagnosis={where} corrects the simulator {theirs.name}, this experiment's is {ours.name}; "
+            f"choose a diagnosis of {ours.name}, or an experiment with that simulator"
+        )
+    wanted = other_settings(base, plant.dt, plant.parameters)
+    if wanted:
+        raise UsageError(
+            f"diagnosis={where} corrects another simulator than this experiment's: choose {' '.join(wanted)}, "
+            "or diagnose a recording at this one's pace and with its parameters"
+        )
 
 
 def _noise(request: Request) -> bool:

@@ -84,7 +84,7 @@ class FrictionCartPole:
             state = self._slide_or_stick(state, force, self.dt / self.substeps)
         return state
 
-    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
         """The state itself: nothing in the thesis's cart-pole is measured with noise."""
         return state
 

@@ -91,7 +91,7 @@ class Limo:
         poses = list(self._substeps(state, action, memory))
         return np.stack(poses[every - 1 :: every], axis=1)
 
-    def measure(self, state: FloatArray, rng: np.random.Generator) -> FloatArray:
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
         """(..., 3): what the motion capture says of true poses."""
         spread = np.array([self.position_noise, self.position_noise, np.deg2rad(self.yaw_noise)])
         return state + spread * rng.standard_normal(state.shape)

@@ -61,18 +61,37 @@ def test_the_files_keep_the_contract(diagnosed):
     assert report["schema"] == "gpsim.diagnosis/1"
     assert set(report) >= {"verdict", "location", "effects", "alternatives", "tell_apart", "fit", "remainder"}
     assert report["fit"]["held_out"] == ["4"]
-    effect = report["effects"][0]
-    assert set(effect) >= {
-        "family",
-        "on",
-        "site",
-        "parameters",
-        "region",
-        "since",
-        "probability",
-        "explains",
-        "sentence",
-    }
+    for effect in report["effects"] + [e for other in report["alternatives"] for e in other["effects"]]:
+        assert set(effect) >= {
+            "family", "on", "site", "parameters", "region", "since",
+            "probability", "evidence_gain", "explains", "sentence",
+        }  # fmt: skip
+        assert effect["evidence_gain"] > 0
+        for parameter in effect["parameters"].values():
+            assert set(parameter) >= {"value", "low", "high", "unit"}
+            assert parameter["low"] <= parameter["value"] <= parameter["high"]
+    assert set(report["location"]) >= {"channels", "region", "since", "depends_on"}
+    assert set(report["location"]["channels"]) == {"q_acc"}
+    assert 0.0 <= report["location"]["channels"]["q_acc"] <= 1.0
+    assert report["location"]["depends_on"] == ["force"]
+    assert set(report["fit"]) >= {"held_out", "one_step", "rollout"}
+    rollout = report["fit"]["rollout"]
+    assert set(rollout) == {"horizon_s", "q", "q_dot"}
+    assert rollout["horizon_s"] == pytest.approx(1.0)
+    kinds = {"before", "tuned", "gp", "after", "after_gp", "noise_floor"}
+    for unit, row in (
+        ("m/s^2", report["fit"]["one_step"]["q_acc"]),
+        ("m", rollout["q"]),
+        ("m/s", rollout["q_dot"]),
+    ):
+        assert set(row) >= kinds | {"unit"}
+        assert row["unit"] == unit
+        assert all(row[kind] >= 0 for kind in kinds)
+    assert rollout["q"]["after"] < 0.2 * rollout["q"]["before"]
+    assert set(report["remainder"]) >= {"structured", "depends_on", "p_value"}
+    assert report["remainder"]["structured"] is False
+    assert report["remainder"]["depends_on"] == []
+    assert 0.0 <= report["remainder"]["p_value"] <= 1.0
     errors = report["fit"]["one_step"]["q_acc"]
     assert errors["after"] < errors["before"]
     assert errors["after"] < 1.3 * errors["noise_floor"]

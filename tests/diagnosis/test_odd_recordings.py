@@ -17,6 +17,7 @@ from gpsim.diagnosis.simulate import simulate
 from gpsim.diagnosis.telling import paragraphs
 from gpsim.diagnosis.telling_apart import _excitations, _latest, _said, _windows
 from gpsim.diagnosis.thinning import thinned
+from gpsim.diagnosis.traces import course, traces
 from gpsim.diagnosis.windows import cut, held_out_mask
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
@@ -52,7 +53,9 @@ def test_positions_alone_are_diagnosed_to_the_end(tmp_path: Path):
     assert effect["parameters"]["force"]["value"] == pytest.approx(FRICTION.values["force"], rel=0.05)
     assert found.report["fit"]["one_step"] == {}
     assert "no rate follows" in paragraphs(found.report)[3]
-    pictures = figures(found)
+    leader = found.judgement.leader.hypothesis
+    shown = traces(found.question, leader, found.comparison.rollout["horizon_s"])
+    pictures = figures(found, shown, course(found.question, leader))
     assert set(pictures) == {"residual_time", "traces"}
     assert "coulomb_friction" in page(found.report, pictures, "log")
 

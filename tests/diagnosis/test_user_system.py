@@ -16,6 +16,7 @@ from gpsim.diagnosis.telling import paragraphs
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
+from gpsim.residuals import build_residuals, check_rates
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import read_corrected
 
@@ -132,3 +133,43 @@ def test_slow_systems_take_no_more_substeps_than_they_need():
     tanks = make_simulator(REFERENCE)
     question = prepare(drive(), tanks, tanks.defaults())
     assert question.everything.substeps == 2
+
+
+TANK = """
+import numpy as np
+
+class Tank:
+    state = {"level": "m"}
+    action = {"pump": "V"}
+    parameters = {"outflow": ("m^0.5/s", 0.1, 0.0, 10.0)}
+
+    def rates(self, state, action, p):
+        return {"level": action["pump"] - p["outflow"] * np.sqrt(state["level"])}
+"""
+
+
+def test_a_root_of_a_noisy_level_is_refused_with_its_row(tmp_path):
+    """One row of a thousand is below zero: it is an extreme one, and looked at."""
+    (tmp_path / "tank.py").write_text(TANK)
+    tank, rng = make_simulator(f"{tmp_path / 'tank.py'}:Tank"), np.random.default_rng(0)
+    levels = rng.uniform(0.5, 1.0, (2, 501, 1))
+    levels[1, 123] = -0.01
+    episodes = tuple(
+        Episode(name, 0.1 * np.arange(501), states, rng.uniform(0.0, 1.0, (500, 1)))
+        for name, states in zip(("first", "second"), levels, strict=True)
+    )
+    recording = Recording(tank.name, tank.state, tank.action, episodes, 0.1, tank.defaults())
+    write_recording(recording, tmp_path, "csv")
+    result = CliRunner().invoke(
+        app, ["diagnose", str(tmp_path), "--simulator", tank.name, "--out", str(tmp_path / "out")]
+    )
+    assert isinstance(result.exception, UsageError)
+    said = str(result.exception)
+    assert "level_rate is not finite (nan)" in said
+    assert "episode second, row 123 has been (level=-0.01, pump=" in said
+    assert "np.sqrt(np.maximum(level, 0.0))" in said
+    assert "tank.py" in said
+    assert "\n" not in said
+    with pytest.raises(UsageError, match="episode second, row 123"):
+        build_residuals(recording, tank, tank.defaults(), "euler", test_fraction=0.5, rng=rng)
+    check_rates(replace(recording, episodes=episodes[:1]), tank, tank.defaults())

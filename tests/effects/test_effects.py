@@ -1,11 +1,14 @@
 """Effects against closed-form solutions: memory, sticking, composition, gates, and the registry's promises."""
 
+import re
+import sys
+
 import numpy as np
 import pytest
 
 from gpsim.effects import FAMILIES, Gate, Place, Term
 from gpsim.effects.chain import Chain
-from gpsim.effects.registry import register
+from gpsim.effects.registry import effect_of, has_patch, register
 from gpsim.effects.term import from_json, to_json
 from gpsim.errors import UsageError
 from gpsim.simulators import SIMULATORS, make_simulator
@@ -176,6 +179,32 @@ def test_every_family_says_what_it_needs_on_every_simulator():
                     assert "\n" not in spoken
 
 
+@pytest.mark.parametrize(
+    ("force", "length", "expected"),
+    [
+        ("kN", "m", ["kN s/m", "kN s^2/m^2", "kN/m", "m", "m/s"]),
+        ("N", "mm", ["N s/mm", "N s^2/mm^2", "N/mm", "mm", "mm/s"]),
+        ("N m", "rad", ["N m s/rad", "N m s^2/rad^2", "N m/rad", "rad", "rad/s"]),
+        ("N", "", ["N s/m", "N s^2/m^2", "N/m", "m", "m/s"]),
+        ("N m", "", ["N m s/rad", "N m s^2/rad^2", "N m/rad", "rad", "rad/s"]),
+    ],
+)
+def test_units_of_forces_follow_from_the_position_they_depend_on(force, length, expected):
+    """A length unit that nobody gave is guessed from the force's, as for the built-in systems."""
+    place = Place("q", force, length=length)
+    units = {
+        family: {p.name: p.unit for p in FAMILIES[family].parameters(place)}
+        for family in ("viscous_friction", "quadratic_drag", "spring", "stribeck_friction")
+    }
+    assert [
+        units["viscous_friction"]["damping"],
+        units["quadratic_drag"]["drag"],
+        units["spring"]["stiffness"],
+        units["spring"]["rest_position"],
+        units["stribeck_friction"]["stribeck_velocity"],
+    ] == expected
+
+
 def test_the_registry_refuses_duplicates_and_names_the_alternatives():
     with pytest.raises(ValueError, match="twice"):
         register([FAMILIES["spring"], FAMILIES["spring"]])
@@ -188,3 +217,40 @@ def test_terms_survive_json():
     assert from_json(to_json(term)) == term
     with pytest.raises(UsageError, match="an effect needs"):
         from_json({"family": "spring"})
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_states_its_law_its_units_and_where_it_comes_from(family):
+    """A reference has a year; what is plain arithmetic says that it is a definition."""
+    effect = FAMILIES[family]
+    source = sys.modules[type(effect).__module__].__doc__ or ""
+    assert re.search(r"\b1[6-9]\d\d\b|\b20\d\d\b|Definition:", source), source
+    assert type(effect).__doc__
+    assert type(effect).parameters.__doc__
+    simulators = [make_simulator(name) for name in SIMULATORS]
+    on = next(place for simulator in simulators for place in effect.places(simulator))
+    assert all(p.unit for p in effect.parameters(Place(on, "N")))
+
+
+@pytest.mark.parametrize("family", [f for f, e in FAMILIES.items() if e.site == "actuator"])
+def test_a_family_says_that_it_drifts_if_its_law_knows_the_time(family):
+    effect, commands = FAMILIES[family], np.array([[1.0, -2.0, 3.0]])
+    values = {p.name: np.array([[p.starts[0]]]) for p in effect.parameters(Place("u", "N"))}
+    step = np.full((1, 3), H)
+    said = [
+        effect.actuate(commands, values, effect.begin(1, 0.5, H), step, late + H * np.arange(3.0)[None])
+        for late in (0.0, 3.0)
+    ]
+    assert (not np.array_equal(*said)) == effect.drifts
+
+
+def test_a_patch_names_the_law_that_it_is_a_piece_of():
+    """Inside its region a patch grips as its family does everywhere, and it makes sense in a region only."""
+    patches = {f: e.patch_of for f, e in FAMILIES.items() if e.patch_of is not None}
+    assert patches == {"local_friction_patch": "coulomb_friction"}
+    assert [f for f in FAMILIES if has_patch(f)] == ["coulomb_friction"]
+    q, values = np.zeros(2), {"force": np.array([1.5, 2.0])}
+    for family, whole in patches.items():
+        assert FAMILIES[family].needs_region
+        grips = [effect_of(f).grip(q, q + 1.0, values, None) for f in (family, whole)]
+        np.testing.assert_array_equal(*grips)

@@ -86,7 +86,7 @@ def test_a_batch_is_its_cars_and_the_camera_sees_what_the_car_does():
         assert seen.shape == (1, 10, 3)
         single = seen[:, -1]
         np.testing.assert_allclose(single[0], state[1], rtol=0, atol=1e-15)
-    measured = limo.measure(np.zeros((20_000, 3)), rng)
+    measured = limo.measure(np.zeros((20_000, 3)), {}, rng)
     np.testing.assert_allclose(measured.std(axis=0), [5e-4, 5e-4, np.deg2rad(0.2)], rtol=0.03)
 
 
