@@ -10,7 +10,10 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects import EffectParameter, Gate, Place, Term, effect_of
 from gpsim.effects.chain import Chain, Scheme
+from gpsim.effects.effect import ActuatorEffect
 from gpsim.simulators import Simulator
+
+SLIVER = 0.15  # of the largest command that is followed: a smaller range is none
 
 
 @dataclass(frozen=True)
@@ -54,9 +57,25 @@ class Hypothesis:
 
     @property
     def patchwork(self) -> bool:
-        """Whether terms act in different regions of one channel: a law of it, put together from what there is."""
+        """Whether laws are put together from what there is.
+
+        Terms that act in different regions of one channel are; and terms that together leave an actuator hardly any
+        commands to follow: a dead zone as wide as a limit is high makes coarse levels.
+        """
         regions = {(channel, region) for t in self.terms for channel, region in t.gate.region.items()}
-        return len({channel for channel, _ in regions}) < len(regions)
+        return len({channel for channel, _ in regions}) < len(regions) or self._in_levels
+
+    @property
+    def _in_levels(self) -> bool:
+        spans: dict[str, tuple[float, float]] = {}
+        for term in self.terms:
+            if isinstance(term.effect, ActuatorEffect) and not term.gate:
+                low, high = term.effect.follows(term.values)
+                before = spans.get(term.on, (0.0, np.inf))
+                spans[term.on] = max(low, before[0]), min(high, before[1])
+        return any(
+            low > 0.0 and high - low < SLIVER * high for low, high in spans.values() if np.isfinite(high)
+        )
 
     def having(self, theta: FloatArray) -> Hypothesis:
         """The same terms with the values theta (P,)."""

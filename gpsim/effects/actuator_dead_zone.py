@@ -34,6 +34,10 @@ class ActuatorDeadZone(ActuatorEffect):
         """0 inside |commands| < width."""
         return np.where(np.abs(commands) < values["width"], 0.0, commands)
 
+    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
+        """Beyond the width."""
+        return values["width"], np.inf
+
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return f"{on} does nothing below {values['width']}"

@@ -36,6 +36,10 @@ class ActuatorSaturation(ActuatorEffect):
         """The commands, no larger than the limit."""
         return np.clip(commands, -values["limit"], values["limit"])
 
+    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
+        """Up to the limit."""
+        return 0.0, values["limit"]
+
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return f"{on} saturates at {values['limit']}"

@@ -157,6 +157,10 @@ class ActuatorEffect(Effect):
         """Memory of a batch at rest; `longest` [s] is the longest delay it must bridge, `step` [s] the grid."""
         return {}
 
+    def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
+        """Between which sizes of a command what comes out follows it, and does not stand still."""
+        return 0.0, np.inf
+
     @abstractmethod
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray

@@ -1,5 +1,7 @@
 """Edges of gates, and the limits of a search: what it may spend, and what passes for a law patched together."""
 
+from dataclasses import replace
+
 import pytest
 
 from gpsim.diagnosis import effort
@@ -67,6 +69,18 @@ def test_effort_does_not_depend_on_the_number_of_processes():
         fit_all(problem, orders)
     assert effort.spent() - begun == pytest.approx(2 * alone, rel=1e-12)
     assert alone > 0
+
+
+@pytest.mark.parametrize(
+    ("width", "limit", "levels"), [(1.18, 1.23, True), (1.3, 1.23, True), (0.4, 1.23, False)]
+)
+def test_a_dead_zone_as_wide_as_a_limit_is_high_is_a_patchwork(width, limit, levels):
+    """Trials 225 and 343 of the blind test of seed 2027: a motor of three levels was called so, with a gain."""
+    dead = Term("actuator_dead_zone", "force", {"width": width})
+    limited = Term("actuator_saturation", "force", {"limit": limit})
+    assert Hypothesis((dead, limited), ((), ())).patchwork == levels
+    assert not Hypothesis((dead, replace(limited, on="other")), ((), ())).patchwork
+    assert not Hypothesis((dead,), ((),)).patchwork
 
 
 def test_terms_in_two_regions_of_a_channel_are_a_patchwork():
