@@ -143,8 +143,7 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         everywhere = grown(part, directions, offers, PROMISING)
         few = Directions(*sampled(part, seen, GLANCED_AT))
         gated += gated_children(part, directions, everywhere, offers, few=few)
-    elif len(leader.hypothesis.terms) <= LATE and not any(pays(problem, f, leader) for f in gated):
-        # What began late and is slight leaves the rest of the recording white.
+    elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, [None], few=directions)
     gated = sorted(gated, key=lambda f: f.objective)[:GATES]
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
