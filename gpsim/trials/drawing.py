@@ -11,8 +11,9 @@ import numpy as np
 from gpsim.trials import actuators, laws, outside
 from gpsim.trials.excitation import GRADED, MECHANICAL, VEHICLE
 from gpsim.trials.mujoco_body import native
+from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.running import run
-from gpsim.trials.strengths import CATALOGUE, OUTSIDE, Dial, Scales
+from gpsim.trials.strengths import CATALOGUE, Dial, Scales
 from gpsim.trials.systems import SYSTEMS, System
 from gpsim.trials.worlds import Stratum, TrueEffect, World
 
@@ -21,7 +22,10 @@ LONG: tuple[Stratum, ...] = ("single", "none")  # two long worlds close every de
 DECK_SIZE = sum(COUNTS.values()) + len(LONG)
 SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1}
 NOISE = {"clean": 0.02, "light": 0.3, "normal": 1.0, "heavy": 4.0}
-NEEDS_LEVELS = ("actuator_dead_zone", "actuator_saturation", "actuator_backlash", "quantised_actuator")
+NEEDS_LEVELS = (
+    "actuator_dead_zone", "actuator_saturation", "actuator_backlash", "quantised_actuator", "worm_gear",
+    "wheel_speed_limit",
+)  # fmt: skip
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
 DATED = (
     *REGIONAL, "coulomb_friction", "spring", "parameter_offset", "actuator_dead_zone", "actuator_saturation",
@@ -103,7 +107,9 @@ def places_of(family: str, system: System, velocities: str | None) -> list[str]:
 def _outside_places(kind: str, system: System) -> list[str]:
     if system.name not in outside.KINDS[kind].systems:
         return []
-    site = outside.KINDS[kind].site
+    site, places = outside.KINDS[kind].site, outside.KINDS[kind].places
+    if places:
+        return list(places)
     if site == "actuator":
         return list(system.action)
     if site == "twist":
