@@ -85,7 +85,7 @@ def systems_of(family: str) -> list[str]:
 def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     """What a family can act on in a system, so that a recording can show it."""
     if family in outside.KINDS:
-        return _outside_places(family, system)
+        return _outside_places(family, system, velocities)
     if family in laws.SMOOTH or family in laws.GRIP:
         return list(system.coordinates)
     if family in actuators.ACTUATORS:
@@ -104,8 +104,10 @@ def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     return readable
 
 
-def _outside_places(kind: str, system: System) -> list[str]:
+def _outside_places(kind: str, system: System, velocities: str | None) -> list[str]:
     if system.name not in outside.KINDS[kind].systems:
+        return []
+    if kind == "slow_sensor" and velocities == "differentiated":  # a reading that repeats is no speed of 0
         return []
     site, places = outside.KINDS[kind].site, outside.KINDS[kind].places
     if places:
@@ -187,6 +189,8 @@ def _world(
     kinds: tuple[str, ...] = VEHICLE if system.vehicle else MECHANICAL
     if any(f in NEEDS_LEVELS for f, _ in effects) and rng.random() < 0.85:
         kinds = tuple(k for k in kinds if k in GRADED)
+    if any(f == "lost_commands" for f, _ in effects):  # a sweep holds its commands for longer than an outage
+        kinds = tuple(k for k in kinds if k != "sweep")
     level = str(rng.choice(list(NOISE)))
     noise = {n: float(f"{sd * NOISE[level] * rng.uniform(0.5, 2.0):.3g}") for n, sd in system.sensors.items()}
     episodes = max(int(np.ceil(wanted / steps)), 5)

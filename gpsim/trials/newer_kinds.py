@@ -69,16 +69,16 @@ class WormGear:
 
 
 class LostCommands:
-    """Some commands never arrive: what acts is the last one that did. Which ones follows from their moment alone."""
+    """Outages of a radio link: what acts is the last command that arrived. Which are lost follows from the moment."""
 
     def __init__(self, k: Values) -> None:
         self._k = k
         self._level: FloatArray | float = 0.0
 
     def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
-        """The last command that arrived; none before the first."""
+        """The command; in a lost period, of which each is a few samples long, the last one before it."""
         k = self._k
-        number = np.floor((t + h / 2) / k["period"])
+        number = np.floor((t + h / 2) / k["outage"])
         # The usual one-line hash: digits behind the point of a large multiple of a sine.
         chance = np.abs(np.sin(12.9898 * number + k["phase"])) * 43758.5453 % 1.0
         self._level = np.where(chance < k["share"], self._level, u)

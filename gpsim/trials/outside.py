@@ -92,7 +92,7 @@ KINDS: Mapping[str, Kind] = {
     "uneven_inertia": _newer("inertia", MECHANICAL, "an unbalanced drive: the inertia varies with position"),
     "worm_gear": _newer("actuator", MECHANICAL, "friction that grows with the force transmitted"),
     "lost_commands": _newer(
-        "actuator", (*MECHANICAL, "unicycle"), "commands that never arrive: the last one goes on"
+        "actuator", (*MECHANICAL, "unicycle"), "outages in which the last command goes on"
     ),
     "hot_motor": _newer(
         "actuator", (*MECHANICAL, "unicycle"), "a gain that falls with the mean square of the command"

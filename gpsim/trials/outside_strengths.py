@@ -97,7 +97,9 @@ def _worm(s: Scales, on: str, d: Dial) -> dict[str, float]:
 
 
 def _lost(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {"share": d.size(0.06, 0.35), "period": s.world.dt, "phase": d.any(0, 6.28)}
+    """Outages of two to five samples."""
+    outage = rounded(round(d.any(1.5, 5.49)) * s.world.dt)
+    return {"share": d.size(0.06, 0.35), "outage": outage, "phase": d.any(0, 6.28)}
 
 
 def _hot(s: Scales, on: str, d: Dial) -> dict[str, float]:
@@ -119,7 +121,7 @@ def _wheels(s: Scales, on: str, d: Dial) -> dict[str, float]:
 
 def _fisheye(s: Scales, on: str, d: Dial) -> dict[str, float]:
     far = float(np.sqrt(np.mean(s.column("x") ** 2 + s.column("y") ** 2)))
-    return {"height": rounded(far / np.sqrt(d.size(0.02, 0.3)))}
+    return {"height": rounded(far / np.sqrt(d.size(0.04, 0.4)))}
 
 
 OUTSIDE: Mapping[str, Draw] = {
