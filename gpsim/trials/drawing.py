@@ -11,8 +11,9 @@ import numpy as np
 from gpsim.trials import actuators, laws, outside
 from gpsim.trials.excitation import GRADED, MECHANICAL, VEHICLE
 from gpsim.trials.mujoco_body import native
+from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.running import run
-from gpsim.trials.strengths import CATALOGUE, OUTSIDE, Dial, Scales
+from gpsim.trials.strengths import CATALOGUE, Dial, Scales
 from gpsim.trials.systems import SYSTEMS, System
 from gpsim.trials.worlds import Stratum, TrueEffect, World
 
@@ -21,7 +22,10 @@ LONG: tuple[Stratum, ...] = ("single", "none")  # two long worlds close every de
 DECK_SIZE = sum(COUNTS.values()) + len(LONG)
 SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1}
 NOISE = {"clean": 0.02, "light": 0.3, "normal": 1.0, "heavy": 4.0}
-NEEDS_LEVELS = ("actuator_dead_zone", "actuator_saturation", "actuator_backlash", "quantised_actuator")
+NEEDS_LEVELS = (
+    "actuator_dead_zone", "actuator_saturation", "actuator_backlash", "quantised_actuator", "worm_gear",
+    "wheel_speed_limit",
+)  # fmt: skip
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
 DATED = (
     *REGIONAL, "coulomb_friction", "spring", "parameter_offset", "actuator_dead_zone", "actuator_saturation",
@@ -81,7 +85,7 @@ def systems_of(family: str) -> list[str]:
 def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     """What a family can act on in a system, so that a recording can show it."""
     if family in outside.KINDS:
-        return _outside_places(family, system)
+        return _outside_places(family, system, velocities)
     if family in laws.SMOOTH or family in laws.GRIP:
         return list(system.coordinates)
     if family in actuators.ACTUATORS:
@@ -100,10 +104,14 @@ def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     return readable
 
 
-def _outside_places(kind: str, system: System) -> list[str]:
+def _outside_places(kind: str, system: System, velocities: str | None) -> list[str]:
     if system.name not in outside.KINDS[kind].systems:
         return []
-    site = outside.KINDS[kind].site
+    if kind == "slow_sensor" and velocities == "differentiated":  # a reading that repeats is no speed of 0
+        return []
+    site, places = outside.KINDS[kind].site, outside.KINDS[kind].places
+    if places:
+        return list(places)
     if site == "actuator":
         return list(system.action)
     if site == "twist":
@@ -181,6 +189,8 @@ def _world(
     kinds: tuple[str, ...] = VEHICLE if system.vehicle else MECHANICAL
     if any(f in NEEDS_LEVELS for f, _ in effects) and rng.random() < 0.85:
         kinds = tuple(k for k in kinds if k in GRADED)
+    if any(f == "lost_commands" for f, _ in effects):  # a sweep holds its commands for longer than an outage
+        kinds = tuple(k for k in kinds if k != "sweep")
     level = str(rng.choice(list(NOISE)))
     noise = {n: float(f"{sd * NOISE[level] * rng.uniform(0.5, 2.0):.3g}") for n, sd in system.sensors.items()}
     episodes = max(int(np.ceil(wanted / steps)), 5)

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import laws, outside
+from gpsim.trials import laws, newer_kinds, outside
 from gpsim.trials.systems import SYSTEMS, dynamics, load_on_track
 from gpsim.trials.worlds import TrueEffect
 
@@ -28,6 +28,7 @@ class Body:
         self._smooth = [(e, index[e.on]) for e in effects if e.family in laws.SMOOTH]
         self._outside = [(e, index[e.on]) for e in effects if e.family in outside.FORCES]
         self._coupled = [e for e in effects if e.family == "gyroscopic"]
+        self._uneven = [(e, index[e.on]) for e in effects if e.family == "uneven_inertia"]
         self._hidden = [
             (e, index[e.on], outside.HIDDEN[e.family]) for e in effects if e.family in outside.HIDDEN
         ]
@@ -96,6 +97,10 @@ class Body:
     ) -> FloatArray:
         names, p = self._system.names, self._actual(s, t)
         inverse, force = dynamics(self._system.name, p, s, u)
+        for effect, c in self._uneven:
+            extra, slope = newer_kinds.uneven_inertia(effect.values, s[:, 2 * c])
+            inverse = newer_kinds.with_inertia(inverse, c, extra)
+            force[:, c] -= 0.5 * slope * s[:, 2 * c + 1] ** 2  # Lagrange: d/dt (I v) - I' v^2 / 2
         for effect, c in self._smooth:
             push = laws.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
             force[:, c] += push * effect.acts(s, t, names) if effect.gated else push

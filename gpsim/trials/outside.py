@@ -1,7 +1,8 @@
-"""Physics outside the catalogue: twenty kinds that no family of `gpsim.effects` describes, and never will.
+"""Physics outside the catalogue: thirty kinds that no family of `gpsim.effects` describes, and never will.
 
-Half of them are `final`: seeds 1 to 99, which tuning may use, never draw those. They ran for the first time in the
-measurement of seed 2026; for every later one they are as known as the others.
+A seed draws from twenty. Ten are everybody's. Ten are `final`: seeds 1 to 99, which tuning may use, never draw those,
+and they ran for the first time in the measurement of seed 2026. From seed 2028 on ten newer ones (`newer_kinds.py`),
+which no earlier seed draws, stand in their place: half of the kinds of that measurement are new again.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.trials import newer_kinds
 from gpsim.trials.actuators import Actuator
+from gpsim.trials.hidden import Hidden, Values
+from gpsim.trials.newer_kinds import NEWER_SINCE
 
-Values = Mapping[str, float]
 Force = Callable[[Values, FloatArray, FloatArray, FloatArray], FloatArray]
 """f(values, q, v, wall time) -> (B,) on its own coordinate."""
 MECHANICAL = ("cartpole", "slider", "pendulum")
@@ -24,12 +27,33 @@ LAST_TUNING_SEED = 99
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind: where it acts, on which systems, and whether seeds for tuning leave it out."""
+    """One kind: where it acts, on which systems, and which seeds draw it.
 
-    site: Literal["force", "hidden", "coupled", "actuator", "twist", "sensor"]
+    final: seeds for tuning leave it out, and so do those from NEWER_SINCE on. since_seed: the first seed that draws
+    it; None: no such limit. places: what it acts on where the site does not say it.
+    """
+
+    site: Literal["force", "hidden", "coupled", "inertia", "actuator", "twist", "sensor"]
     systems: tuple[str, ...]
     final: bool
     text: str
+    since_seed: int | None = None
+    places: tuple[str, ...] = ()
+
+    def drawn(self, seed: int) -> bool:
+        """Whether a seed may draw it."""
+        if self.since_seed is not None:
+            return seed >= self.since_seed
+        return not self.final or (seed < NEWER_SINCE and not 1 <= seed <= LAST_TUNING_SEED)
+
+
+def _newer(
+    site: Literal["force", "hidden", "inertia", "actuator", "twist", "sensor"],
+    systems: tuple[str, ...],
+    text: str,
+    places: tuple[str, ...] = (),
+) -> Kind:
+    return Kind(site, systems, False, text, NEWER_SINCE, places)
 
 
 KINDS: Mapping[str, Kind] = {
@@ -61,16 +85,30 @@ KINDS: Mapping[str, Kind] = {
     "carpet": Kind(
         "twist", ("unicycle",), True, "a round carpet that slows the vehicle down towards its middle"
     ),
+    "eddy_brake": _newer("force", MECHANICAL, "a magnetic brake that lets go when the body is fast"),
+    "rubber_buffer": _newer(
+        "hidden", MECHANICAL, "a spring and a damper in a row: it forgets where it began"
+    ),
+    "uneven_inertia": _newer("inertia", MECHANICAL, "an unbalanced drive: the inertia varies with position"),
+    "worm_gear": _newer("actuator", MECHANICAL, "friction that grows with the force transmitted"),
+    "lost_commands": _newer(
+        "actuator", (*MECHANICAL, "unicycle"), "outages in which the last command goes on"
+    ),
+    "hot_motor": _newer(
+        "actuator", (*MECHANICAL, "unicycle"), "a gain that falls with the mean square of the command"
+    ),
+    "wheel_speed_limit": _newer("twist", ("unicycle",), "each of two wheels turns only so fast"),
+    "towed_trolley": _newer("twist", ("unicycle",), "a trolley on a drawbar pulls the vehicle straight"),
+    "slow_sensor": _newer(
+        "sensor", (*MECHANICAL, "unicycle"), "a sensor that reads less often than recorded"
+    ),
+    "fisheye_camera": _newer("sensor", ("unicycle",), "a camera's radial distortion of the pose", ("pose",)),
 }
 
 
 def allowed(seed: int, system: str) -> list[str]:
     """The kinds that a seed may draw on a system, in the order of KINDS."""
-    return [
-        name
-        for name, kind in KINDS.items()
-        if system in kind.systems and not (kind.final and 1 <= seed <= LAST_TUNING_SEED)
-    ]
+    return [name for name, kind in KINDS.items() if system in kind.systems and kind.drawn(seed)]
 
 
 def _gusts(k: Values, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
@@ -107,23 +145,8 @@ FORCES: Mapping[str, Force] = {
         -k["lever"] * k["acceleration"] * np.sin(2 * np.pi * k["frequency"] * wall) * np.sin(q)
     ),
     "speed_ripple": lambda k, q, v, wall: -k["amplitude"] * np.sin(v / k["speed"]),
+    "eddy_brake": newer_kinds.eddy_brake,
 }
-
-
-class Hidden:
-    """A force with a hidden state z (B, 2) of its own."""
-
-    def begin(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """(B, 2) at the start."""
-        raise NotImplementedError
-
-    def force(self, k: Values, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
-        """(B,) on its coordinate."""
-        raise NotImplementedError
-
-    def drift(self, k: Values, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
-        """(B, 2): dz / dt."""
-        raise NotImplementedError
 
 
 class BoucWen(Hidden):
@@ -160,7 +183,11 @@ class FlexibleCoupling(Hidden):
         return np.stack([z[:, 1], -self.force(k, q, v, z) / k["inertia"]], axis=1)
 
 
-HIDDEN: Mapping[str, Hidden] = {"bouc_wen": BoucWen(), "flexible_coupling": FlexibleCoupling()}
+HIDDEN: Mapping[str, Hidden] = {
+    "bouc_wen": BoucWen(),
+    "flexible_coupling": FlexibleCoupling(),
+    "rubber_buffer": newer_kinds.RubberBuffer(),
+}
 
 
 class PositionGain:
@@ -209,6 +236,7 @@ ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
     "position_gain": PositionGain,
     "quantised_actuator": Quantised,
     "ringing_actuator": Ringing,
+    **newer_kinds.ACTUATORS,
 }
 
 
@@ -221,6 +249,7 @@ TWIST: Mapping[str, Callable[[Values, FloatArray, FloatArray, FloatArray], tuple
     "curve_slowdown": lambda k, v, w, s: (v * (1.0 - k["loss"] * np.minimum(np.abs(w), 2.5)), w),
     "heading_slope": lambda k, v, w, s: (v + k["amplitude"] * np.sin(s[:, 2] - k["phase"]), w),
     "carpet": _carpet,
+    "wheel_speed_limit": newer_kinds.wheel_speed_limit,
 }
 """f(values, v, w, state) -> (v, w)."""
 

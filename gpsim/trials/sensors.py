@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.trials.newer_kinds import fisheye, last_tick
 from gpsim.trials.outside import eccentric
 from gpsim.trials.worlds import TrueEffect
 
@@ -17,6 +18,8 @@ FAMILIES = (
     "sensor_bias",
     "sensor_delay",
     "eccentric_encoder",
+    "slow_sensor",
+    "fisheye_camera",
 )
 
 
@@ -33,6 +36,9 @@ def sense(
         column = names.index(effect.on)
         back = max(index - round(effect.values["delay"] / h), 0)
         now[:, column] = past[back, :, column]
+    for effect in (e for e in ordered if e.family == "slow_sensor"):
+        column = names.index(effect.on)
+        now[:, column] = past[last_tick(effect.values, index, h), :, column]
     for effect in ordered:
         _read(effect, names, now)
     return np.asarray(now)
@@ -53,3 +59,5 @@ def _read(effect: TrueEffect, names: tuple[str, ...], now: FloatArray) -> None:
     elif effect.family == "eccentric_encoder":
         column = names.index(effect.on)
         now[:, column] = eccentric(k, now[:, column])
+    elif effect.family == "fisheye_camera":
+        now[:, :2] = fisheye(k, now[:, :2])

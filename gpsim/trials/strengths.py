@@ -33,11 +33,11 @@ class Dial:
 
     def size(self, low: float, high: float) -> float:
         """Between low (subtle) and high (plain), evenly in the logarithm."""
-        return float(_round(low * (high / low) ** self.strength))
+        return float(rounded(low * (high / low) ** self.strength))
 
     def any(self, low: float, high: float) -> float:
         """Between low and high whatever the strength."""
-        return float(_round(self.rng.uniform(low, high)))
+        return float(rounded(self.rng.uniform(low, high)))
 
     def sign(self) -> float:
         """-1 or 1."""
@@ -46,7 +46,7 @@ class Dial:
     def ratio(self, low: float, high: float) -> float:
         """A factor above or below 1, off by between low and high."""
         off = self.size(low, high)
-        return float(_round(1.0 + off if self.rng.random() < 0.5 else 1.0 - off))
+        return float(rounded(1.0 + off if self.rng.random() < 0.5 else 1.0 - off))
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Scales:
         return float(self.world.offsets[-1] + self.world.steps * self.world.dt)
 
 
-def _round(value: float) -> float:
+def rounded(value: float) -> float:
     """Four significant digits, so that the answers can be read."""
     return float(f"{value:.4g}")
 
@@ -112,9 +112,9 @@ def _stribeck(s: Scales, on: str, d: Dial) -> dict[str, float]:
     sliding = d.size(0.05, 0.3) * s.force(on)
     speed = d.any(0.1, 0.4) * s.speed(on)
     return {
-        "force": _round(sliding),
-        "static_force": _round(sliding * d.any(1.5, 2.5)),
-        "stribeck_velocity": _round(speed),
+        "force": rounded(sliding),
+        "static_force": rounded(sliding * d.any(1.5, 2.5)),
+        "stribeck_velocity": rounded(speed),
     }
 
 
@@ -122,8 +122,8 @@ def _coulomb(s: Scales, on: str, d: Dial) -> dict[str, float]:
     force = d.size(0.05, 0.5) * s.force(on)
     if s.world.system == "cartpole" and on == "x" and s.world.engine == "rk4" and d.rng.random() < 0.5:
         p = s.world.parameters
-        return {"coefficient": _round(force / ((p["cart_mass"] + p["pole_mass"]) * p["gravity"]))}
-    return {"force": _round(force)}
+        return {"coefficient": rounded(force / ((p["cart_mass"] + p["pole_mass"]) * p["gravity"]))}
+    return {"force": rounded(force)}
 
 
 def _parameter(s: Scales, on: str, d: Dial) -> dict[str, float]:
@@ -133,165 +133,56 @@ def _parameter(s: Scales, on: str, d: Dial) -> dict[str, float]:
 def _asymmetry(s: Scales, on: str, d: Dial) -> dict[str, float]:
     off, sign = d.size(0.04, 0.25), d.sign()
     return {
-        "gain_positive": _round(1.0 + sign * off),
-        "gain_negative": _round(1.0 - sign * off * d.any(0.3, 1.0)),
+        "gain_positive": rounded(1.0 + sign * off),
+        "gain_negative": rounded(1.0 - sign * off * d.any(0.3, 1.0)),
     }
 
 
 def _sensor_bias(s: Scales, on: str, d: Dial) -> dict[str, float]:
     unit = SYSTEMS[s.world.system].state[on]
     size = d.size(0.02, 0.12) if unit in ("rad", "m") else d.size(0.05, 0.5) * s.reach(on)
-    return {"offset": _round(d.sign() * size)}
+    return {"offset": rounded(d.sign() * size)}
 
 
 def _radius(s: Scales, on: str, d: Dial) -> dict[str, float]:
     """So that a tenth (subtle) to a half (plain) of the commanded curves are too tight."""
     v, w = s.pilot.commands[..., 0].ravel(), np.abs(s.pilot.commands[..., 1].ravel())
-    return {"radius": _round(float(np.quantile(np.abs(v) / np.maximum(w, 1e-3), d.size(0.1, 0.5))))}
+    return {"radius": rounded(float(np.quantile(np.abs(v) / np.maximum(w, 1e-3), d.size(0.1, 0.5))))}
 
 
 CATALOGUE: Mapping[str, Draw] = {
     "coulomb_friction": _coulomb,
-    "viscous_friction": lambda s, on, d: {"damping": _round(d.size(0.05, 0.5) * s.force(on) / s.speed(on))},
-    "quadratic_drag": lambda s, on, d: {"drag": _round(d.size(0.05, 0.4) * s.force(on) / s.speed(on) ** 2)},
+    "viscous_friction": lambda s, on, d: {"damping": rounded(d.size(0.05, 0.5) * s.force(on) / s.speed(on))},
+    "quadratic_drag": lambda s, on, d: {"drag": rounded(d.size(0.05, 0.4) * s.force(on) / s.speed(on) ** 2)},
     "stribeck_friction": _stribeck,
     "spring": lambda s, on, d: {
-        "stiffness": _round(d.size(0.05, 0.5) * s.force(on) / s.reach(on)),
-        "rest_position": _round(float(np.mean(s.column(on))) + d.any(-0.8, 0.8) * s.reach(on)),
+        "stiffness": rounded(d.size(0.05, 0.5) * s.force(on) / s.reach(on)),
+        "rest_position": rounded(float(np.mean(s.column(on))) + d.any(-0.8, 0.8) * s.reach(on)),
     },
-    "constant_force": lambda s, on, d: {"force": _round(d.sign() * d.size(0.05, 0.4) * s.force(on))},
-    "local_friction_patch": lambda s, on, d: {"force": _round(d.size(0.15, 0.8) * s.force(on))},
+    "constant_force": lambda s, on, d: {"force": rounded(d.sign() * d.size(0.05, 0.4) * s.force(on))},
+    "local_friction_patch": lambda s, on, d: {"force": rounded(d.size(0.15, 0.8) * s.force(on))},
     "parameter_offset": _parameter,
     "actuator_gain": lambda s, on, d: {"gain": d.ratio(0.04, 0.3)},
-    "actuator_bias": lambda s, on, d: {"bias": _round(d.sign() * d.size(0.03, 0.3) * s.action(on))},
-    "actuator_dead_zone": lambda s, on, d: {"width": _round(d.size(0.08, 0.4) * s.action(on))},
-    "actuator_saturation": lambda s, on, d: {"limit": _round((1.0 - d.size(0.12, 0.6)) * s.action(on))},
+    "actuator_bias": lambda s, on, d: {"bias": rounded(d.sign() * d.size(0.03, 0.3) * s.action(on))},
+    "actuator_dead_zone": lambda s, on, d: {"width": rounded(d.size(0.08, 0.4) * s.action(on))},
+    "actuator_saturation": lambda s, on, d: {"limit": rounded((1.0 - d.size(0.12, 0.6)) * s.action(on))},
     "actuator_asymmetry": _asymmetry,
     "actuator_delay": lambda s, on, d: {"delay": _milliseconds(d.size(0.5, 5.0) * s.world.dt)},
-    "actuator_lag": lambda s, on, d: {"time_constant": _round(d.size(0.5, 6.0) * s.world.dt)},
-    "actuator_rate_limit": lambda s, on, d: {"rate": _round(s.action(on) / (d.size(0.8, 8.0) * s.world.dt))},
-    "actuator_backlash": lambda s, on, d: {"half_width": _round(d.size(0.03, 0.3) * s.action(on))},
-    "battery_sag": lambda s, on, d: {"loss_per_second": _round(d.size(0.1, 0.6) / s.duration)},
+    "actuator_lag": lambda s, on, d: {"time_constant": rounded(d.size(0.5, 6.0) * s.world.dt)},
+    "actuator_rate_limit": lambda s, on, d: {"rate": rounded(s.action(on) / (d.size(0.8, 8.0) * s.world.dt))},
+    "actuator_backlash": lambda s, on, d: {"half_width": rounded(d.size(0.03, 0.3) * s.action(on))},
+    "battery_sag": lambda s, on, d: {"loss_per_second": rounded(d.size(0.1, 0.6) / s.duration)},
     "minimum_turning_radius": _radius,
-    "understeer": lambda s, on, d: {"gradient": _round(d.size(0.05, 0.8) / s.action("v_cmd") ** 2)},
-    "steering_bias": lambda s, on, d: {"curvature": _round(d.sign() * d.size(0.02, 0.4))},
+    "understeer": lambda s, on, d: {"gradient": rounded(d.size(0.05, 0.8) / s.action("v_cmd") ** 2)},
+    "steering_bias": lambda s, on, d: {"curvature": rounded(d.sign() * d.size(0.02, 0.4))},
     "lateral_slip": lambda s, on, d: {"slip": d.size(0.02, 0.3)},
     "sensor_bias": _sensor_bias,
     "sensor_scale": lambda s, on, d: {"scale": d.ratio(0.03, 0.2)},
     "sensor_delay": lambda s, on, d: {"delay": _milliseconds(d.size(0.5, 4.0) * s.world.dt)},
     "marker_offset": lambda s, on, d: {
-        "forward": _round(d.sign() * d.size(0.02, 0.2)),
-        "left": _round(d.sign() * d.size(0.01, 0.1)),
+        "forward": rounded(d.sign() * d.size(0.02, 0.2)),
+        "left": rounded(d.sign() * d.size(0.01, 0.1)),
     },
-    "frame_rotation": lambda s, on, d: {"angle": _round(d.sign() * d.size(0.02, 0.25))},
+    "frame_rotation": lambda s, on, d: {"angle": rounded(d.sign() * d.size(0.02, 0.25))},
 }
 """Every family of the catalogue."""
-
-
-def _waves(s: Scales, on: str, d: Dial, low: float, high: float) -> dict[str, float]:
-    """A wave number with `low` to `high` periods over two standard deviations either side, and a phase."""
-    return {
-        "wave_number": _round(2 * np.pi * d.any(low, high) / (4 * s.reach(on))),
-        "phase": d.any(0, 2 * np.pi),
-    }
-
-
-def _bouc_wen(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {
-        "amplitude": _round(d.size(0.15, 0.7) * s.force(on)),
-        "width": _round(d.any(0.2, 0.5) * s.reach(on)),
-    }
-
-
-def _coupling(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    system = SYSTEMS[s.world.system]
-    inverse, _ = dynamics(system.name, s.world.parameters, np.zeros((1, len(system.state))), np.zeros((1, 1)))
-    own = 1.0 / float(inverse[0, system.coordinates.index(on), system.coordinates.index(on)])
-    inertia, turn = d.size(0.2, 0.8) * own, 2 * np.pi * d.any(1.5, 4.0)
-    return {
-        "inertia": _round(inertia),
-        "stiffness": _round(inertia * turn**2),
-        "damping": _round(2 * d.any(0.02, 0.15) * inertia * turn),
-    }
-
-
-def _aero(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    speed = 0.35 * s.speed(on)
-    return {
-        "amplitude": _round(d.size(0.1, 0.5) * s.force(on) / np.expm1(1.5 / 0.35)),
-        "speed": _round(speed),
-    }
-
-
-def _detent(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {
-        "amplitude": _round(d.size(0.3, 1.2) * s.force(on)),
-        "centre": _round(float(np.mean(s.column(on))) + d.any(-0.5, 0.5) * s.reach(on)),
-        "reach": _round(d.any(0.2, 0.4) * s.reach(on)),
-    }
-
-
-def _stop(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {
-        "edge": _round(float(np.quantile(s.column(on), 0.75))),
-        "stiffness": _round(d.size(0.4, 4.0) * s.force(on) / s.reach(on) ** 1.5),
-        "loss": _round(0.6 / s.speed(on)),
-    }
-
-
-def _pivot(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    p = s.world.parameters
-    return {
-        "lever": _round(p["mass"] * p["length"]),
-        "acceleration": _round(d.size(0.1, 0.6) * p["gravity"]),
-        "frequency": d.any(0.5, 3.0),
-    }
-
-
-def _carpet(s: Scales, on: str, d: Dial) -> dict[str, float]:
-    return {
-        "depth": d.size(0.15, 0.6),
-        "x": _round(float(np.median(s.column("x")))),
-        "y": _round(float(np.median(s.column("y")))),
-        "radius": _round(0.6 * min(s.reach("x"), s.reach("y"))),
-    }
-
-
-OUTSIDE: Mapping[str, Draw] = {
-    "cogging": lambda s, on, d: {
-        "amplitude": _round(d.size(0.1, 0.6) * s.force(on)), **_waves(s, on, d, 4, 8)
-    },
-    "hardening_spring": lambda s, on, d: {"cubic": _round(d.size(0.1, 0.6) * s.force(on) / s.reach(on) ** 3)},
-    "fan": lambda s, on, d: {
-        "amplitude": _round(d.size(0.1, 0.6) * s.force(on)), "frequency": d.any(0.4, 2.5), "phase": d.any(0, 6.28)
-    },
-    "bouc_wen": _bouc_wen,
-    "gusts": lambda s, on, d: {"amplitude": _round(d.size(0.1, 0.5) * s.force(on)), "phase": d.any(0, 6.28)},
-    "exponential_aero": _aero,
-    "position_gain": lambda s, on, d: {
-        "depth": d.size(0.12, 0.6), **_waves(s, SYSTEMS[s.world.system].names[0], d, 1, 3)
-    },
-    "quantised_actuator": lambda s, on, d: {"step": _round(d.size(0.25, 0.9) * s.action(on))},
-    "curve_slowdown": lambda s, on, d: {"loss": d.size(0.04, 0.3)},
-    "heading_slope": lambda s, on, d: {"amplitude": d.size(0.02, 0.2), "phase": d.any(0, 6.28)},
-    "magnetic_detent": _detent,
-    "flexible_coupling": _coupling,
-    "gyroscopic": lambda s, on, d: {"coupling": _round(d.size(0.1, 0.5) * s.force("theta") / s.speed("x"))},
-    "fading_damping": lambda s, on, d: {
-        "damping": _round(d.size(0.08, 0.5) * s.force(on) / s.speed(on)), "time": _round(0.3 * s.wall)
-    },
-    "soft_stop": _stop,
-    "vibrating_pivot": _pivot,
-    "speed_ripple": lambda s, on, d: {
-        "amplitude": _round(d.size(0.1, 0.5) * s.force(on)), "speed": _round(d.any(0.15, 0.3) * s.speed(on))
-    },
-    "ringing_actuator": lambda s, on, d: {
-        "frequency": _round(1.0 / (d.size(6.0, 20.0) * s.world.dt)), "damping_ratio": d.any(0.1, 0.3)
-    },
-    "eccentric_encoder": lambda s, on, d: {
-        "amplitude": _round(d.size(0.04, 0.2) * min(s.reach(on), 1.0)),
-        **({"wave_number": 1.0, "phase": d.any(0, 6.28)} if on == "yaw" else _waves(s, on, d, 2, 4)),
-    },
-    "carpet": _carpet,
-}  # fmt: skip
-"""Every kind outside it."""

@@ -40,14 +40,46 @@ def test_the_same_trial_is_the_same_world():
     assert drawing.draw(7, 3) != drawing.draw(8, 3)
 
 
+FINAL = {name for name, kind in outside.KINDS.items() if kind.final}
+NEWER = {name for name, kind in outside.KINDS.items() if kind.since_seed is not None}
+
+
+def drawn(seed):
+    return {kind for system in drawing.SYSTEMS for kind in outside.allowed(seed, system)}
+
+
 def test_tuning_never_sees_the_kinds_kept_for_the_end():
-    final = {name for name, kind in outside.KINDS.items() if kind.final}
-    assert len(outside.KINDS) >= 10
-    assert len(final) == len(outside.KINDS) // 2
-    for system in drawing.SYSTEMS:
-        for seed in (1, 50, outside.LAST_TUNING_SEED):
-            assert not final & set(outside.allowed(seed, system))
-    assert final <= {k for system in drawing.SYSTEMS for k in outside.allowed(2026, system)}
+    assert len(FINAL) == len(NEWER) == 10
+    for seed in (1, 50, outside.LAST_TUNING_SEED):
+        assert not (FINAL | NEWER) & drawn(seed)
+        assert len(drawn(seed)) == 10
+
+
+def test_half_of_the_kinds_are_new_in_2028_and_no_earlier_seed_draws_them():
+    for seed in (0, 100, 2026, 2027):
+        assert len(drawn(seed)) == 20
+        assert drawn(seed) >= FINAL
+        assert not NEWER & drawn(seed)
+    for seed in (2028, 3000):
+        assert len(drawn(seed)) == 20
+        assert drawn(seed) >= NEWER
+        assert not FINAL & drawn(seed)
+    assert {drawing._family(3001, "unknown", rank) for rank in range(20)} == drawn(3001)
+
+
+def test_newer_kinds_leave_the_draws_of_earlier_seeds_as_they_were():
+    before = [
+        "bouc_wen", "flexible_coupling", "exponential_aero", "gusts", "eccentric_encoder", "carpet",
+        "heading_slope", "fading_damping", "fan", "vibrating_pivot", "curve_slowdown", "quantised_actuator",
+        "cogging", "hardening_spring", "speed_ripple", "soft_stop", "gyroscopic", "position_gain",
+        "magnetic_detent", "ringing_actuator",
+    ]  # fmt: skip
+    assert [drawing._family(2027, "unknown", rank) for rank in range(20)] == before
+    before = [
+        "heading_slope", "curve_slowdown", "cogging", "bouc_wen", "hardening_spring", "quantised_actuator",
+        "position_gain", "fan", "exponential_aero", "gusts",
+    ]  # fmt: skip
+    assert [drawing._family(7, "unknown", rank) for rank in range(10)] == before
 
 
 @pytest.fixture(scope="module")

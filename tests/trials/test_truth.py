@@ -10,10 +10,11 @@ from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.trials import drawing, laws
 from gpsim.trials.mechanics import Body
+from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.replaying import Replay
 from gpsim.trials.running import H, run
 from gpsim.trials.sensors import sense
-from gpsim.trials.strengths import CATALOGUE, OUTSIDE, Dial, Scales
+from gpsim.trials.strengths import CATALOGUE, Dial, Scales
 from gpsim.trials.systems import SYSTEMS, dynamics
 from gpsim.trials.worlds import TrueEffect, effect_json, world_from_json, world_json
 
