@@ -131,11 +131,8 @@ def _best_gate(
     edges = bin_edges(directions.problem, channel)
     if len(edges) < 4:
         return None
-    hypothesis, count = directions.parent.hypothesis, len(edges) - 1
-    plain = hypothesis.plus(candidate.term(values), candidate.declared)
-    binned = declared_edges(plain, len(hypothesis.terms), channel, float(edges[0]), float(edges[-1]), True)
-    thetas = np.array([[*hypothesis.theta, *values, low, high] for low, high in pairwise(edges)])
-    changes = directions.of(binned, thetas).reshape(count, -1)
+    count = len(edges) - 1
+    changes = _by_bin(directions, candidate, values, channel, edges)
     pull, size = changes @ directions.rest.ravel(), changes @ changes.T
     first, last, gain, whole = _best_run(pull, size, suffix=channel is None)
     more = count_windows / len(directions.problem.windows)
@@ -146,6 +143,60 @@ def _best_gate(
         p = candidate.declared[0]
         values = (float(np.clip(p.none + share * (values[0] - p.none), p.low, p.high)),)
     return Proposal(more * gain, candidate, values, channel, edges[first], edges[last + 1], last < count - 1)
+
+
+def may_be_limited(
+    around: Directions, without: Directions, candidate: Candidate, values: tuple[float, ...]
+) -> list[str | None]:
+    """Channels on which a term that acts everywhere could as well act in a region, from what it does in each bin.
+
+    around: at the hypothesis with the term; without: at the one without it, in units of the first one's residual. Where
+    taking the term out of some bins would make a residual worse that is as good as noise, no gate can be right.
+    """
+    return [
+        channel
+        for channel in region_channels(without.problem)
+        if makes_sense(candidate, channel) and _spares(around, without, candidate, values, channel)
+    ]
+
+
+def _spares(
+    around: Directions,
+    without: Directions,
+    candidate: Candidate,
+    values: tuple[float, ...],
+    channel: str | None,
+) -> bool:
+    edges = bin_edges(without.problem, channel)
+    if len(edges) < 4:
+        return False
+    changes = _by_bin(without, candidate, values, channel, edges)
+    pull, size = changes @ around.rest.ravel(), changes @ changes.T
+    count = len(pull)
+    for first in range(count):
+        for last in range(first, count):
+            out = np.ones(count, dtype=np.bool_)
+            out[first : last + 1] = False
+            if not out.any() or (channel is None and last < count - 1):
+                continue
+            if -float(pull[out].sum()) > 0.5 * float(size[np.ix_(out, out)].sum()):
+                return True
+    return False
+
+
+def _by_bin(
+    directions: Directions,
+    candidate: Candidate,
+    values: tuple[float, ...],
+    channel: str | None,
+    edges: FloatArray,
+) -> FloatArray:
+    """(bins, N): what the term takes off the residual when it acts in one bin of the channel alone."""
+    hypothesis = directions.parent.hypothesis
+    plain = hypothesis.plus(candidate.term(values), candidate.declared)
+    binned = declared_edges(plain, len(hypothesis.terms), channel, float(edges[0]), float(edges[-1]), True)
+    thetas = np.array([[*hypothesis.theta, *values, low, high] for low, high in pairwise(edges)])
+    return directions.of(binned, thetas).reshape(len(edges) - 1, -1)
 
 
 def _best_run(pull: FloatArray, size: FloatArray, suffix: bool) -> tuple[int, int, float, float]:

@@ -11,12 +11,19 @@ from dataclasses import replace
 
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import scores, whiteness
-from gpsim.diagnosis.gates import FINEST, PROMISING, gated_children, polished
+from gpsim.diagnosis.gates import (
+    FINEST,
+    PROMISING,
+    gated_children,
+    may_be_limited,
+    polished,
+    region_channels,
+)
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.leaning import lean, likeliest, sampled, simplest
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.replacing import AS_WELL, specialised, swapped
+from gpsim.diagnosis.replacing import AS_WELL, left_open, specialised, swapped
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
@@ -138,7 +145,8 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
     if not structured:
         lack = lack_of_fit(problem, leader)
         structured = lack is not None and lack.significant
-    gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers)]
+    around = None if structured else directions
+    gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers, around)]
     if structured and spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)
         few = Directions(*sampled(part, seen, GLANCED_AT))
@@ -149,14 +157,27 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
 
 
-def _gated(part: Problem, seen: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with a term that acts everywhere put behind a gate, where one promises more."""
+def _gated(
+    part: Problem, seen: Fit, index: int, offers: Sequence[Candidate], around: Directions | None
+) -> list[Fit]:
+    """The leader with a term that acts everywhere put behind a gate, where one promises more.
+
+    around: where nothing but noise is left, what changes around the leader; most gates are ruled out by it.
+    """
     term = seen.hypothesis.terms[index]
     same = [c for c in offers if c.place.on == term.on and c.variant == term.variant and c.gateable]
     cases = term.effect.special_cases(term.values)
     itself = [c for c in same if c.family == term.family or (c.only_gated and c.family in cases)]
     if term.gate or not itself:
         return []
+    values = tuple(term.values[p.name] for p in itself[0].declared)
+    channels: list[str | None] | None = None
+    if around is not None:
+        without = Directions(part, replace(left_open(part, seen, index), variance=seen.variance))
+        found = {c for candidate in itself for c in may_be_limited(around, without, candidate, values)}
+        channels = [c for c in region_channels(part) if c in found]
+        if not channels:
+            return []
     parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
-    whole = child_of(parent.hypothesis, itself[0], tuple(term.values[p.name] for p in itself[0].declared))
-    return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself)
+    whole = child_of(parent.hypothesis, itself[0], values)
+    return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself, channels)

@@ -27,7 +27,7 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
     old = leader.hypothesis.terms[index]
     part, seen = sampled(problem, leader)
-    parent = _left_open(part, seen, index)
+    parent = left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     directions = Directions(part, parent)
     found = screened(directions, open_offers, old.gate)
@@ -82,7 +82,7 @@ def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> F
         leader = min(simpler, key=lambda f: f.objective)
 
 
-def _left_open(problem: Problem, at: Fit, index: int) -> Fit:
+def left_open(problem: Problem, at: Fit, index: int) -> Fit:
     """The fit with one term taken out and all else left as it is: what is missing then is that term, undistorted."""
     hypothesis = at.hypothesis.without(index)
     bare = fit(problem, hypothesis.frozen(), at.starts, iterations=0)
