@@ -137,11 +137,9 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
         orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
         plain = fit_all(problem, orders)
-    if spent() > most:
-        return plain
+    if spent() > most or any(pays(problem, f, leader) for f in plain):
+        return plain  # gates are dear: first what acts everywhere
     structured = whiteness(problem, leader)[0] < GATED_BELOW
-    if not structured and any(pays(problem, f, leader) for f in plain):
-        return plain
     if not structured:
         lack = lack_of_fit(problem, leader)
         structured = lack is not None and lack.significant

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.evidence import channel_objectives, correlation_time, scores, whiteness
+from gpsim.diagnosis.evidence import channel_objectives, correlation_time, gain, scores, whiteness
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
@@ -36,6 +36,8 @@ UNEXPLAINED = {
 LACKING = (
     0.003  # of the squares that the named effects take off, that a smooth law would take off beside them
 )
+CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
+FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
 
 
@@ -171,12 +173,15 @@ def _pruned(question: Question, leader: Fit) -> Fit:
 
 
 def _needed(question: Question, leader: Fit, without: Fit) -> bool:
+    """Whether a term pays, and held-out windows do not contradict it: a few of them may say nothing of it."""
     if not pays(question.everything, leader, without):
         return False
     if not len(question.held_out.windows):
         return True
-    with_it = held_out_objective(question.held_out, leader.hypothesis)
-    return with_it < held_out_objective(question.held_out, without.hypothesis)
+    worse = held_out_objective(question.held_out, leader.hypothesis) - held_out_objective(
+        question.held_out, without.hypothesis
+    )
+    return worse < CONTRADICTS * gain(question.everything, leader, without)
 
 
 def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
@@ -204,7 +209,7 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
                 behind.append(by)
         if _fresh(rival, counted):
             counted.append(rival)
-            weights.append(float(np.exp(-by)))
+            weights.append(float(np.exp(-max(by, -FAR_AHEAD))))
     return rivals, [float(np.exp(-by)) / sum(weights) for by in (0.0, *behind)]
 
 
