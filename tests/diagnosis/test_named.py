@@ -6,7 +6,7 @@ import pytest
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.simulators import make_simulator
 
-from .truths import channel_filter, delayed, mechanical, vehicles
+from .truths import channel_filter, delayed, mechanical, vehicle_sensors, vehicles
 from .worlds import World, record
 
 TWINS = {  # what no recording of the kind can separate
@@ -15,12 +15,20 @@ TWINS = {  # what no recording of the kind can separate
     ("constant_force", "q"): {("actuator_bias", "force")},
     ("actuator_bias", "force"): {("constant_force", "q")},
     ("frame_rotation", "pose"): {("sensor_bias", "yaw")},
+    ("sensor_bias", "yaw"): {("frame_rotation", "pose")},
 }
 SLIDER = {(t.family, t.on): t for t in mechanical("slider")}
 UNICYCLE = {(t.family, t.on): t for t in vehicles("unicycle")}
 QUICK = [
     *(SLIDER[key] for key in SLIDER if SLIDER[key].world.system == "slider" and key != ("sensor_bias", "q")),
     *(UNICYCLE[key] for key in UNICYCLE if key[1] in ("vehicle", "pose")),
+]
+
+
+NOTHING_DEPENDS_ON = {("sensor_bias", "x"), ("sensor_bias", "y")}  # where a vehicle is
+HEAVY = [
+    *mechanical("cartpole", 1),  # forces on the pole's angle
+    *(t for t in vehicle_sensors("unicycle") if (t.family, t.on) not in NOTHING_DEPENDS_ON),
 ]
 
 
@@ -35,7 +43,11 @@ def claims(effects):
     return {(effect["family"], effect["on"]) for effect in effects}
 
 
-@pytest.mark.parametrize("truth", QUICK, ids=lambda t: f"{t.world.system}-{t.family}-{t.on}")
+@pytest.mark.parametrize(
+    "truth",
+    [*QUICK, *(pytest.param(t, marks=pytest.mark.slow) for t in HEAVY)],
+    ids=lambda t: f"{t.world.system}-{t.family}-{t.on}",
+)
 def test_the_plain_case_is_named(truth):
     report = run(record(truth.world, seed=3, episodes=6, steps=155))
     key = (truth.family, truth.on)
@@ -65,12 +77,25 @@ NULLS = [
     ("unicycle", {"euler_truth": True}),
     ("unicycle", {"noise": 0.0}),
     ("cartpole", {"differentiated": True}),
+    ("ackermann", {}),
+    pytest.param("ackermann", {"euler_truth": True}, marks=pytest.mark.slow),
+    pytest.param("cartpole", {"euler_truth": True}, marks=pytest.mark.slow),
 ]
 
 
 @pytest.mark.parametrize(("system", "how"), NULLS, ids=str)
 def test_nothing_is_claimed_where_nothing_is_missing(system, how):
     report = run(record(World(system), seed=5, episodes=6, steps=155, **how))
+    assert report["verdict"] == "none"
+    assert report["effects"] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("on", ["x", "y"])
+def test_a_vehicles_shifted_origin_is_nothing(on):
+    """No rate depends on where the vehicle is: the rest of the world would have to be shifted, too."""
+    (truth,) = (t for t in vehicle_sensors("unicycle") if (t.family, t.on) == ("sensor_bias", on))
+    report = run(record(truth.world, seed=3, episodes=6, steps=155))
     assert report["verdict"] == "none"
     assert report["effects"] == []
 

@@ -123,6 +123,19 @@ def mechanical(system: str, c: int = 0) -> list[Truth]:
     return out
 
 
+def vehicle_sensors(system: str) -> list[Truth]:
+    """What may be wrong with one channel of a vehicle's pose."""
+    make = lambda i, f: World(system, sensors=[sensor(i, f)])  # noqa: E731
+    out = []
+    for i, name in enumerate(("x", "y", "yaw")):
+        out += [
+            Truth("sensor_bias", name, {"offset": 0.1}, make(i, lambda y, t: y + 0.1)),
+            Truth("sensor_scale", name, {"scale": 1.1}, make(i, lambda y, t: 1.1 * y)),
+            Truth("sensor_delay", name, {"delay": 0.15}, make(i, late(0.15))),
+        ]
+    return out
+
+
 def actuators(system: str, column: int, action: str, top: float, dt: float = 0.02) -> list[Truth]:
     """What may be wrong with one action."""
     make = lambda f: World(system, filters=[channel_filter(column, f)])  # noqa: E731
