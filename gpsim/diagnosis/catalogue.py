@@ -78,6 +78,7 @@ class _Sizes:
             return Place(
                 on,
                 coordinate.force_unit,
+                length=self._simulator.state.units[on],
                 span=self._forces[on],
                 middle=self._means[on],
                 reach=2 * self._deviations[on],
