@@ -172,7 +172,8 @@ def _gated(
     channels: list[str | None] | None = None
     if around is not None:
         without = Directions(part, replace(left_open(part, seen, index), variance=seen.variance))
-        found = {c for candidate in itself for c in may_be_limited(around, without, candidate, values)}
+        laws = [(c, cases.get(c.family, values) if c.only_gated else values) for c in itself]
+        found = {channel for law in laws for channel in may_be_limited(around, without, *law)}
         channels = [c for c in region_channels(part) if c in found]
         if not channels:
             return []

@@ -166,7 +166,7 @@ def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
         capture_output=True,
         text=True,
         check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000)),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4_000, 4_000)),
     )
     assert full.returncode == 2
     assert full.stderr.startswith("error: ")
