@@ -182,8 +182,10 @@ def _in_other_words(
 ) -> dict[str, dict[str, Any]]:
     """Coefficient for force and force for coefficient, where the simulator knows the normal force."""
     problem = question.everything
+    if "coefficient" not in term.effect.variants or len(parameters) != 1:
+        return {}
     mean = _mean_load(problem, found.hypothesis, term.on)
-    if mean is None or "coefficient" not in term.effect.variants or len(parameters) != 1:
+    if mean is None:
         return {}
     unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == term.on), "N")
     ((name, given),) = parameters.items()

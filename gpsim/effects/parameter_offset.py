@@ -22,7 +22,9 @@ class ParameterOffset(ParameterEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Ratio [1]."""
         low, high = max(0.05, place.bounds[0]), min(20.0, place.bounds[1])
-        return (EffectParameter("ratio", "1", low, high, (min(1.1, high),), 0.2, none=1.0),)
+        return (
+            EffectParameter("ratio", "1", low, high, (1.1 if high >= 1.1 else max(low, 0.9),), 0.2, none=1.0),
+        )
 
     def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
         """The believed value times the ratio."""
