@@ -9,7 +9,7 @@ from gpsim.trials.concealing import conceal
 
 
 def test_a_spring_that_begins_late_under_heavy_noise_is_named():
-    """Trial 341 of the blind test of seed 2027, which missed it: four times a decent sensor's noise, since 38 of 53 s."""
+    """Trial 341 of the blind test of seed 2027, which missed it: four times a decent sensor's noise, since 38 of 61 s."""
     recording = conceal(2027, 341).recording
     simulator = make_simulator(recording.system)
     report = diagnose(recording, simulator, recording.parameters, np.random.default_rng(0)).report
