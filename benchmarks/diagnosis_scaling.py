@@ -36,7 +36,7 @@ def record(transitions: int, rng: np.random.Generator) -> Recording:
     simulator = make_simulator("cartpole")
     steps = min(STEPS, transitions // 10)
     count = max(transitions // steps, 1)
-    target = FrictionCartPole(simulator.defaults(), FRICTION, DT, "stick", substeps=40)
+    target = FrictionCartPole(simulator.defaults(), FRICTION, DT, "stick", substeps=400)
     state, states, actions = rng.normal(size=(count, 4)) * [0.3, 0.3, 0.05, 0.1], [], []
     level = np.zeros((count, 1))
     for k in range(steps + 1):

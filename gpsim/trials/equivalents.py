@@ -5,6 +5,8 @@ of expected log likelihood over the whole recording could not be told from the t
 with one effect left out, and with one effect replaced by another family or place (and the same gate); then the same
 once more with those that lose nothing in the truth's place, since two effects may have to change their places
 together. Those that could not explain a fiftieth of what the missing effect does, by a linear estimate, are not fitted.
+What is missing is looked at twice: around the best that can be said without it, and around the truth with it taken out
+and all else left as it is, from where the way to an equal explanation is short even if the motion is chaotic.
 
 The fitting engine is the diagnosis's own; the data, the noise and the truth's parameters are not.
 """
@@ -24,18 +26,19 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import Gate
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
+from gpsim.trials.near_truth import followed, replaced_near
 from gpsim.trials.revealing import Answer
 from gpsim.trials.worlds import TrueEffect
 
 # Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
 # constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.
-EQUIVALENTS_VERSION = 1
+EQUIVALENTS_VERSION = 2
 LOST = 3.0  # nats
 WINDOWS, FITTED = 60, 10
 PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
 UNEXPLAINED = 0.2  # share of the misfit that the engine's error may leave of a truth
 NUMERICAL = 1000.0  # nats of it
-EXPANDED = 4  # equivalents that get rivals of their own
+EXPANDED = 6  # equivalents that get rivals of their own
 Claims = tuple[tuple[str, str], ...]
 
 
@@ -101,6 +104,7 @@ class _Judge:
         fitted = self._fitted(truth)
         if not self._explains(fitted):
             return []
+        found += self._near(fitted)
         least = self._least(truth, fitted, found)
         equal = [f for f in self._as_good(found, least, size) if f.hypothesis.terms]
         for rival in equal[:EXPANDED]:
@@ -108,7 +112,12 @@ class _Judge:
                 parent = self._fitted(rival.hypothesis.without(i))
                 others = self._replacements(parent, term.identity, term.gate)
                 found += [f for f in (parent, *others) if f.hypothesis.claims != truth.claims]
+            found += [f for f in self._near(rival) if f.hypothesis.claims != truth.claims]
         return self._judged(found, self._least(truth, fitted, found), size)
+
+    def _near(self, at: Fit) -> list[Fit]:
+        found = replaced_near(self._problem, self._offers, at) + followed(self._problem, self._offers, at)
+        return [f for f in found if not any(_a_patch(t.family, t.on, t.gate) for t in f.hypothesis.terms)]
 
     def _hypothesis(self, effects: Sequence[TrueEffect]) -> Hypothesis:
         out = Hypothesis(scheme="fine")
@@ -164,7 +173,7 @@ class _Judge:
             term = candidate.term(start)
             if worth > needed:
                 out.append(self._fitted(parent.hypothesis.plus(term, candidate.declared)))
-            if gate and candidate.gateable and not _a_patch(candidate, gate):
+            if gate and candidate.gateable and not _a_patch(candidate.family, candidate.place.on, gate):
                 gated = replace(term, gate=gate)
                 out.append(self._fitted(parent.hypothesis.plus(gated, candidate.declared)))
         return out
@@ -193,9 +202,9 @@ class _Judge:
         return float(0.5 * ((found.residuals[..., seen] / self._problem.floor[seen]) ** 2).sum())
 
 
-def _a_patch(candidate: Candidate, gate: Gate) -> bool:
+def _a_patch(family: str, on: str, gate: Gate) -> bool:
     """Coulomb friction in a region of its own coordinate is a patch by another name, and nobody says it so."""
-    return candidate.family == "coulomb_friction" and candidate.place.on in gate.region
+    return family == "coulomb_friction" and on in gate.region
 
 
 def _claims(hypothesis: Hypothesis) -> Claims:
