@@ -68,12 +68,13 @@ def improved(
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
-        others += [less for f in near[:LEANED] if (less := lean(problem, f)) is not f]
+        leaned = [lean(problem, f) for f in near[:LEANED]]
+        others += [f for f in leaned if not any(f is g for g in near)]
         tried += [*children, *others]
         best = simplest(problem, [leader, *others])
         if not _advances(problem, best, leader):
             break
-        leader = lean(problem, best)
+        leader = best if any(best is f for f in leaned) else lean(problem, best)
         if spent() > most:
             break
     return polished(problem, specialised(problem, leader, offers), FINEST), tried

@@ -34,8 +34,9 @@ UNEXPLAINED = {
     1e-3: 0.03,
 }  # whiteness: share of the excess over noise that makes a partial account
 LACKING = (
-    0.003  # of the squares that the named effects take off, that a smooth law would take off beside them
+    0.003  # of the squares that the named effects take off, that a smooth law would take off beside them,
 )
+STRUCTURED = 1e-3  # or whatever it takes off where the residual is not white either
 CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
@@ -76,7 +77,7 @@ def judge(
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
     return Judgement(
-        _verdict(leader, rivals, p_value, unexplained, _lacking(problem, leader, null, lack)),
+        _verdict(leader, rivals, p_value, unexplained, _lacking(problem, leader, null, lack, p_value)),
         leader,
         null,
         rivals,
@@ -100,10 +101,15 @@ def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
     return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
 
 
-def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None) -> bool:
-    """Whether some smooth law of a rate is missing that explains a share of what the named effects do."""
+def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p_value: float) -> bool:
+    """Whether some smooth law of a rate is missing that explains a share of what the named effects do.
+
+    Any share, where the residual is not white: two tests that say so are not the work of one window or of a grid.
+    """
     if lack is None or not lack.significant:
         return False
+    if p_value < STRUCTURED:
+        return True
     named = problem.counts * np.maximum(null.variance - leader.variance, 0.0) / leader.variance
     return bool(2.0 * lack.nats > LACKING * float(named[problem.observed].sum()))
 

@@ -21,6 +21,7 @@ LOOKED_AT = 120  # windows at which a first look is taken
 CLEAR = 30.0  # nats on those windows that settle that something is needed,
 SLIGHT = 100.0  # nats that an edge which is a little off may be worth
 CLEAR_SHARE = 0.2  # and the share of the variance left over without it
+HOPELESS, HOPELESS_SHARE = 600.0, 0.5  # nats and share after a few iterations that no further ones make good
 
 
 def lean(problem: Problem, leader: Fit) -> Fit:
@@ -78,10 +79,13 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
         seen = rescored(some, seen)
         looks = fit_all(some, [Order(part, seen.starts, 12) for part in parts])
         looks = side_by_side(_moved, [(some, look, seen) for look in looks])
-        parts = [look.hypothesis for look in looks if not _clearly_worse(some, look, seen)]
+        parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
-    fits = fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
-    return side_by_side(_moved, [(problem, f, leader) for f in fits])
+    begun = fit_all(problem, [Order(part, leader.starts, 6, 0.1) for part in parts])
+    begun = [f for f in begun if not _worse(problem, f, leader, HOPELESS, HOPELESS_SHARE)]
+    unfinished = [f for f in begun if not f.converged]
+    fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1) for f in unfinished])
+    return side_by_side(_moved, [(problem, f, leader) for f in (*fits, *(f for f in begun if f.converged))])
 
 
 def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
@@ -99,7 +103,8 @@ def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
     return less
 
 
-def _clearly_worse(problem: Problem, look: Fit, leader: Fit) -> bool:
+def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:
+    """Whether it is worse by so many nats, and by a share of what is left in some channel."""
     share = 1.0 - leader.variance / look.variance
-    large = bool((share[problem.observed] > CLEAR_SHARE).any())
-    return large and look.objective > leader.objective + CLEAR
+    large = bool((share[problem.observed] > least_share).any())
+    return large and look.objective > leader.objective + nats

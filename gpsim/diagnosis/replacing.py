@@ -36,7 +36,7 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
         for worth, candidate, start in found
         if worth > max(1.0, LEAST_SWAP * found[0][0]) and candidate.identity != old.identity
     ]
-    special = _special_cases(old, open_offers) + _other_words(directions, old, found)
+    special = _special_cases(old, open_offers) + _other_words(directions, old, offers)
     names = {candidate.identity for candidate, _ in special}
     others = [(c, start) for c, start in promising if c.identity not in names]
     children = [
@@ -57,11 +57,22 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
 
 
 def _other_words(
-    directions: Directions, old: Term, found: Sequence[tuple[float, Candidate, tuple[float, ...]]]
+    directions: Directions, old: Term, offers: Sequence[Candidate]
 ) -> list[tuple[Candidate, tuple[float, ...]]]:
-    """The same law in its other variants (a coefficient for a force): few windows may have preferred the wrong one."""
-    same = [(c, start) for _, c, start in found if c.identity == old.identity and c.variant != old.variant]
-    return [(c, stretched(directions, c, start)) for c, start in same]
+    """The same law in its other variants (a coefficient for a force), or one of its special cases in them.
+
+    Few windows may have preferred the wrong one.
+    """
+    families = {old.family, *old.effect.special_cases(old.values)}
+    same = [
+        c
+        for c in offers
+        if c.family in families and c.place.on == old.on and c.variant not in ("", old.variant)
+    ]
+    if old.variant:
+        same += [c for c in offers if c.identity == old.identity and c.variant == ""]
+    found = screened(directions, same, old.gate)
+    return [(c, stretched(directions, c, start, old.gate)) for _, c, start in found]
 
 
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:

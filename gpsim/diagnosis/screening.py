@@ -104,15 +104,17 @@ def screened(
     return sorted(out, key=lambda item: -item[0])
 
 
-def stretched(directions: Directions, candidate: Candidate, start: tuple[float, ...]) -> tuple[float, ...]:
-    """The start values of a law that grows with its only parameter, at the size that explains most.
+def stretched(
+    directions: Directions, candidate: Candidate, start: tuple[float, ...], gate: Gate = NO_GATE
+) -> tuple[float, ...]:
+    """The start values of a law that grows with its only parameter, at the size that explains most behind a gate.
 
     First by its linear gain, then by scans around it that narrow: dry friction in coarse steps has many local optima.
     """
     if len(start) != 1:
         return start
     parent, p = directions.parent.hypothesis, candidate.declared[0]
-    child = child_of(parent, candidate, start)
+    child = child_of(parent, candidate, start).gated(len(parent.terms), gate)
     change = directions.of(child, np.array([[*parent.theta, *start]]))[0].ravel()
     size = float(change @ change)
     value = start[0] * (float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)

@@ -24,6 +24,7 @@ from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
+TWINS = 3  # of the best hypotheses in coarse steps that are tried finely, too
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
@@ -94,13 +95,21 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")
         children = _distinct(children)
+        children = _distinct([*children, *_fine_twins(problem, children)])
         fits += children
         if not children or not _structured(problem, fits) or spent() > most:
             break
-        beam = [f for f in _ranked(problem, children) if _gated_terms(f) <= 1][:BEAM]
+        beam = _beam(problem, children)
     note(total, total, "")
     ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
     return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
+
+
+def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+    """The best of those in coarse steps once more, finely: the right law may have been met on a coarse grid only."""
+    coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
+    new = _ranked(problem, coarse)[:TWINS] if coarse else []
+    return fit_all(problem, [Order(replace(f.hypothesis, scheme="fine"), f.starts, 12) for f in new])
 
 
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
@@ -190,6 +199,17 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
         if key not in best or found.objective < best[key].objective:
             best[key] = found
     return list(best.values())
+
+
+def _beam(problem: Problem, children: Sequence[Fit]) -> list[Fit]:
+    """The best to grow on: each says something else, and one gate at most is among them, since gates are dear."""
+    out: list[Fit] = []
+    for found in _ranked(problem, children):
+        gates = _gated_terms(found)
+        new = all(found.hypothesis.claims != f.hypothesis.claims for f in out)
+        if new and (not gates or (gates == 1 and not any(map(_gated_terms, out)))):
+            out.append(found)
+    return out[:BEAM]
 
 
 def _gated_terms(found: Fit) -> int:

@@ -34,7 +34,7 @@ def replaced_near(problem: Problem, offers: Sequence[Candidate], at: Fit) -> lis
         needed = PROMISING * 0.5 * float((directions.rest**2).sum())
         for worth, candidate, start in screened(directions, open_offers, term.gate)[:FITTED]:
             if worth > needed:
-                values = start if term.gate else stretched(directions, candidate, start)
+                values = stretched(directions, candidate, start, term.gate)
                 gated = replace(candidate.term(values), gate=term.gate)
                 out.append(_fit(problem, parent.hypothesis.plus(gated, candidate.declared), at.starts))
     return out

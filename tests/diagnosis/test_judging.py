@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from gpsim.diagnosis import judging
@@ -19,3 +20,15 @@ def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkey
     monkeypatch.setattr(judging, "gain", lambda *fits: gain)
     monkeypatch.setattr(judging, "held_out_objective", lambda problem, said: worse if said == "with" else 0.0)
     assert judging._needed(question, leader, without) == needed
+
+
+@pytest.mark.parametrize(
+    ("nats", "p_value", "lacking"), [(10.0, 0.5, False), (10.0, 1e-9, True), (900.0, 0.5, True)]
+)
+def test_a_law_is_lacking_if_it_is_large_or_if_the_residual_is_not_white(nats, p_value, lacking):
+    """A delay and a friction were once named though a rate limit of a thousand nats was left."""
+    problem = SimpleNamespace(counts=np.array([1000.0]), observed=np.array([True]))
+    leader, null = SimpleNamespace(variance=np.array([1.0])), SimpleNamespace(variance=np.array([101.0]))
+    lack = SimpleNamespace(significant=True, nats=nats)
+    assert judging._lacking(problem, leader, null, lack, p_value) == lacking
+    assert not judging._lacking(problem, leader, null, SimpleNamespace(significant=False), p_value)

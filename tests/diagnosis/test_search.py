@@ -1,0 +1,48 @@
+"""Which hypotheses the search goes on with."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from gpsim.diagnosis import search
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.effects import Gate, Term
+
+
+def found(objective, *families, scheme="fine", region=False):
+    gate = Gate(region={"q": (0.0, 1.0)}) if region else Gate()
+    terms = tuple(
+        Term(family, "q", {}, gate=gate if i == 0 else Gate(), variant="")
+        for i, family in enumerate(families)
+    )
+    hypothesis = Hypothesis(terms, tuple(() for _ in terms), scheme)
+    return SimpleNamespace(hypothesis=hypothesis, objective=objective, starts=None)
+
+
+@pytest.fixture(autouse=True)
+def ranked_by_objective(monkeypatch):
+    monkeypatch.setattr(search, "_ranked", lambda problem, fits: sorted(fits, key=lambda f: f.objective))
+
+
+def test_the_beam_holds_different_claims_and_one_gate():
+    gated = found(-9.0, "spring", region=True)
+    same = found(-8.0, "spring")
+    another_gate = found(-7.0, "viscous_friction", region=True)
+    plain = found(-6.0, "coulomb_friction")
+    coarse = found(-5.0, "coulomb_friction", scheme="euler")
+    last = found(-4.0, "quadratic_drag")
+    beam = search._beam(None, [last, coarse, plain, another_gate, same, gated])
+    assert [f.objective for f in beam] == [-9.0, -6.0, -4.0]
+
+
+def test_the_best_in_coarse_steps_are_tried_finely(monkeypatch):
+    """Delay and rate limit were met in Euler steps only, where they did worse than a wrong law in fine ones."""
+    orders = []
+    monkeypatch.setattr(search, "fit_all", lambda problem, given: orders.extend(given) or given)
+    fine = found(-20.0, "viscous_friction")
+    coarse = [found(-1.0 * i, "spring", "quadratic_drag", scheme="euler") for i in range(6)]
+    search._fine_twins(None, [fine, *coarse])
+    assert len(orders) == search.TWINS
+    assert {o.hypothesis.scheme for o in orders} == {"fine"}
+    assert all(o.hypothesis.claims == coarse[0].hypothesis.claims for o in orders)
+    assert search._fine_twins(None, [fine]) == []
