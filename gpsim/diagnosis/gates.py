@@ -59,7 +59,8 @@ def gated_children(
     """Terms that did well everywhere once more, each in the region or since the moment that promises most.
 
     channels: where gates may look, None among them for time; `region_channels` unless given. few: directions around
-    the same parent on a few windows, to look at all other terms, too; some show behind a gate only.
+    the same parent on a few windows, to look at all other terms, too; some show behind a gate only. Where these are all
+    windows, thresholds are looked at from all their starting values: acting everywhere dilutes one that began late.
     """
     looked_at = region_channels(problem) if channels is None else channels
     promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
@@ -71,17 +72,18 @@ def gated_children(
         everywhere = best.get((family, candidate.place.on))
         seen = directions
         if everywhere is not None and len(everywhere.hypothesis.declared[-1]) == len(candidate.declared):
-            values = tuple(everywhere.hypothesis.theta[-len(candidate.declared) :])
+            begun = [tuple(map(float, everywhere.hypothesis.theta[-len(candidate.declared) :]))]
         elif candidate.only_gated:  # a narrow one leaves no trace that acting everywhere could explain
-            values = starts_of(candidate)[0]
+            begun = starts_of(candidate)[:1]
         elif few is not None:
-            seen, values = few, screened(few, [candidate])[0][2]
+            seen, begun = few, [screened(few, [candidate])[0][2]]
         else:
             continue
-        channels_of = (channel for channel in looked_at if makes_sense(candidate, channel))
-        looks += [(seen, candidate, values, channel, len(problem.windows)) for channel in channels_of]
-    proposals = [p for p in side_by_side(_best_gate, looks) if p is not None]
-    proposals.sort(key=lambda p: -p.gain)
+        if few is directions and any(p.step for p in candidate.declared):
+            begun = list(dict.fromkeys([*begun, *starts_of(candidate)]))  # a threshold cannot be stretched
+        channels_of = [channel for channel in looked_at if makes_sense(candidate, channel)]
+        looks += [(seen, candidate, v, c, len(problem.windows)) for c in channels_of for v in begun]
+    proposals = _best_starts([p for p in side_by_side(_best_gate, looks) if p is not None])
     # A patch that stops a body gains far more when fitted than its direction promises.
     patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
     children = [_child(directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
@@ -92,6 +94,14 @@ def gated_children(
     coarse.sort(key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
     return [placed(problem, f, last, NEAR, FINEST) for f in coarse[:1]] + coarse[1:] + fits[PLACED:]
+
+
+def _best_starts(proposals: Sequence[Proposal]) -> list[Proposal]:
+    """Of each term and channel the proposal that promises most, the best first."""
+    best: dict[tuple[object, ...], Proposal] = {}
+    for p in sorted(proposals, key=lambda p: -p.gain):
+        best.setdefault((p.candidate.identity, p.candidate.variant, p.channel), p)
+    return list(best.values())
 
 
 def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:

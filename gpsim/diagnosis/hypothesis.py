@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects import EffectParameter, Gate, Place, Term, effect_of
 from gpsim.effects.chain import Chain, Scheme
-from gpsim.effects.effect import ActuatorEffect
+from gpsim.effects.effect import ActuatorEffect, ForceEffect
 from gpsim.simulators import Simulator
 
 SLIVER = 0.15  # of the largest command that is followed: a smaller range is none
@@ -148,6 +148,12 @@ class Candidate:
     def gateable(self) -> bool:
         """Whether a region or an onset may limit it."""
         return effect_of(self.family).gated and self.variant == ""
+
+    @property
+    def dry(self) -> bool:
+        """Whether it is dry friction, which in coarse steps chatters."""
+        effect = effect_of(self.family)
+        return isinstance(effect, ForceEffect) and effect.dry
 
     @property
     def only_gated(self) -> bool:

@@ -42,9 +42,6 @@ GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate ma
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
-LATE = (
-    1  # terms of a leader up to which effects that begin late are looked for though nothing seems to be left
-)
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
 
 

@@ -21,6 +21,7 @@ SWAPPED = 3  # candidates fitted on all windows to replace a term
 LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
 AS_WELL = 5.0  # nats
 JUMPS = 3  # candidates for what may have jumped instead
+SLIGHT = 200.0  # nats: a term that explains no more may stand for one that began late
 
 
 def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
@@ -49,7 +50,11 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
     fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
     if not old.gate:
-        return fits + (_jumps(problem, part, parent, old.on, offers) if old.effect.drifts else [])
+        if old.effect.drifts:
+            return fits + _jumps(problem, part, parent, old.on, offers)
+        lost = rescored(part, parent).objective - rescored(part, seen).objective
+        slight = lost * len(problem.windows) / len(part.windows) < SLIGHT
+        return fits + (_later(problem, part, directions, open_offers) if slight else [])
     worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     near = [f for f in fits if f.objective < worth_it]
     sharper = side_by_side(placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near])
@@ -130,6 +135,12 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     everywhere = grown(part, directions, there, JUMPS)
     found = gated_children(part, directions, everywhere, there, (None,))
     return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
+
+
+def _later(problem: Problem, part: Problem, directions: Directions, offers: Sequence[Candidate]) -> list[Fit]:
+    """In place of a slight term: what began at one moment."""
+    found = gated_children(part, directions, [], offers, (None,), few=directions)
+    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found[:JUMPS]])
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:

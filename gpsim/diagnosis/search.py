@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gpsim.channels import FloatArray
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import PER_TERM, gain, price, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.numerics import rescored, settled
 from gpsim.diagnosis.problem import Problem, window_costs
-from gpsim.diagnosis.screening import Directions, child_of, screened
+from gpsim.diagnosis.screening import Directions, child_of, screened, stretched
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
@@ -96,6 +97,9 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")
         children = _distinct(children)
         children = _distinct([*children, *_fine_twins(problem, children)])
+        if depth == 0 and len(nulls) > 1:
+            coarse = next(f for f in nulls if f.hypothesis.scheme != "fine").hypothesis
+            children = _distinct([*children, *_chattering_twins(problem, children, coarse, offers)])
         fits += children
         if not children or not _structured(problem, fits) or spent() > most:
             break
@@ -110,6 +114,28 @@ def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
     new = _ranked(problem, coarse)[:TWINS] if coarse else []
     return fit_all(problem, [Order(replace(f.hypothesis, scheme="fine"), f.starts, 12) for f in new])
+
+
+def _chattering_twins(
+    problem: Problem, fits: Sequence[Fit], coarse: Hypothesis, offers: Sequence[Candidate]
+) -> list[Fit]:
+    """Dry friction alone, found finely, once more in the base simulator's coarse steps, in which it chatters.
+
+    From where the motion is known, over which the force is scanned: a fit from nothing gets stuck.
+    """
+    orders = []
+    for found in fits:
+        term = found.hypothesis.terms[0]
+        same = [c for c in offers if c.identity == term.identity and c.dry and len(c.declared) == 1]
+        if found.hypothesis.scheme != "fine" or term.gate or not same:
+            continue
+        bare = fit(problem, coarse.frozen(), found.starts, iterations=0)
+        directions = Directions(problem, bare)
+        for c in same:
+            start = screened(directions, [c])[0][2]
+            child = child_of(coarse, c, stretched(directions, c, start))
+            orders.append(Order(child, found.starts, 12))
+    return fit_all(problem, orders)
 
 
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
@@ -134,12 +160,17 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     won = gain(problem, richer, poorer)
     if richer.hypothesis.idle or won < PER_TERM or _in_one_window(problem, richer, poorer):
         return False, False
-    removed = poorer.variance - richer.variance
+    removed = _power(problem, poorer) - _power(problem, richer)  # the variance itself stops at known noise
     worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
     plainly, slightly = (
         bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
     )
     return plainly, slightly and won > BEYOND_DOUBT
+
+
+def _power(problem: Problem, found: Fit) -> FloatArray:
+    """(S,) mean squares of what is left over."""
+    return np.asarray((found.residuals**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0))
 
 
 def _on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:

@@ -65,6 +65,7 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     _, first, inverse = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
     values = spread(thetas[first], count)
     rows = np.tile(np.arange(count), len(first))
+    windows = _what_matters(chain, windows, values, spread(thetas, count), n)
     before = n * windows.before_actions.shape[1]
     end = before if chain.looks else None
     actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
@@ -96,6 +97,18 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
         return chain.command(windows.actions[row, k], state, every, held, substep, begin + j * substep)
 
     return drive
+
+
+def _what_matters(
+    chain: Chain, windows: Windows, values: Sequence[Values], every: Sequence[Values], n: int
+) -> Windows:
+    """The windows with as much of what was commanded before them as actuators and sensors remember."""
+    shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
+    commands = chain.remembers(values) / max(shortest, 1e-12)
+    if not np.isfinite(commands):
+        return windows
+    sensors = chain.reach(every, (windows.t[:, 1] - windows.t[:, 0]) / n) / n
+    return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
 
 
 def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,16 @@ class Windows:
     def length(self) -> int:
         """Transitions a window."""
         return int(self.actions.shape[1])
+
+    def remembering(self, samples: int) -> Windows:
+        """The windows with so many transitions before them, or as many as there are."""
+        first = max(self.before_actions.shape[1] - samples, 0)
+        return replace(
+            self,
+            before_states=self.before_states[:, first:],
+            before_actions=self.before_actions[:, first:],
+            before_t=self.before_t[:, first:],
+        )
 
     def take(self, rows: IntArray | BoolArray) -> Windows:
         """The windows at `rows`."""

@@ -34,6 +34,10 @@ class ActuatorBacklash(ActuatorEffect):
         """The output in the middle of the gap."""
         return {"level": np.zeros(count)}
 
+    def remembers(self, values: Values) -> float:
+        """For ever: what it does not follow keeps it where it was."""
+        return np.inf
+
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:

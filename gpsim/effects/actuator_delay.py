@@ -36,6 +36,10 @@ class ActuatorDelay(ActuatorEffect):
         """The commands of the last `longest` seconds, the newest last: none yet."""
         return {"past": np.zeros((count, max(int(np.ceil(longest / step)) + 2, 2)))}
 
+    def remembers(self, values: Values) -> float:
+        """The longest delay [s]."""
+        return float(np.max(values["delay"], initial=0.0))
+
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:

@@ -14,6 +14,8 @@ from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
 from gpsim.simulators.plant import Memory
 
+FORGOTTEN = 17.0  # time constants
+
 
 class ActuatorLag(ActuatorEffect):
     """A first-order lag: T u_a' = u - u_a, exact for a command held over the substep."""
@@ -29,6 +31,10 @@ class ActuatorLag(ActuatorEffect):
     def begin(self, count: int, longest: float, step: float) -> Memory:
         """The actuator at rest."""
         return {"level": np.zeros(count)}
+
+    def remembers(self, values: Values) -> float:
+        """So many time constants [s] that less than a ten millionth is left."""
+        return FORGOTTEN * float(np.max(values["time_constant"], initial=0.0))
 
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray

@@ -33,6 +33,10 @@ class ActuatorRateLimit(ActuatorEffect):
         """The actuator at rest."""
         return {"level": np.zeros(count)}
 
+    def remembers(self, values: Values) -> float:
+        """For ever: what it does not follow keeps it where it was."""
+        return np.inf
+
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:

@@ -123,6 +123,10 @@ class Chain:
         """Whether anything happens to the commands."""
         return bool(self._actuators)
 
+    def remembers(self, values: Sequence[Values]) -> float:
+        """How long [s] a command matters after it was given, through all that happens to it."""
+        return sum(effect.remembers(values[i]) for i, effect, _ in self._actuators)
+
     def acts(self, term: int) -> bool:
         """Whether a term changes commands."""
         return isinstance(self.terms[term].effect, ActuatorEffect)

@@ -122,6 +122,11 @@ class ForceEffect(Effect):
 
     site: ClassVar[Site] = "force"
 
+    @property
+    def dry(self) -> bool:
+        """Whether it can hold a body at rest."""
+        return type(self).grip is not ForceEffect.grip
+
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Every coordinate."""
         return tuple(coordinate.name for coordinate in simulator.coordinates)
@@ -156,6 +161,10 @@ class ActuatorEffect(Effect):
     def begin(self, count: int, longest: float, step: float) -> Memory:
         """Memory of a batch at rest; `longest` [s] is the longest delay it must bridge, `step` [s] the grid."""
         return {}
+
+    def remembers(self, values: Values) -> float:
+        """How long [s] a command matters after it was given."""
+        return 0.0
 
     def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
         """Between which sizes of a command what comes out follows it, and does not stand still."""
