@@ -1,0 +1,49 @@
+"""What was commanded before a window is simulated as far as an actuator remembers it, and no further."""
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis import simulate
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.preparing import prepare
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+TERMS = {
+    "gain and late sensor": [("actuator_gain", "force", [0.8]), ("sensor_delay", "q", [0.05])],
+    "delay": [("actuator_delay", "force", [0.07])],
+    "delay and lag": [("actuator_delay", "force", [0.05]), ("actuator_lag", "force", [0.03])],
+    "backlash": [("actuator_backlash", "force", [0.5])],
+}
+
+
+@pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
+def test_the_rest_of_the_past_does_not_matter(monkeypatch, terms):
+    recording = record(World("slider"), seed=2, episodes=3, steps=155)
+    slider = make_simulator("slider")
+    parameters = slider.defaults(recording.parameters)
+    problem, offers = (
+        prepare(recording, slider, parameters).everything,
+        candidates(recording, slider, parameters),
+    )
+    hypothesis = Hypothesis()
+    for family, on, values in terms:
+        candidate = next(c for c in offers if c.identity == (family, on))
+        hypothesis = hypothesis.plus(candidate.term(values), candidate.declared)
+    starts, lengths = problem.windows.measured[None, :, 0], []
+    kept = simulate._what_matters
+
+    def noted(chain, windows, *rest):
+        out = kept(chain, windows, *rest)
+        lengths.append(out.before_actions.shape[1])
+        return out
+
+    monkeypatch.setattr(simulate, "_what_matters", noted)
+    short = problem.residuals(hypothesis, hypothesis.theta[None], starts)
+    monkeypatch.setattr(simulate, "_what_matters", lambda chain, windows, *rest: windows)
+    assert problem.residuals(hypothesis, hypothesis.theta[None], starts) == pytest.approx(short, abs=1e-6)
+    whole = problem.windows.before_actions.shape[1]
+    assert (lengths[0] == whole) == ("actuator_backlash" in terms[0])
+    assert np.isfinite(short).all()
