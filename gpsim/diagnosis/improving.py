@@ -29,9 +29,9 @@ from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 
-MOST_TERMS = 6
+MOST_TERMS = 7
 MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about half a minute of one core
-SWAPPING = 3.5e8  # as many more after which no further term is replaced
+SWAPPING = 2.5e8  # as many more after which no further term is replaced and no further rival leaned
 ADDED, GATES, LEANED = (
     3,
     3,
@@ -65,7 +65,7 @@ def improved(
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
-        leaned = [lean(problem, f) for f in near[:LEANED]]
+        leaned = [lean(problem, f) for f in near[:LEANED] if spent() < most + SWAPPING]
         others += [f for f in leaned if not any(f is g for g in near)]
         tried += [*children, *others]
         best = simplest(problem, [leader, *others])
@@ -73,8 +73,22 @@ def improved(
             break
         leader = best if any(best is f for f in leaned) else lean(problem, best)
         if spent() > most:
+            leader, twins = _among_twins(problem, leader, offers)
+            tried += twins
             break
+    if leader.hypothesis.patchwork:
+        return leader, tried  # it will not be named
     return polished(problem, specialised(problem, leader, offers), FINEST), tried
+
+
+def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
+    """The leader or one of its near twins, of which those of the last leader say nothing, and the twins."""
+    twins = [
+        f
+        for i in range(len(leader.hypothesis.terms))
+        for f in swapped(problem, leader, i, offers, twins=True)
+    ]
+    return simplest(problem, [leader, *twins]), twins
 
 
 def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:

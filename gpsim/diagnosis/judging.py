@@ -36,7 +36,7 @@ UNEXPLAINED = {
 LACKING = (
     0.003  # of the squares that the named effects take off, that a smooth law would take off beside them,
 )
-STRUCTURED = 1e-3  # or whatever it takes off where the residual is not white either
+STRUCTURED = 1e-15  # whiteness: or whatever it takes off where the residual is so far from white
 CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays

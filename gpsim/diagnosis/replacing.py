@@ -18,14 +18,20 @@ from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import Gate, Term
 
 SWAPPED = 3  # candidates fitted on all windows to replace a term
-LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise
+LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise,
+TWIN = 0.9  # or that one which can hardly be told from it does
 AS_WELL = 5.0  # nats
 JUMPS = 3  # candidates for what may have jumped instead
 SLIGHT = 200.0  # nats: a term that explains no more may stand for one that began late
 
 
-def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate]) -> list[Fit]:
-    """The leader with one term replaced by others that promise about as much, behind its gate where it has one."""
+def swapped(
+    problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate], *, twins: bool = False
+) -> list[Fit]:
+    """The leader with one term replaced by others that promise about as much, behind its gate where it has one.
+
+    twins: only by those that promise nearly as much as the one that promises most.
+    """
     old = leader.hypothesis.terms[index]
     part, seen = sampled(problem, leader)
     parent = left_open(part, seen, index)
@@ -35,7 +41,8 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     promising = [
         (candidate, start)
         for worth, candidate, start in found
-        if worth > max(1.0, LEAST_SWAP * found[0][0]) and candidate.identity != old.identity
+        if worth > max(1.0, (TWIN if twins else LEAST_SWAP) * found[0][0])
+        and candidate.identity != old.identity
     ]
     special = _special_cases(old, open_offers) + _other_words(directions, old, offers)
     names = {candidate.identity for candidate, _ in special}
@@ -49,12 +56,14 @@ def swapped(problem: Problem, leader: Fit, index: int, offers: Sequence[Candidat
     looks = fit_all(part, [Order(child, seen.starts, 12) for child in children])
     near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
     fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
-    if not old.gate:
+    if not old.gate and not twins:
         if old.effect.drifts:
             return fits + _jumps(problem, part, parent, old.on, offers)
         lost = rescored(part, parent).objective - rescored(part, seen).objective
         slight = lost * len(problem.windows) / len(part.windows) < SLIGHT
         return fits + (_later(problem, part, directions, open_offers) if slight else [])
+    if not old.gate:
+        return fits
     worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     near = [f for f in fits if f.objective < worth_it]
     sharper = side_by_side(placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near])
