@@ -82,7 +82,7 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
         parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
     begun = fit_all(problem, [Order(part, leader.starts, 6, 0.1) for part in parts])
-    begun = [f for f in begun if not _worse(problem, f, leader, HOPELESS, HOPELESS_SHARE)]
+    begun = [f for f in begun if not _hopeless(problem, f, leader)]
     unfinished = [f for f in begun if not f.converged]
     fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1) for f in unfinished])
     return side_by_side(_moved, [(problem, f, leader) for f in (*fits, *(f for f in begun if f.converged))])
@@ -101,6 +101,12 @@ def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
         if term.gate and near and pays(problem, leader, less):
             less = placed(problem, less, index, NEAR, FINE)
     return less
+
+
+def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
+    """Whether no further iterations make it good; of one with a gate, whose edges will move, nobody knows."""
+    gated = any(term.gate for term in begun.hypothesis.terms)
+    return not gated and _worse(problem, begun, leader, HOPELESS, HOPELESS_SHARE)
 
 
 def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:
