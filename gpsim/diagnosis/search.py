@@ -20,11 +20,12 @@ from gpsim.diagnosis.numerics import rescored, settled
 from gpsim.diagnosis.problem import Problem, window_costs
 from gpsim.diagnosis.screening import Directions, child_of, screened, stretched
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3
+SCANS = 3  # of the force of dry friction that chatters
 TWINS = 3  # of the best hypotheses in coarse steps that are tried finely, too
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
@@ -121,21 +122,27 @@ def _chattering_twins(
 ) -> list[Fit]:
     """Dry friction alone, found finely, once more in the base simulator's coarse steps, in which it chatters.
 
-    From where the motion is known, over which the force is scanned: a fit from nothing gets stuck.
+    From where the motion is known, over which the force is scanned, and again as the motion becomes better known: a
+    fit from nothing gets stuck.
     """
-    orders = []
-    for found in fits:
-        term = found.hypothesis.terms[0]
-        same = [c for c in offers if c.identity == term.identity and c.dry and len(c.declared) == 1]
-        if found.hypothesis.scheme != "fine" or term.gate or not same:
-            continue
-        bare = fit(problem, coarse.frozen(), found.starts, iterations=0)
-        directions = Directions(problem, bare)
-        for c in same:
-            start = screened(directions, [c])[0][2]
-            child = child_of(coarse, c, stretched(directions, c, start))
-            orders.append(Order(child, found.starts, 12))
-    return fit_all(problem, orders)
+    laws = [c for c in offers if c.dry and len(c.declared) == 1 and not c.only_gated]
+    plain = [f for f in fits if f.hypothesis.scheme == "fine" and not _gated_terms(f)]
+    known = [(c, f.starts) for c in laws for f in plain if c.identity in f.hypothesis.claims]
+    found: list[Fit] = []
+    for _ in range(SCANS):
+        scans = side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
+        orders = [Order(child, starts, 12) for child, (_, starts) in zip(scans, known, strict=True)]
+        again = fit_all(problem, orders)
+        found += again
+        known = [(c, f.starts) for (c, _), f in zip(known, again, strict=True)]
+    return found
+
+
+def _scanned(problem: Problem, coarse: Hypothesis, law: Candidate, starts: FloatArray) -> Hypothesis:
+    """The law in coarse steps with the force that suits these start states best."""
+    directions = Directions(problem, fit(problem, coarse.frozen(), starts, iterations=0))
+    begun = screened(directions, [law])[0][2]
+    return child_of(coarse, law, stretched(directions, law, begun))
 
 
 def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
