@@ -47,3 +47,11 @@ def test_the_rest_of_the_past_does_not_matter(monkeypatch, terms):
     whole = problem.windows.before_actions.shape[1]
     assert (lengths[0] == whole) == ("actuator_backlash" in terms[0])
     assert np.isfinite(short).all()
+
+
+def test_two_samples_may_bear_one_stamp():
+    """A log of the cart-pole rig has such pairs; how far back to look was once not a number there."""
+    slider = make_simulator("slider")
+    hypothesis = Hypothesis()
+    chain = hypothesis.chain(slider, slider.defaults({"mass": 2.0}), 0.02)
+    assert chain.reach([], np.array([0.02, 0.0])) == 2
