@@ -132,7 +132,7 @@ def _stepped(
     Returns the point, whether theta moved, and (W,) whose start state took its own step.
     """
     thetas = [at.theta]
-    if at.theta.size:
+    if at.theta.size and np.isfinite(step.theta).all():  # a window that flies off may leave no direction
         thetas.insert(0, np.clip(at.theta + step.theta, low, high))
     # What was measured is always worth a try: a start state that a worse theta led astray may be stuck there.
     anchor = problem.windows.measured[:, 0]

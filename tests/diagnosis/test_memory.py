@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import simulate
+from gpsim.diagnosis import shooting, simulate
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
@@ -55,3 +55,24 @@ def test_two_samples_may_bear_one_stamp():
     hypothesis = Hypothesis()
     chain = hypothesis.chain(slider, slider.defaults({"mass": 2.0}), 0.02)
     assert chain.reach([], np.array([0.02, 0.0])) == 2
+
+
+def test_a_step_that_is_no_number_is_not_taken():
+    """A window that flew off left a whole fit without a direction, and a delay that was not a number."""
+    recording = record(World("slider"), seed=2, episodes=3, steps=60)
+    slider = make_simulator("slider")
+    parameters = slider.defaults(recording.parameters)
+    problem, offers = (
+        prepare(recording, slider, parameters).everything,
+        candidates(recording, slider, parameters),
+    )
+    delay = next(c for c in offers if c.identity == ("sensor_delay", "q"))
+    hypothesis = Hypothesis().plus(delay.term([0.05]), delay.declared)
+    starts = problem.windows.measured[:, 0]
+    residual = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+    here = shooting._point(problem, hypothesis.theta, starts, residual)
+    nowhere = shooting.Step(np.full(1, np.nan), np.zeros((*starts.shape, 1)), np.zeros_like(starts))
+    new, moved, _ = shooting._stepped(problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1))
+    assert not moved
+    assert (new.theta == here.theta).all()
+    assert np.isfinite(new.value)
