@@ -38,6 +38,7 @@ def simulate(
     the terms by `spread(thetas, W)`; n: steps of each transition.
     """
     copies, count = starts.shape[:2]
+    starts = np.clip(np.nan_to_num(starts, nan=FAR), -FAR, FAR)  # a step may have sent one anywhere
     rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
     spend(len(rows), windows.length * n, dry=chain.dry)
     with np.errstate(all="ignore"):

@@ -76,3 +76,13 @@ def test_a_step_that_is_no_number_is_not_taken():
     assert not moved
     assert (new.theta == here.theta).all()
     assert np.isfinite(new.value)
+
+
+def test_a_start_state_may_be_anywhere():
+    recording = record(World("slider"), seed=2, episodes=3, steps=60)
+    slider = make_simulator("slider")
+    problem = prepare(recording, slider, slider.defaults(recording.parameters)).everything
+    starts = np.array(problem.windows.measured[:, 0])
+    starts[0] = np.nan, 1e300
+    residual = problem.residuals(Hypothesis(), np.empty((1, 0)), starts[None])
+    assert np.isfinite(residual**2).all()
