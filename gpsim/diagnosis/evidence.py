@@ -12,7 +12,7 @@ from scipy.stats import norm
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.linearised import state_jacobian
-from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.problem import Problem, mean_squares
 from gpsim.diagnosis.shooting import Fit
 
 LONGEST_LAG = 12
@@ -43,7 +43,7 @@ def correlation_time(problem: Problem, residual: FloatArray) -> FloatArray:
 
 def channel_objectives(problem: Problem, fit: Fit) -> FloatArray:
     """(S,) negative log likelihood of each channel, 0 where nothing was observed."""
-    square = (fit.residuals**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0)
+    square = mean_squares(problem, fit.residuals)
     terms = problem.counts / 2 * (np.log(fit.variance) + square / fit.variance)
     return np.asarray(np.where(problem.observed, terms, 0.0))
 

@@ -104,7 +104,7 @@ def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
 def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p_value: float) -> bool:
     """Whether some smooth law of a rate is missing that explains a share of what the named effects do.
 
-    Any share, where the residual is not white: two tests that say so are not the work of one window or of a grid.
+    Any share, where the residual is nowhere near white: two tests that say so are not the work of a grid.
     """
     if lack is None or not lack.significant:
         return False

@@ -63,15 +63,19 @@ class Problem:
         return residual
 
 
+def mean_squares(problem: Problem, residual: FloatArray) -> FloatArray:
+    """(S,) of the residual (W, L + 1, S), over its degrees of freedom."""
+    return np.asarray((residual**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0))
+
+
 def variance_of(problem: Problem, residual: FloatArray) -> FloatArray:
     """(S,) mean square of the residual per degree of freedom, at least the floor's."""
-    square = (residual**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0)
-    return np.asarray(np.maximum(square, problem.floor**2))
+    return np.asarray(np.maximum(mean_squares(problem, residual), problem.floor**2))
 
 
 def objective(problem: Problem, residual: FloatArray) -> float:
     """Negative log likelihood in nats with each channel's variance profiled out (floored)."""
-    square = (residual**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0)
+    square = mean_squares(problem, residual)
     variance = np.maximum(square, problem.floor**2)
     terms = problem.counts / 2 * (np.log(variance) + square / variance)
     return float(terms[problem.observed].sum())

@@ -17,7 +17,7 @@ from gpsim.diagnosis.evidence import PER_TERM, gain, price, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.numerics import rescored, settled
-from gpsim.diagnosis.problem import Problem, window_costs
+from gpsim.diagnosis.problem import Problem, mean_squares, window_costs
 from gpsim.diagnosis.screening import Directions, child_of, screened, stretched
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all, side_by_side
@@ -167,17 +167,13 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     won = gain(problem, richer, poorer)
     if richer.hypothesis.idle or won < PER_TERM or _in_one_window(problem, richer, poorer):
         return False, False
-    removed = _power(problem, poorer) - _power(problem, richer)  # the variance itself stops at known noise
+    left, before = (mean_squares(problem, f.residuals) for f in (richer, poorer))
+    removed = before - left  # the variance itself stops at known noise
     worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
     plainly, slightly = (
         bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
     )
     return plainly, slightly and won > BEYOND_DOUBT
-
-
-def _power(problem: Problem, found: Fit) -> FloatArray:
-    """(S,) mean squares of what is left over."""
-    return np.asarray((found.residuals**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0))
 
 
 def _on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:

@@ -29,7 +29,7 @@ Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
 
 
-SHORTEST = 1e-6  # s, of a substep
+SHORTEST = 1e-6  # s, of a substep: two samples may bear one stamp
 
 
 @dataclass(frozen=True)
@@ -167,9 +167,8 @@ class Chain:
     def reach(self, values: Sequence[Values], step: FloatArray) -> int:
         """How many substeps of `step` (B,) [s] back the sensors look."""
         longest = max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
-        return (
-            int(np.ceil(longest / max(float(np.min(step)), SHORTEST))) + 2
-        )  # two samples may bear one stamp
+        shortest = max(float(np.min(step)), SHORTEST)
+        return int(np.ceil(longest / shortest)) + 2
 
     def watchers(self, history: FloatArray) -> Memory:
         """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last."""

@@ -18,7 +18,8 @@ from gpsim.diagnosis.replacing import left_open
 from gpsim.diagnosis.screening import Directions, screened, starts_of, stretched
 from gpsim.diagnosis.shooting import Fit, fit
 
-PROMISING, FITTED = 0.3, 4  # share of what is missing that a replacement must explain by the linear estimate
+PROMISING = 0.3  # share of what is missing that a replacement must explain by the linear estimate
+FITTED = 4  # replacements of a term
 SMALL = 0.01  # of an effect: a change that acts linearly even where motions diverge
 SAME = 0.9  # share of such a change that the other effect must undo to be followed
 STEPS = 8  # in which an effect is taken away and the other one put in its place
@@ -30,7 +31,7 @@ def replaced_near(problem: Problem, offers: Sequence[Candidate], at: Fit) -> lis
     for i, term in enumerate(at.hypothesis.terms):
         parent = left_open(problem, at, i)
         directions = Directions(problem, parent)
-        open_offers = [c for c in _others(at, i, offers) if c.gateable or not term.gate]
+        open_offers = [c for c in _others(at, offers) if c.gateable or not term.gate]
         needed = PROMISING * 0.5 * float((directions.rest**2).sum())
         for worth, candidate, start in screened(directions, open_offers, term.gate)[:FITTED]:
             if worth > needed:
@@ -51,13 +52,13 @@ def followed(problem: Problem, offers: Sequence[Candidate], at: Fit) -> list[Fit
             continue
         directions = Directions(problem, _weakened(problem, at, i, 1.0 - SMALL))
         whole = 0.5 * float((directions.rest**2).sum())
-        for candidate in _others(at, i, offers):
+        for candidate in _others(at, offers):
             if len(candidate.declared) == 1 and _undoes(directions, candidate) > SAME * whole:
                 out.append(_walked(problem, at, i, candidate))
     return out
 
 
-def _others(at: Fit, index: int, offers: Sequence[Candidate]) -> list[Candidate]:
+def _others(at: Fit, offers: Sequence[Candidate]) -> list[Candidate]:
     """What may take a term's place."""
     return [c for c in offers if c.identity not in at.hypothesis.claims and not c.only_gated]
 

@@ -19,15 +19,16 @@ TERMS = {
 }
 
 
+def posed(steps):
+    """A slider's windows and what may be missing there."""
+    recording, slider = record(World("slider"), seed=2, episodes=3, steps=steps), make_simulator("slider")
+    parameters = slider.defaults(recording.parameters)
+    return prepare(recording, slider, parameters).everything, candidates(recording, slider, parameters)
+
+
 @pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS)
 def test_the_rest_of_the_past_does_not_matter(monkeypatch, terms):
-    recording = record(World("slider"), seed=2, episodes=3, steps=155)
-    slider = make_simulator("slider")
-    parameters = slider.defaults(recording.parameters)
-    problem, offers = (
-        prepare(recording, slider, parameters).everything,
-        candidates(recording, slider, parameters),
-    )
+    problem, offers = posed(155)
     hypothesis = Hypothesis()
     for family, on, values in terms:
         candidate = next(c for c in offers if c.identity == (family, on))
@@ -59,13 +60,7 @@ def test_two_samples_may_bear_one_stamp():
 
 def test_a_step_that_is_no_number_is_not_taken():
     """A window that flew off left a whole fit without a direction, and a delay that was not a number."""
-    recording = record(World("slider"), seed=2, episodes=3, steps=60)
-    slider = make_simulator("slider")
-    parameters = slider.defaults(recording.parameters)
-    problem, offers = (
-        prepare(recording, slider, parameters).everything,
-        candidates(recording, slider, parameters),
-    )
+    problem, offers = posed(60)
     delay = next(c for c in offers if c.identity == ("sensor_delay", "q"))
     hypothesis = Hypothesis().plus(delay.term([0.05]), delay.declared)
     starts = problem.windows.measured[:, 0]
@@ -79,9 +74,7 @@ def test_a_step_that_is_no_number_is_not_taken():
 
 
 def test_a_start_state_may_be_anywhere():
-    recording = record(World("slider"), seed=2, episodes=3, steps=60)
-    slider = make_simulator("slider")
-    problem = prepare(recording, slider, slider.defaults(recording.parameters)).everything
+    problem, _ = posed(60)
     starts = np.array(problem.windows.measured[:, 0])
     starts[0] = np.nan, 1e300
     residual = problem.residuals(Hypothesis(), np.empty((1, 0)), starts[None])
