@@ -145,7 +145,7 @@ class Chain:
     ) -> FloatArray:
         """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
         shares = self._shares(state, action, values, step, t)
-        parameters = self._corrected(values, shares, len(state))
+        parameters = self._corrected(values, shares)
         if self.scheme != "fine":
             return self.simulator.integrate(
                 state,
@@ -254,11 +254,11 @@ class Chain:
         return np.asarray(state + step[:, None] * self.simulator.derivative(state, rates))
 
     def _corrected(
-        self, values: Sequence[Values], shares: Mapping[int, FloatArray], count: int
+        self, values: Sequence[Values], shares: Mapping[int, FloatArray]
     ) -> dict[str, float | FloatArray]:
         out: dict[str, float | FloatArray] = dict(self.parameters)
         for i, effect in self._parameter_terms:
-            believed = np.asarray(out[self.terms[i].on] + np.zeros(count))
+            believed = np.asarray(out[self.terms[i].on])
             value = effect.corrected(believed, values[i])
             out[self.terms[i].on] = blended(shares[i], value, believed) if i in shares else value
         return out

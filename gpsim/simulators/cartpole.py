@@ -42,14 +42,15 @@ class CartPole(MechanicalSimulator):
     ) -> FloatArray:
         """Accelerations (B, 2): the two by two mass matrix solved in closed form."""
         g, m = parameters["gravity"], parameters["pole_mass"]
-        half, total = parameters["pole_half_length"], parameters["cart_mass"] + parameters["pole_mass"]
-        sin, cos = np.sin(state[:, 2]), np.cos(state[:, 2])
-        push = action[:, 0] + m * half * state[:, 3] * state[:, 3] * sin
+        half, total = parameters["pole_half_length"], parameters["cart_mass"] + m
+        theta, theta_dot, lever = state[:, 2], state[:, 3], m * half
+        sin, cos = np.sin(theta), np.cos(theta)
+        push = action[:, 0] + lever * theta_dot * theta_dot * sin
         turn = m * g * half * sin
         if forces is not None:
             push, turn = push + forces[:, 0], turn + forces[:, 1]
         # [total, m half cos; m half cos, 4/3 m half^2] (x_acc, theta_acc) = (push, turn)
-        m11, m12, m22 = total, m * half * cos, 4.0 / 3.0 * m * half * half
+        m11, m12, m22 = total, lever * cos, 4.0 / 3.0 * m * half * half
         determinant = m11 * m22 - m12 * m12
         out = np.empty((len(state), 2))
         out[:, 0] = (m22 * push - m12 * turn) / determinant

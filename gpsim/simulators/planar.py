@@ -20,7 +20,11 @@ class PlanarVehicle(Simulator):
         """The twist turned into the world's frame."""
         sin, cos = np.sin(state[:, 2]), np.cos(state[:, 2])
         v, lateral, w = rates[:, 0], rates[:, 1], rates[:, 2]
-        return np.stack([v * cos - lateral * sin, v * sin + lateral * cos, w], axis=1)
+        out = np.empty((len(state), 3))
+        out[:, 0] = v * cos - lateral * sin
+        out[:, 1] = v * sin + lateral * cos
+        out[:, 2] = w
+        return out
 
     def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
         """The displacement over dt in the body's frame at the step's start: the inverse of an Euler step."""

@@ -29,4 +29,6 @@ class Unicycle(PlanarVehicle):
         forces: FloatArray | None = None,
     ) -> FloatArray:
         """The commanded twist (B, 3)."""
-        return np.stack([action[:, 0], np.zeros(len(state)), action[:, 1]], axis=1)
+        out = np.zeros((len(state), 3))
+        out[:, 0::2] = action
+        return out
