@@ -115,8 +115,17 @@ def spoken(effects: Sequence[Mapping[str, Any]]) -> str:
             for name, p in e["parameters"].items()
         )
         + ")"
+        + gate(e)
         for e in effects
     )
+
+
+def gate(effect: Mapping[str, Any]) -> str:
+    """Where and since when it acts, if not always and everywhere."""
+    words = [f"for {name} in [{low:.3g}, {high:.3g}]" for name, (low, high) in effect["region"].items()]
+    if effect["since"] is not None:
+        words.append(f"since {effect['since']:.3g} s")
+    return "".join(f" {word}" for word in words)
 
 
 def errors(outcomes: Sequence[Outcome]) -> list[str]:
