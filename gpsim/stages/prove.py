@@ -15,7 +15,16 @@ from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
 from gpsim.stages.trial_jobs import Progress, run_trials
 from gpsim.trials.blind import DIAGNOSES, OUTCOME, diagnose_blind, published
-from gpsim.trials.concealing import ANSWER, PRIVATE, PUBLIC, publish_hashes, trial_name, write_trial
+from gpsim.trials.concealing import (
+    ANSWER,
+    HASHES,
+    NAME,
+    PRIVATE,
+    PUBLIC,
+    publish_hashes,
+    trial_name,
+    write_trial,
+)
 from gpsim.trials.drawing import stratum_of
 from gpsim.trials.summary import summarise
 from gpsim.trials.trial_scores import score_trial
@@ -57,7 +66,8 @@ def diagnose(out: Path, workers: int, progress: Progress) -> int:
 
 def reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
     """Score every diagnosed trial against its verified answer; write prove.json and report.html."""
-    names = sorted(path.parent.name for path in (out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
+    found = (path.parent.name for path in (out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
+    names = sorted(name for name in found if NAME.fullmatch(name))
     if not names:
         raise UsageError(f"{out}: no diagnoses to score; make them with: gpsim prove diagnose --out {out}")
     where = answers or out / PRIVATE
@@ -80,7 +90,7 @@ def read_answers(out: Path) -> list[dict[str, Any]]:
         raise UsageError(
             f"{out}: no answers below {PRIVATE}/; make some with: gpsim prove conceal --out {out}"
         )
-    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
+    return [_read(path) for path in paths]
 
 
 def _conceal_one(out: Path, seed: int, number: int) -> str:
@@ -98,7 +108,7 @@ def _score_one(out: Path, answers: Path, number: int) -> dict[str, Any]:
 def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Which seed it was, what it is revealed with, and the commits under which the trials were diagnosed."""
     path = answers / CONFIG
-    seed = json.loads(path.read_text(encoding="utf-8"))["seed"] if path.is_file() else None
+    seed = _read(path)["seed"] if path.is_file() else None
     commits = sorted({str(s["git_commit"] or NOT_RECORDED) for s in scores})
     return {
         "seed": seed,
@@ -108,11 +118,24 @@ def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def _read(path: Path) -> dict[str, Any]:
+    """A JSON file; raises UsageError."""
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: damaged or not readable: {error}") from error
+    return content
+
+
 def _remember(out: Path, seed: int) -> None:
-    """One folder holds trials of one seed."""
+    """One folder holds trials of one seed, concealed by whoever holds their answers."""
     path = out / PRIVATE / CONFIG
+    if not path.is_file() and (out / PUBLIC / HASHES).is_file():
+        raise UsageError(
+            f"{out}: holds recordings whose answers are elsewhere; diagnose them with: gpsim prove diagnose --out {out}"
+        )
     if path.is_file():
-        known = json.loads(path.read_text(encoding="utf-8"))["seed"]
+        known = _read(path)["seed"]
         if known != seed:
             raise UsageError(f"{out}: holds trials of seed {known}; choose another --out for seed {seed}")
         return

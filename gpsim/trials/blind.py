@@ -15,6 +15,7 @@ from typing import Any
 from gpsim.artifacts import file_digest, written_whole
 from gpsim.errors import UsageError
 from gpsim.provenance import git_commit
+from gpsim.trials import concealing
 from gpsim.trials.concealing import HASHES, PUBLIC
 
 DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"
@@ -43,10 +44,7 @@ def published(out: Path) -> dict[str, str]:
         raise UsageError(
             f"{path}: no hashes of the answers; they are published before anybody diagnoses: gpsim prove conceal"
         )
-    lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-    if any(len(line) != 2 or not line[1].isdigit() for line in lines):
-        raise UsageError(f"{path}: expected lines of a SHA-256 and a trial")
-    return {name: digest for digest, name in lines}
+    return concealing.published(path)
 
 
 def recording_digests(folder: Path) -> dict[str, str]:
@@ -71,12 +69,13 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
         code, said = _run(room)
         if code < 0:  # killed, for want of memory say: that need not happen again
             shutil.rmtree(room / DIAGNOSIS, ignore_errors=True)
+            known["killed_first"] = -code
             started = time.monotonic()
             code, said = _run(room)
         outcome = {
             "exit": code,
             "seconds": round(time.monotonic() - started, 2),
-            "error": said.strip().splitlines()[-1][:300] if code and said.strip() else None,
+            "error": _last_words(code, said),
         } | known
         target.parent.mkdir(parents=True, exist_ok=True)
         with written_whole(target) as made:
@@ -86,6 +85,13 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
             (made / OUTCOME).write_text(json.dumps(outcome, indent=1) + "\n", encoding="utf-8")
             shutil.rmtree(target, ignore_errors=True)
     return outcome
+
+
+def _last_words(code: int, said: str) -> str | None:
+    """In one line why a diagnosis failed; None where it did not."""
+    if code < 0:
+        return f"killed by signal {-code}"
+    return said.strip().splitlines()[-1][:300] if code and said.strip() else None
 
 
 def _before(out: Path, name: str) -> dict[str, Any]:
@@ -119,9 +125,9 @@ def diagnosis_digest(out: Path, name: str) -> str:
 
 
 def read_report(out: Path, name: str) -> dict[str, Any] | None:
-    """diagnosis.json of a finished trial; None where the diagnosis failed."""
+    """diagnosis.json of a finished trial; None where the diagnosis failed, however far it had come."""
     path = out / DIAGNOSES / name / DIAGNOSIS / "diagnosis.json"
-    if not path.is_file():
+    if read_outcome(out, name)["exit"] != 0 or not path.is_file():
         return None
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return content

@@ -47,20 +47,25 @@ def gates_of(effects: Sequence[Json]) -> list[Gate]:
 
 
 def gate_figures(
-    truth: Sequence[Json], said: Sequence[Json], visited: Mapping[str, tuple[float, float]], duration: float
+    truth: Sequence[Json],
+    said: Sequence[Json],
+    visited: Mapping[str, tuple[float, float]],
+    duration: float,
+    *,
+    stands_in: bool,
 ) -> dict[str, Any]:
     """gate_right; iou and onset_error, the worst of those that there are to be found.
 
     Gates are compared effect by effect: that of a true effect with the claimed effect's own, or where the effect is not
-    claimed (an equivalent stands in its place) with any claimed gate of the same channel. visited: from where to where
-    each channel went; edges of a region beyond that are anybody's guess. duration [s]: of the recording.
+    claimed and an equivalent stands in its place (`stands_in`) with any claimed gate of the same channel. visited: from
+    where to where each channel went; edges of a region beyond that are anybody's guess. duration [s]: of the recording.
     """
     true, claimed, names = gates_of(truth), gates_of(said), claims_of(said)
     pairs = [
         (t, c)
         for t in true
         for c in claimed
-        if t.channel == c.channel and (t.effect == c.effect or t.effect not in names)
+        if t.channel == c.channel and (t.effect == c.effect or (stands_in and t.effect not in names))
     ]
     overlaps, errors = [], []
     for gate in true:
@@ -80,6 +85,13 @@ def gate_figures(
     if errors:
         out["onset_error"] = max(errors)
     return out
+
+
+def failed_gates(truth: Sequence[Json]) -> dict[str, float]:
+    """The gates' figures of a diagnosis that failed: none was found."""
+    gates = gates_of(truth)
+    out = {"iou": 0.0} if any(g.channel is not None for g in gates) else {}
+    return out | ({"onset_error": 1.0} if any(g.channel is None for g in gates) else {})
 
 
 def iou(first: FloatArray, second: FloatArray) -> float:

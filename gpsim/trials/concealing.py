@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ SCHEMA = "gpsim.answer/1"
 PUBLIC, PRIVATE = "public", "private"
 ANSWER, TRUTH = "answer.json", "truth.npz"
 HASHES = "answers.sha256"
+NAME = re.compile(r"\d{4,}")  # of a trial's folder
 FEWEST, ATTEMPTS = 2000, 6
 SHORTEST = 40  # transitions: what an operator would keep of an episode that went wrong
 
@@ -108,14 +110,30 @@ def write_trial(out: Path, seed: int, number: int) -> str:
 
 
 def publish_hashes(out: Path, digests: dict[str, str]) -> None:
-    """Write the answers' hashes beside the recordings; those of other trials stay."""
+    """Write the answers' hashes beside the recordings; those of other trials stay, and none is ever replaced.
+
+    Raises UsageError where another hash was published.
+    """
     path = out / PUBLIC / HASHES
     if path.is_file():
-        known = [line.split() for line in path.read_text(encoding="utf-8").splitlines()]
-        digests = {name: digest for digest, name in known} | digests
+        known = published(path)
+        for name, digest in digests.items():
+            if known.get(name, digest) != digest:
+                raise UsageError(
+                    f"{path}: another answer to trial {name} was published; choose another --out"
+                )
+        digests = known | digests
     lines = "".join(f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
     with written_whole(path) as made:
         made.write_text(lines, encoding="utf-8")
+
+
+def published(path: Path) -> dict[str, str]:
+    """Trial -> SHA-256 of its answer, from the file beside the recordings; raises UsageError."""
+    lines = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    if any(len(line) != 2 or not NAME.fullmatch(line[1]) for line in lines):
+        raise UsageError(f"{path}: expected lines of a SHA-256 and a trial")
+    return {name: digest for digest, name in lines}
 
 
 def trial_name(number: int) -> str:

@@ -5,12 +5,13 @@ Claims are sets of (family, place). A claim is right when it is the truth or one
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from gpsim.trials.claims import Claim, claims_of, gate_figures, identity
+from gpsim.trials.claims import Claim, claims_of, failed_gates, gate_figures, identity
 from gpsim.trials.equivalents import Rival
 from gpsim.trials.revealing import Answer
 from gpsim.trials.systems import SYSTEMS
@@ -43,7 +44,7 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
     }
     if report is None:
         wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
-        return out | {"verdict": "failed", "said": []} | wrong
+        return out | {"verdict": "failed", "said": []} | wrong | failed_gates(answer.content["effects"])
     verdict, leader = str(report["verdict"]), claims_of(report["effects"])
     others = [claims_of(a["effects"]) for a in report["alternatives"]]
     out |= {
@@ -145,11 +146,23 @@ def _verdicts(stratum: str, equal: set[Claim]) -> set[str]:
 
 
 def _outside(verdict: str, report: Json, excused: bool) -> dict[str, Any]:
-    """Of a world outside the catalogue: whether it was said so, and whether a wrong name was asserted."""
-    probability = max((float(e["probability"] or 0.0) for e in report["effects"]), default=0.0)
-    odds = probability / max(1.0 - probability, 1e-12)
-    named = verdict in ("named", "ambiguous") and bool(report["effects"]) and not excused
-    return {"said_so": verdict == "unknown", "named_wrong": bool(named and odds > WRONG_ODDS)}
+    """Of a world outside the catalogue: whether it was said so, and whether a wrong name was asserted.
+
+    The odds are an effect's own, against the best that was found without it: what `ambiguous` answers have in common is
+    asserted, too.
+    """
+    named = verdict in ("named", "ambiguous") and not excused
+    sure = any(_odds_in_nats(e) > math.log(WRONG_ODDS) for e in report["effects"])
+    return {"said_so": verdict == "unknown", "named_wrong": bool(named and sure)}
+
+
+def _odds_in_nats(effect: Json) -> float:
+    """Of an effect against the best without it; where nothing else was tried, of the whole answer."""
+    nats = effect["odds"]["nats"]
+    if nats is not None:
+        return float(nats)
+    probability = float(effect["probability"] or 0.0)
+    return math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
 
 
 def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Claim]) -> dict[str, Any]:
@@ -159,7 +172,13 @@ def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Cla
     out: dict[str, Any] = {
         "rate_right": _rate_right(answer.content["one_step"], report["location"]["channels"]),
         "place_right": leader in right_claims or {on for _, on in leader} == {on for _, on in truth},
-        **gate_figures(answer.content["effects"], report["effects"], _visited(answer), duration),
+        **gate_figures(
+            answer.content["effects"],
+            report["effects"],
+            _visited(answer),
+            duration,
+            stands_in=leader in right_claims,
+        ),
     }
     out["location_right"] = bool(out["rate_right"] and out["place_right"] and out["gate_right"])
     return out

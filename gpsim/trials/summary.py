@@ -61,7 +61,7 @@ def block(scores: Sequence[Score]) -> dict[str, Any]:
             }
     out |= _optional("verdict_right", [s["verdict_right"] for s in scores], "right")
     with_effects = [s for s in scores if s["stratum"] in SIZES]
-    decided = [s for s in with_effects if s["identifiable"]]
+    decided = [s for s in with_effects if s["identifiable"] and _answered(s)]
     out |= _optional("families_right", [s["families_right"] for s in with_effects], "right")
     out |= _optional("undecided", [s["verdict"] in ("ambiguous", "unknown") for s in decided], "count")
     if with_effects:
@@ -71,13 +71,8 @@ def block(scores: Sequence[Score]) -> dict[str, Any]:
         out["none"] = _without_mismatch(nothing)
     outside = [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]
     if outside:
-        wrong = sum(bool(s.get("named_wrong")) for s in outside)
-        out["unknown"] = rate([bool(s.get("said_so")) for s in outside], "said_so") | {
-            "named_wrong": wrong,
-            "share_named_wrong": wrong / len(outside),
-            "interval_named_wrong": interval(wrong, len(outside)),
-            "failed": _failed(outside),
-        }
+        out["unknown"] = rate([bool(s.get("said_so")) for s in outside], "said_so")
+        out["unknown"] |= _wrong_names([s for s in outside if _answered(s)]) | {"failed": _failed(outside)}
     out |= parameter_figures([s.get("parameters", []) for s in with_effects])
     worst = [w for s in with_effects if (w := worst_fit(s)) is not None]
     if worst:
@@ -127,14 +122,28 @@ def parameter_figures(worlds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str
 
 def _without_mismatch(scores: Sequence[Score]) -> dict[str, Any]:
     """False alarms among the worlds that were given an answer: one that failed is neither an alarm nor quiet."""
-    answered = [s for s in scores if s["verdict"] != "failed"]
+    answered = [s for s in scores if _answered(s)]
     out = rate([bool(s.get("false_alarm")) for s in answered], "false_alarms")
     out["share_false"] = out.pop("share")
     return out | {"said_so": sum(s["verdict"] == "none" for s in answered), "failed": _failed(scores)}
 
 
+def _wrong_names(answered: Sequence[Score]) -> dict[str, Any]:
+    wrong = sum(bool(s.get("named_wrong")) for s in answered)
+    return {
+        "named_wrong": wrong,
+        "share_named_wrong": wrong / len(answered) if answered else None,
+        "interval_named_wrong": interval(wrong, len(answered)),
+    }
+
+
+def _answered(score: Score) -> bool:
+    """Whether a diagnosis ended with an answer: shares of which less is better must not gain from failures."""
+    return bool(score["verdict"] != "failed")
+
+
 def _failed(scores: Sequence[Score]) -> int:
-    return sum(s["verdict"] == "failed" for s in scores)
+    return sum(not _answered(s) for s in scores)
 
 
 def _median(name: str, worlds: Sequence[Sequence[float]], digits: int = 6) -> dict[str, Any]:
@@ -205,7 +214,7 @@ def _by_family(scores: Sequence[Score]) -> dict[str, Any]:
 
 
 def _by_kind(scores: Sequence[Score]) -> dict[str, Any]:
-    outside = [s for s in scores if s["stratum"] == "unknown"]
+    outside = [s for s in scores if s["stratum"] == "unknown" and s["identifiable"]]
     names = sorted({s["truth"][0][0] for s in outside})
     return {
         name: rate([bool(s.get("said_so")) for s in outside if s["truth"][0][0] == name], "said_so")
@@ -226,11 +235,20 @@ def _rivals(scores: Sequence[Score]) -> dict[str, Any]:
             worst = [worst_fit(s, kind) for s in part]
             near = rate([w is not None and w <= NEAR_OWN for w in worst], "within")
             out[kind] = near | _median("median", [[w] for w in worst if w is not None])
-    named = [s["sindy"] for s in scores if s.get("sindy")]
-    if named:
-        same = [s for s in scores if s.get("sindy")]
-        out["sindy"] = rate([bool(n["right"]) for n in named], "right")
-        out["diagnose_on_the_same"] = rate([bool(s["right"]) for s in same], "right")
+    return out | _namers(scores)
+
+
+def _namers(scores: Sequence[Score]) -> dict[str, Any]:
+    """PySINDy and the diagnosis on the worlds to which PySINDy applies; those with nothing to name apart."""
+    out: dict[str, Any] = {}
+    both = [s for s in scores if s.get("sindy")]
+    for suffix, part in (
+        ("", [s for s in both if s["stratum"] != "none"]),
+        ("_nothing", [s for s in both if s["stratum"] == "none"]),
+    ):
+        if part:
+            out[f"sindy{suffix}"] = rate([bool(s["sindy"]["right"]) for s in part], "right")
+            out[f"diagnose_on_the_same{suffix}"] = rate([bool(s["right"]) for s in part], "right")
     return out
 
 

@@ -33,10 +33,20 @@ def answer(stratum, effects, **more):
 
 
 def said(
-    family, on="q", low=0.9, value=1.0, high=1.1, name="damping", probability=0.99, region=None, since=None
+    family,
+    on="q",
+    low=0.9,
+    value=1.0,
+    high=1.1,
+    name="damping",
+    probability=0.99,
+    region=None,
+    since=None,
+    nats=9.0,
 ):
     return {
         "family": family, "on": on, "probability": probability, "region": region or {}, "since": since,
+        "odds": {"nats": nats, "against": []},
         "parameters": {name: {"value": value, "low": low, "high": high}},
     }  # fmt: skip
 
@@ -105,12 +115,30 @@ def test_any_family_on_a_world_without_mismatch_is_a_false_alarm(verdict):
     assert not quiet["false_alarm"]
 
 
-@pytest.mark.parametrize(("probability", "wrong"), [(0.99, True), (0.6, False)])
-def test_a_wrong_name_needs_odds_above_ten(probability, wrong):
-    strange = [TrueEffect("cogging", "q", {"amplitude": 1.0}, outside=True)]
-    told = report("named", [said("spring", probability=probability)])
-    assert score(answer("unknown", strange), told, [])["named_wrong"] is wrong
-    assert score(answer("unknown", strange), report("unknown"), [])["right"]
+STRANGE = [TrueEffect("cogging", "q", {"amplitude": 1.0}, outside=True)]
+
+
+@pytest.mark.parametrize(
+    ("nats", "probability", "wrong"),
+    [(2.4, 0.5, True), (2.2, 0.99, False), (None, 0.99, True), (None, 0.6, False)],
+)
+def test_a_wrong_name_needs_odds_above_ten(nats, probability, wrong):
+    told = report("named", [said("spring", nats=nats, probability=probability)])
+    assert score(answer("unknown", STRANGE), told, [])["named_wrong"] is wrong
+    assert score(answer("unknown", STRANGE), report("unknown"), [])["right"]
+
+
+def test_what_ambiguous_answers_have_in_common_is_asserted():
+    """Two rivals that are both sure of a wrong mass, and differ in what else there is."""
+    mass, other, third = (
+        said("parameter_offset", "mass", nats=80.0),
+        said("spring", nats=1.0),
+        said("gravity", nats=1.0),
+    )
+    told = report("ambiguous", [mass, other], [[mass, third]])
+    assert score(answer("unknown", STRANGE), told, [])["named_wrong"]
+    undecided = report("ambiguous", [said("spring", nats=1.0)], [[said("viscous_friction", nats=-1.0)]])
+    assert not score(answer("unknown", STRANGE), undecided, [])["named_wrong"]
 
 
 def test_a_gate_has_to_be_found_where_it_is():
@@ -168,6 +196,14 @@ def test_an_equivalent_carries_the_gate_of_the_effect_that_it_replaces():
     assert score(answer("single", late), both, two)["location_right"]
 
 
+def test_a_wrong_name_gets_no_credit_for_a_right_gate():
+    late = [TrueEffect("spring", "q", {"stiffness": 1.0}, since=4.0)]
+    told = report("named", [said("viscous_friction", since=4.0)])
+    found = score(answer("single", late), told, [])
+    assert found["onset_error"] == 1.0
+    assert not found["location_right"]
+
+
 def test_edges_beyond_what_was_visited_do_not_matter():
     patch = [TrueEffect("viscous_friction", "q", {"damping": 1.0}, {"q": (0.5, 9.0)})]
     found = score(
@@ -178,6 +214,44 @@ def test_edges_beyond_what_was_visited_do_not_matter():
 
 def test_a_failed_diagnosis_is_wrong():
     assert not score(answer("none", []), None, [])["right"]
+    found = score(answer("pair", GATED_PAIR), None, [])
+    assert (found["iou"], found["onset_error"]) == (0.0, 1.0)
+
+
+def test_shares_of_which_less_is_better_do_not_gain_from_failures():
+    wrong = report("named", [said("spring")])
+    undecided = report("ambiguous", [said("spring")], [[said("gravity")]])
+    found = summarise(
+        scored(
+            (answer("unknown", STRANGE), wrong),
+            *[(answer("unknown", STRANGE), None)] * 3,
+            (answer("single", DAMPED), undecided),
+            *[(answer("single", DAMPED), None)] * 3,
+        )
+    )
+    assert (found["unknown"]["n"], found["unknown"]["failed"]) == (4, 3)
+    assert found["unknown"]["share_named_wrong"] == 1.0
+    assert (found["undecided"]["n"], found["undecided"]["share"]) == (1, 1.0)
+    assert proof_sheets(found | {"undiagnosed": []})
+    assert (
+        summarise(scored((answer("unknown", STRANGE), None)))["goals"]["unknown.share_named_wrong"]["reached"]
+        is None
+    )
+
+
+def test_worlds_with_nothing_to_name_are_compared_apart():
+    """A regression that stays quiet where nothing is missing has named nothing."""
+    scores = scored(
+        (answer("single", DAMPED), report("named", [said("viscous_friction")])),
+        (answer("none", []), report("none")),
+        (answer("none", []), report("none")),
+    )
+    for s, right in zip(scores, (False, True, True), strict=True):
+        s["sindy"] = {"said": [], "right": right}
+    found = summarise(scores)["rivals"]
+    assert (found["sindy"]["n"], found["sindy"]["right"]) == (1, 0)
+    assert (found["sindy_nothing"]["n"], found["sindy_nothing"]["right"]) == (2, 2)
+    assert found["diagnose_on_the_same"]["right"] == 1
 
 
 def test_iou_and_wilson():

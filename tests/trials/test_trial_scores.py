@@ -125,11 +125,45 @@ def test_the_hash_on_record_is_the_one_that_stood_there_before_the_diagnosis(
     before = blind.published(out)[NAME]
 
     def meanwhile(room):
-        concealing.publish_hashes(out, {NAME: "0" * 64})
+        path = out / "public" / "answers.sha256"
+        path.write_text(path.read_text().replace(before, "0" * 64))
         return made_up(room)
 
     monkeypatch.setattr(blind, "_run", meanwhile)
     assert blind.diagnose_blind(out, NAME)["answer_sha256"] == before
+
+
+def test_a_published_hash_is_never_replaced(proof):
+    before = blind.published(proof)
+    with pytest.raises(UsageError, match=f"another answer to trial {NAME} was published"):
+        concealing.publish_hashes(proof, {NAME: "0" * 64})
+    assert blind.published(proof) == before
+
+
+def test_recordings_that_somebody_else_concealed_are_not_drawn_anew(proof):
+    """Whoever was handed public/ alone and asks for a whole proof must not lose it."""
+    shutil.rmtree(proof / "private")
+    before = {p: p.read_bytes() for p in (proof / "public").rglob("*") if p.is_file()}
+    result = CliRunner().invoke(app, ["prove", "--out", str(proof), "--trials", "2"])
+    assert isinstance(result.exception, UsageError)
+    assert "gpsim prove diagnose --out" in str(result.exception)
+    assert {p: p.read_bytes() for p in (proof / "public").rglob("*") if p.is_file()} == before
+
+
+def test_a_copy_beside_the_diagnoses_is_nobodys_trial(proof, fits, monkeypatch):
+    monkeypatch.setattr(prove, "run_trials", run_here)
+    shutil.copytree(proof / "diagnoses" / NAME, proof / "diagnoses" / f"{NAME}.bak")
+    assert prove.reveal(proof, None, 1, lambda *_: None)["all"]["n"] == 2
+
+
+@pytest.mark.parametrize(("code", "words"), [(1, "error: the disk is full"), (-9, "killed by signal 9")])
+def test_a_diagnosis_that_failed_after_it_was_written_is_none(concealed, tmp_path, monkeypatch, code, words):
+    out = tmp_path / "proof"
+    shutil.copytree(concealed, out)
+    monkeypatch.setattr(blind, "_run", lambda room: (made_up(room) and code, "error: the disk is full\n"))
+    outcome = blind.diagnose_blind(out, NAME)
+    assert outcome["error"] == words
+    assert blind.read_report(out, NAME) is None
 
 
 def test_a_recording_without_a_published_hash_is_not_diagnosed(proof):
