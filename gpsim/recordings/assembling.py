@@ -39,12 +39,12 @@ def assemble(
 ) -> Assembled:
     """Cut the log into episodes and put every channel on their grids.
 
-    tracks: by topic, already on one clock; flag: the track of `episodes.field`, if there is one.
+    tracks: by their names, already on one clock; flag: the track of `episodes.field`, if there is one.
     """
-    state = {source_.topic or "": tracks[source_.topic or ""] for source_ in _measured(mapping)}
-    action = {source_.topic or "": tracks[source_.topic or ""] for source_ in mapping.action}
+    state = {source_.track: tracks[source_.track] for source_ in _measured(mapping)}
+    action = {source_.track: tracks[source_.track] for source_ in mapping.action}
     stages = _stages(state, action, flag, mapping)
-    reference = tracks[_measured(mapping)[0].topic or ""]
+    reference = tracks[_measured(mapping)[0].track]
     built = [_episode(piece, reference, tracks, mapping) for piece in stages[-1].intervals]
     episodes = tuple(episode for episode in built if episode is not None)
     stages.append(
@@ -52,7 +52,7 @@ def assemble(
             "in a piece too short or past its last step", [(float(e.t[0]), float(e.t[-1])) for e in episodes]
         )
     )
-    every = {**action, **state} | ({flag.topic: flag} if flag is not None else {})
+    every = {**action, **state} | ({flag.name: flag} if flag is not None else {})
     held = {name for name in every if name not in state}
     counts = tuple(_count(source, track, stages, name in held) for name, track in every.items())
     return Assembled(episodes, counts, _longest_hold(action, episodes))
@@ -86,7 +86,7 @@ def _stages(
         values = flag.fields[mapping.episodes.field or ""]
         if mapping.episodes.by == "flag":
             pieces = where.flagged(flag.t, values == mapping.episodes.equals, end)
-            topic = "" if flag.topic in state else f" of {flag.topic}"
+            topic = "" if flag.topic in {track.topic for track in state.values()} else f" of {flag.topic}"
             reason = f"{mapping.episodes.field}{topic} is not {mapping.episodes.equals:g}"
         else:
             pieces, reason = (
@@ -109,7 +109,7 @@ def _margin(state: Mapping[str, Track], mapping: ImportMapping) -> float:
     """Seconds at either end of a piece that smoothing and differentiation cannot serve."""
     needed = [0.0]
     for source in _measured(mapping):
-        interval = _interval(state[source.topic or ""])
+        interval = _interval(state[source.track])
         name = source.channel.name
         if any(s.derivative_of == name for s in mapping.state) and mapping.velocities.edges == "trim":
             needed.append(interval * velocities.reach(mapping.velocities, derivative=True))
@@ -138,28 +138,24 @@ def _episode(
     at = grid(piece, reference, mapping.rate)
     if len(at) < 2:
         return None
-    margin = _margin({s.topic or "": tracks[s.topic or ""] for s in _measured(mapping)}, mapping)
+    margin = _margin({s.track: tracks[s.track] for s in _measured(mapping)}, mapping)
     whole = (piece[0] - margin, piece[1] + margin)
     by_name = {source.channel.name: source for source in mapping.state}
     origins = [by_name[s.derivative_of or s.channel.name] for s in mapping.state if _is_filtered(s, mapping)]
-    if any(where.inside(tracks[s.topic or ""].t, [whole]).sum() < 2 for s in origins):
+    if any(where.inside(tracks[s.track].t, [whole]).sum() < 2 for s in origins):
         return None  # nothing to differentiate
     columns = []
     for source in mapping.state:
         if source.derivative_of is not None:
             origin = by_name[source.derivative_of]
-            rate = _filtered(
-                origin, tracks[origin.topic or ""], whole, at, mapping.velocities, derivative=True
-            )
+            rate = _filtered(origin, tracks[origin.track], whole, at, mapping.velocities, derivative=True)
             columns.append(source.sign * source.scale * rate + source.offset)
         elif source.channel.name in mapping.smoothing.channels:
-            smooth = _filtered(
-                source, tracks[source.topic or ""], whole, at, mapping.smoothing, derivative=False
-            )
+            smooth = _filtered(source, tracks[source.track], whole, at, mapping.smoothing, derivative=False)
             columns.append(wrap_angle(smooth) if source.channel.wraps else smooth)
         else:
-            columns.append(at_times(source, tracks[source.topic or ""], at))
-    commands = [_command(source, tracks[source.topic or ""], at, mapping) for source in mapping.action]
+            columns.append(at_times(source, tracks[source.track], at))
+    commands = [_command(source, tracks[source.track], at, mapping) for source in mapping.action]
     actions = np.stack(commands, axis=1) if commands else np.zeros((len(at) - 1, 0))
     return Episode("", at, np.stack(columns, axis=1), actions)
 
@@ -218,6 +214,8 @@ def _count(source: str, track: Track, stages: Sequence[_Stage], held: bool) -> T
         dropped,
         track.noticed,
         track.delay,
+        track.drift,
+        track.part,
     )
 
 

@@ -11,6 +11,7 @@ from gpsim.recordings.assembling import Assembled
 from gpsim.recordings.import_report import EpisodeCount
 from gpsim.recordings.mapping import ImportMapping, Smoothing, as_metadata
 from gpsim.recordings.recording import Recording
+from gpsim.recordings.tracks import MISSING
 
 
 def rate_text(mapping: ImportMapping, dt: float) -> str:
@@ -70,6 +71,7 @@ def warnings_of(mapping: ImportMapping, recording: Recording, built: Sequence[As
         found.append(
             f"header stamps and receive times are mixed ({on} on receive time): transport delay is an offset"
         )
+        found += _drifting(built, recording.dt)
     steps = np.concatenate([np.diff(e.t) for e in recording.episodes])
     if mapping.rate is None and float(steps.max()) > 1.5 * recording.dt:
         found.append(
@@ -78,8 +80,9 @@ def warnings_of(mapping: ImportMapping, recording: Recording, built: Sequence[As
     lost: dict[str, list[int]] = {}
     for one in built:
         for count in one.counts:
-            total = lost.setdefault(count.topic, [0, 0])
-            total[0] += count.read
+            total = lost.setdefault(count.name, [0, 0])
+            # Rows of a part without its channels are another part's.
+            total[0] += count.read - (count.dropped.get(MISSING, 0) if count.part else 0)
             total[1] += count.kept
     found += [
         f"{topic}: only {100.0 * kept / read:.0f} % of its rows lie in an episode"
@@ -87,6 +90,23 @@ def warnings_of(mapping: ImportMapping, recording: Recording, built: Sequence[As
         if read and kept < 0.5 * read
     ]
     return tuple(found)
+
+
+def _drifting(built: Sequence[Assembled], step: float) -> list[str]:
+    """Topics on header stamps whose clock moved against the receiver's by more than a step [s] within a log."""
+    worst: dict[str, tuple[float, float]] = {}
+    for one in built:
+        for count in one.counts:
+            if count.clock != "header" or count.drift is None or count.drift[1] - count.drift[0] <= step:
+                continue
+            known = worst.get(count.topic, (0.0, 0.0))
+            worst[count.topic] = max(known, count.drift, key=lambda ends: ends[1] - ends[0])
+    return [
+        f"the two clocks move against each other: {topic} is received {1e3 * least:.4g} to {1e3 * most:.4g} ms after "
+        f"its stamp (running median), a change of more than a step of {1e3 * step:.4g} ms; what is on receive time is "
+        "off by as much; split the log where it changes, or use clock.stamps=receive"
+        for topic, (least, most) in worst.items()
+    ]
 
 
 def origins(counts: Sequence[EpisodeCount]) -> dict[str, Any]:

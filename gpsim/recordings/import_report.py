@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from gpsim.recordings.clock import Lag
+from gpsim.recordings.mapping import track_name
 
 LISTED = 40  # episodes listed one by one; longer recordings are summed up
 
@@ -21,7 +22,8 @@ class TopicCount:
     """One topic of one log. read = kept + sum(dropped); noticed: kept, but odd.
 
     kept: rows inside an episode (for commands: rows that stood at some moment of one). delay: median, 5 % and
-    95 % of receive minus header [s], None without a header.
+    95 % of receive minus header [s], None without a header; drift: least and largest of its running median [s].
+    part: the channels that are counted, where not all of the topic are found in the same rows.
     """
 
     source: str
@@ -33,6 +35,13 @@ class TopicCount:
     dropped: Mapping[str, int] = field(default_factory=dict)
     noticed: Mapping[str, int] = field(default_factory=dict)
     delay: tuple[float, float, float] | None = None
+    drift: tuple[float, float] | None = None
+    part: str = ""
+
+    @property
+    def name(self) -> str:
+        """The topic, and which part of it."""
+        return track_name(self.topic, self.part)
 
     def __post_init__(self) -> None:
         if self.read != self.kept + sum(self.dropped.values()):
@@ -67,19 +76,20 @@ class ImportReport:
 
     def summed(self) -> tuple[TopicCount, ...]:
         """The topics with the logs added up."""
-        groups: dict[tuple[str, str, str], list[TopicCount]] = {}
+        groups: dict[tuple[str, str, str, str], list[TopicCount]] = {}
         sources = {count.source for count in self.topics}
-        alone = len(sources) == len(self.topics) and len({count.topic for count in self.topics}) > 1
+        pairs = {(count.source, count.topic) for count in self.topics}
+        alone = len(sources) == len(pairs) and len({count.topic for count in self.topics}) > 1
         for count in self.topics:  # tables are called as their files: add up what is alone in its log
             topic = f"the table of each of {len(sources)} logs" if alone else count.topic
-            groups.setdefault((topic, count.type, count.clock), []).append(count)
-        return tuple(_sum(topic, group) for (topic, _, _), group in groups.items())
+            groups.setdefault((topic, count.part, count.type, count.clock), []).append(count)
+        return tuple(_sum(topic, group) for (topic, *_), group in groups.items())
 
     def as_metadata(self) -> dict[str, Any]:
         """Plain numbers for recording.yaml."""
         return {
             "topics": {
-                f"{c.topic} ({c.clock})": {"read": c.read, "kept": c.kept}
+                f"{c.name} ({c.clock})": {"read": c.read, "kept": c.kept}
                 | ({"dropped": dict(c.dropped)} if c.dropped else {})
                 | ({"noticed": dict(c.noticed)} if c.noticed else {})
                 for c in self.summed()
@@ -111,6 +121,7 @@ def _sum(topic: str, group: Sequence[TopicCount]) -> TopicCount:
         dropped=_added(c.dropped for c in group),
         noticed=_added(c.noticed for c in group),
         delay=middle,
+        part=first.part,
     )
 
 
@@ -153,7 +164,7 @@ def _topic_table(counts: Sequence[TopicCount]) -> Table:
             middle, low, high = (1e3 * value for value in count.delay)
             odd.append(f"(received {middle:.1f} ms after its stamp, 5-95 %: {low:.1f} to {high:.1f})")
         table.add_row(
-            Text(count.topic), Text(count.clock), str(count.read), str(count.kept), str(sum(count.dropped.values())),
+            Text(count.name), Text(count.clock), str(count.read), str(count.kept), str(sum(count.dropped.values())),
             Text(", ".join(why) + (" " if why and odd else "") + " ".join(odd)),
         )  # fmt: skip
     return table

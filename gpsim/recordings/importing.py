@@ -17,6 +17,7 @@ from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.log_parts import Inspector, NamedLog, Part, read_parts
 from gpsim.recordings.mapping import ImportMapping
 from gpsim.recordings.recording import Episode, Recording
+from gpsim.recordings.turns import unmarked_wraps
 
 
 def import_logs(
@@ -49,7 +50,11 @@ def import_logs(
         lags=tuple(found),
         applied=shifts,
         notes=import_notes.notes_of(mapping, recording, built),
-        warnings=(*_losses(logs), *import_notes.warnings_of(mapping, recording, built)),
+        warnings=(
+            *_losses(logs),
+            *unmarked_wraps(parts, built),
+            *import_notes.warnings_of(mapping, recording, built),
+        ),
     )
     provenance = {
         "mapping": import_notes.mapping_metadata(mapping),
@@ -61,7 +66,7 @@ def import_logs(
 
 def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
     """Settings of the clock that would do nothing."""
-    known = sorted({topic for part in parts for topic in part.tracks})
+    known = sorted({track.topic for part in parts for track in part.tracks.values()})
     for setting, topics in (("offsets", mapping.clock.offsets), ("topics", mapping.clock.topics)):
         for topic in topics:
             if topic not in known:
@@ -89,8 +94,8 @@ def _command_topics(mapping: ImportMapping) -> set[str]:
 def _assemble_all(parts: Sequence[Part], shifts: Mapping[str, float]) -> tuple[list[Assembled], list[Lag]]:
     built, pieces = [], lags.Pieces()
     for part in parts:
-        tracks = {topic: track.shifted(shifts.get(topic, 0.0)) for topic, track in part.tracks.items()}
-        flag = None if part.flag is None else tracks[part.flag.topic]
+        tracks = {name: track.shifted(shifts.get(track.topic, 0.0)) for name, track in part.tracks.items()}
+        flag = None if part.flag is None else tracks[part.flag.name]
         one = assemble(part.name, tracks, part.mapping, flag)
         built.append(one)
         pieces.add(tracks, part.mapping, [(float(e.t[0]), float(e.t[-1])) for e in one.episodes])
@@ -143,7 +148,7 @@ def _nothing_left(built: Sequence[Assembled]) -> str:
     for one in built:
         for count in one.counts:
             for reason, number in count.dropped.items():
-                reasons[f"{count.topic}: {reason}"] = reasons.get(f"{count.topic}: {reason}", 0) + number
+                reasons[f"{count.name}: {reason}"] = reasons.get(f"{count.name}: {reason}", 0) + number
     worst = sorted(reasons.items(), key=lambda item: -item[1])[:3]
     why = "; ".join(f"{number} rows of {reason}" for reason, number in worst) or "the topics are empty"
     return f"no episode is left ({why}); see gpsim import --inspect, gap_limit and episodes"

@@ -204,7 +204,7 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) ->
             f"{named.name}: column(s) {what} missing for {system}; there are: {', '.join(fields[:30])}"
         )
     raw: dict[str, Any] = {"system": system, "rate": "source", "time": {"field": time}}
-    if "episode" in fields:
+    if "episode" in (*fields, *topics[0].texts):
         raw["episodes"] = {"by": "column", "field": "episode"}
     raw["state"] = {
         c.name: {"field": c.name, "unit": c.unit} | ({"wraps": True} if c.wraps else {}) for c in state

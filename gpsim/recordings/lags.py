@@ -27,11 +27,7 @@ class Pieces:
     def add(self, tracks: Mapping[str, Track], mapping: ImportMapping, intervals: Sequence[Interval]) -> None:
         """Take what the episodes in `intervals` show."""
         measured = [source for source in mapping.state if source.derivative_of is None]
-        pace = [
-            float(np.median(np.diff(tracks[s.topic or ""].t)))
-            for s in measured
-            if len(tracks[s.topic or ""].t) > 1
-        ]
+        pace = [float(np.median(np.diff(tracks[s.track].t))) for s in measured if len(tracks[s.track].t) > 1]
         if self.step is None:
             self.step = max([STEP, *pace])
         for a, b in intervals:
@@ -39,14 +35,12 @@ class Pieces:
             if len(at) < 20:
                 continue
             signals = {
-                s.channel.name: resample.linear(
-                    at, tracks[s.topic or ""].t, samples(s, tracks[s.topic or ""])
-                )
+                s.channel.name: resample.linear(at, tracks[s.track].t, samples(s, tracks[s.track]))
                 for s in measured
             }
             responses = _responses(signals, self.step)
             for source in mapping.action:
-                track = tracks[source.topic or ""]
+                track = tracks[source.track]
                 command = resample.held(at, track.t, samples(source, track))
                 for name, response in responses.items():
                     self.pairs.setdefault((source.channel.name, name), []).append((command, response))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +11,10 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.recordings import clock
+from gpsim.recordings.binding import Bound, bind, groups, wanted_fields
 from gpsim.recordings.mapping import EpisodeRule, ImportMapping, with_fields
 from gpsim.recordings.raw import RawLog, Series
-from gpsim.recordings.tracks import Track, build_track, fields_by_topic, stamps
+from gpsim.recordings.tracks import Track, build_track, stamps
 
 BadRows = Mapping[str, IntArray]
 Inspector = Callable[[str, Series, ImportMapping], BadRows]
@@ -30,7 +31,7 @@ class NamedLog:
 
 @dataclass(frozen=True)
 class Part:
-    """One piece of a log on one unbroken clock, its channels bound to topics."""
+    """One piece of a log on one unbroken clock, its channels bound to tracks. tracks: by `Track.name`."""
 
     name: str
     mapping: ImportMapping
@@ -52,49 +53,50 @@ def read_parts(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> l
 
 
 def _whole_log(named: NamedLog, mapping: ImportMapping, inspect: Inspector) -> list[Part]:
-    bound, flag_topic, series = _read(named, mapping)
+    bound = bind(named.name, mapping, {topic.name: topic for topic in named.log.topics()})
     log_epoch = 1e-9 * named.log.epoch_ns
-    pieces = _unbroken(named.name, series, bound, log_epoch)
+    pieces = _unbroken(named.name, _read(named.log, bound), bound.mapping, log_epoch)
     parts = []
     for number, piece in enumerate(pieces):
         name = named.name if len(pieces) == 1 else f"{named.name} [{number + 1}]"
-        bad = {topic: inspect(name, one, bound) for topic, one in piece.items()}
-        state = {s.topic for s in bound.state if s.derivative_of is None}
-        tracks = {t: build_track(one, bad[t], bound, t in state, name, log_epoch) for t, one in piece.items()}
+        held, tracks = _tracks(name, piece, bound, inspect, log_epoch)
         first = [float(track.t[0]) for track in tracks.values() if len(track.t)]
         epoch = float(np.floor(min(first))) if first else 0.0
-        tracks = {topic: track.shifted(-epoch) for topic, track in tracks.items()}
-        parts.append(Part(name, bound, tracks, tracks[flag_topic] if flag_topic else None, log_epoch + epoch))
+        tracks = {key: track.shifted(-epoch) for key, track in tracks.items()}
+        flag = None if held.flag is None else tracks[held.flag.track]
+        parts.append(Part(name, held.mapping, tracks, flag, log_epoch + epoch))
     return parts
 
 
-def _read(named: NamedLog, mapping: ImportMapping) -> tuple[ImportMapping, str | None, Mapping[str, Series]]:
-    """Bind unnamed topics to the only one there is, and read what the mapping wants."""
-    topics = {topic.name: topic for topic in named.log.topics()}
-    only = next(iter(topics)) if len(topics) == 1 else None
-    rule = mapping.episodes
-    extra: list[tuple[str | None, Sequence[str]]] = []
-    if rule.by != "file" and rule.field is not None:
-        extra.append((rule.topic, (rule.field,)))
-    wanted = fields_by_topic((*mapping.state, *mapping.action), extra, only)
-    for name in wanted:
-        if name not in topics:
-            raise UsageError(f"{named.name}: no topic '{name}'; there are: {', '.join(topics) or 'none'}")
-        if mapping.time is not None:
-            wanted[name] += [f for f in mapping.time.fields if f not in wanted[name]]
-    state = tuple(replace(s, topic=s.topic or only) for s in mapping.state)
-    action = tuple(replace(s, topic=s.topic or only) for s in mapping.action)
-    bound = replace(mapping, state=state, action=action)
-    flag_topic = (rule.topic or only) if extra else None
-    return bound, flag_topic, named.log.series(wanted)
+def _read(log: RawLog, bound: Bound) -> Mapping[str, Series]:
+    """What the mapping wants, by track."""
+    found: dict[str, Series] = {}
+    for reading in wanted_fields(bound):
+        series = log.series({topic: fields for topic, (_, fields) in reading.items()})
+        found |= {track: series[topic] for topic, (track, _) in reading.items()}
+    return found
+
+
+def _tracks(
+    name: str, series: Mapping[str, Series], bound: Bound, inspect: Inspector, epoch: float
+) -> tuple[Bound, dict[str, Track]]:
+    """One track a series, or several where not all channels are found in the same rows."""
+    made: dict[str, Track] = {}
+    for key, one in series.items():
+        bad = inspect(name, one, bound.mapping)
+        bound, found = groups(key, one, bound)
+        for group in found:
+            track = build_track(one, group, bad, bound.mapping, name, epoch)
+            made[track.name] = track
+    return bound, made
 
 
 def _unbroken(
     name: str, series: Mapping[str, Series], mapping: ImportMapping, epoch: float
 ) -> list[Mapping[str, Series]]:
     """Cut a single table where its clock was set back; with several topics nobody can tell what is whose."""
-    for topic, one in series.items():
-        choice = mapping.clock.topics.get(topic, mapping.clock.stamps)
+    for track, one in series.items():
+        choice = mapping.clock.topics.get(one.topic, mapping.clock.stamps)
         t, _ = stamps(one, mapping.time, choice, name, epoch)
         finite = np.flatnonzero(np.isfinite(t))
         sound = np.delete(finite, clock.jumping(t[finite], mapping.checks.jump))
@@ -104,11 +106,11 @@ def _unbroken(
             continue
         if len(series) > 1:
             raise UsageError(
-                f"{name}: the clock of {topic} was set back at row {cuts[0]}; choose another clock with "
+                f"{name}: the clock of {one.topic} was set back at row {cuts[0]}; choose another clock with "
                 "clock.topics, or split the log there"
             )
         edges = [0, *cuts, len(t)]
-        return [{topic: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]
+        return [{track: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]
     return [series]
 
 

@@ -14,12 +14,17 @@ StampChoice = Literal["auto", "header", "receive"]
 AngleName = Literal["roll", "pitch", "yaw"]
 
 
+def track_name(topic: str, part: str) -> str:
+    """What the rows of a topic are called, or a part of them."""
+    return f"{topic} ({part})" if part else topic
+
+
 @dataclass(frozen=True)
 class ChannelSource:
     """Where one channel comes from: value = sign * scale * raw + offset, in the channel's unit.
 
     Exactly one of `field`, `quaternion` (with `angle`) and `derivative_of` is set. topic: None means the only
-    table of the log. fields: the dotted raw fields that must be read.
+    table of the log. part: which rows of the topic, where not all of them hold the channel; set when a log is read.
     """
 
     channel: Channel
@@ -31,6 +36,12 @@ class ChannelSource:
     scale: float = 1.0
     sign: float = 1.0
     offset: float = 0.0
+    part: str = ""
+
+    @property
+    def track(self) -> str:
+        """The track that holds the channel."""
+        return track_name(self.topic or "", self.part)
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -180,6 +191,12 @@ class ImportMapping:
         renamed = [name for variant in self.episodes.variants.values() for name in variant]
         for name in (*self.noise, *self.checks.max_rate, *renamed):
             _one_of(name, names, "mapping: channel")
+        for source in self.state:
+            if source.derivative_of is not None and source.channel.name in self.checks.max_rate:
+                raise UsageError(
+                    f"mapping: checks.max_rate.{source.channel.name}: {source.channel.name} is made from "
+                    f"{source.derivative_of}, no row holds it; limit {source.derivative_of} instead"
+                )
         if self.episodes.by != "file" and self.episodes.field is None:
             raise UsageError(f"mapping: episodes.by={self.episodes.by} needs episodes.field")
 

@@ -14,7 +14,8 @@ class Topic:
     """One topic (or one table) of a log: what `gpsim import --inspect` lists.
 
     fields: dotted paths of the numeric fields, as `pose.position.x`; count: messages or rows;
-    start, end: receive time of the first and the last message [s], None when empty; has_header: stamps of its own.
+    start, end: receive time of the first and the last message [s], None when empty; has_header: stamps of its own;
+    texts: columns of text, read as 0, 1, 2 ... in the order in which their words first appear.
     """
 
     name: str
@@ -24,6 +25,7 @@ class Topic:
     start: float | None
     end: float | None
     has_header: bool
+    texts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings.mapping import ImportMapping
+from gpsim.recordings import resample
+from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers.checks import Limits, find_silent_damage
 
-MISSING = "value missing"
 TOO_FAST = "faster than checks.max_rate"
 # A stamp that leaps is the clock's affair: `clock.in_order` drops and counts it, salvage or not.
 _LEFT_TO_THE_CLOCK = "stamp leaps"
@@ -23,16 +23,13 @@ def find_bad_rows(
 ) -> Mapping[str, IntArray]:
     """Rows of a topic that must not be used, by reason.
 
-    Empty cells of a table and array elements that a message does not have are missing, not damaged: they are
-    left out and counted. What the readers' checks find (numbers that are not finite or absurd, quaternions that
+    Empty cells of a table and array elements that a message does not have are missing, not damaged, and none of
+    this module's affair. What the readers' checks find (numbers that are not finite or absurd, quaternions that
     are no rotations, samples that leave their neighbours and come back, stamps far from their arrival) and
     changes faster than `checks.max_rate` are damage: UsageError (log, topic, row, field, what, remedy), or with
-    `salvage` left out and counted too.
+    `salvage` left out and counted.
     """
     rows: dict[str, list[IntArray]] = {}
-    missing = _missing(series)
-    if len(missing):
-        rows[MISSING] = [missing]
     limits = Limits(
         quaternion=mapping.checks.quaternion,
         jump=mapping.checks.outlier,
@@ -61,25 +58,31 @@ def find_bad_rows(
     return out
 
 
-def _missing(series: Series) -> IntArray:
-    """Rows that hold nothing where something was asked for, and are known to be so."""
-    empty = np.zeros(len(series.receive), dtype=np.bool_)
-    for field, values in series.fields.items():
-        if series.absent.get(field):
-            empty |= np.isnan(values)
-    return np.flatnonzero(empty)
-
-
 def _too_fast(series: Series, mapping: ImportMapping, known: Mapping[str, IntArray]) -> IntArray:
     """Rows whose channel leaps away and back faster than believable, among the rows not yet out."""
-    rows = np.setdiff1d(np.arange(len(series.receive)), np.concatenate([[], *known.values()]))
-    bad = np.zeros(len(rows), dtype=np.bool_)
-    t = _clock(series, mapping)[rows]
+    count = len(series.receive)
+    bad, sound = np.zeros(count, dtype=np.bool_), np.ones(count, dtype=np.bool_)
+    for out in known.values():
+        sound[out] = False
+    t = _clock(series, mapping)
     for source in (*mapping.state, *mapping.action):
         limit = mapping.checks.max_rate.get(source.channel.name)
-        if limit is not None and source.field is not None and source.topic == series.topic and len(rows) > 2:
-            bad |= _leaps(t, source.scale * series.fields[source.field][rows], limit, source.channel.wraps)
-    return rows[bad]
+        if limit is None or source.topic != series.topic or not set(source.fields) <= set(series.fields):
+            continue
+        there = [np.isfinite(series.fields[field]) for field in source.fields]
+        rows = np.flatnonzero(sound & np.logical_and.reduce([*there, np.isfinite(t)]))
+        if len(rows) > 2:
+            values, wraps = _limited(source, series, rows)
+            bad[rows] |= _leaps(t[rows], values, limit, wraps)
+    return np.flatnonzero(bad)
+
+
+def _limited(source: ChannelSource, series: Series, rows: IntArray) -> tuple[FloatArray, bool]:
+    """The channel at the rows, up to sign and offset, and whether it is to be taken modulo 2 pi."""
+    raw = np.stack([series.fields[field][rows] for field in source.fields], axis=1)
+    if source.quaternion is not None:  # continuous: every step the short way round
+        return source.scale * resample.unwrapped(resample.euler_angle(raw, source.angle)), False
+    return source.scale * raw[:, 0], source.channel.wraps
 
 
 def _clock(series: Series, mapping: ImportMapping) -> FloatArray:

@@ -89,7 +89,13 @@ def _folders(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
     groups: dict[Path, dict[str, Path]] = {}
     for file in _walk(path):
         if _is_log(file) and fnmatch(file.name, pattern):
-            groups.setdefault(file.parent, {})[file.stem] = file
+            topics = groups.setdefault(file.parent, {})
+            if file.stem in topics:
+                raise UsageError(
+                    f"{file.parent}: {topics[file.stem].name} and {file.name} would both be the topic "
+                    f"'{file.stem}'; say which files to take, as files='*{file.suffix}'"
+                )
+            topics[file.stem] = file
     if not groups:
         raise UsageError(f"{path}: no tables named {pattern} in this folder")
     named = {g.relative_to(path).as_posix() if g != path else path.name: files for g, files in groups.items()}

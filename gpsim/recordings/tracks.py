@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.recordings import resample
+from gpsim.recordings.binding import Group
 from gpsim.recordings.clock import in_order
-from gpsim.recordings.mapping import ChannelSource, ImportMapping, StampChoice, TimeColumns
+from gpsim.recordings.mapping import ChannelSource, ImportMapping, StampChoice, TimeColumns, track_name
 from gpsim.recordings.raw import Series
+
+MISSING = "value missing"
+LASTING = 501  # messages whose median delay is one that lasts
 
 
 @dataclass(frozen=True)
 class Track:
     """Rows of one topic in the order of time. t: (K,) s; fields: (K,) each; read: rows before any drop.
 
-    clock: which stamps t holds, in words; delay: median, 5 % and 95 % of receive minus header [s].
+    part: which rows, where not all hold the same channels; clock: which stamps t holds, in words; delay: median, 5 %
+    and 95 % of receive minus header [s]; drift: least and largest of its running median [s].
     """
 
     topic: str
@@ -31,6 +37,13 @@ class Track:
     dropped: Mapping[str, int]
     noticed: Mapping[str, int]
     delay: tuple[float, float, float] | None = None
+    drift: tuple[float, float] | None = None
+    part: str = ""
+
+    @property
+    def name(self) -> str:
+        """What the track is called: its topic, and which part of it."""
+        return track_name(self.topic, self.part)
 
     def shifted(self, seconds: float) -> Track:
         """The same track with `seconds` added to its stamps."""
@@ -68,13 +81,13 @@ def stamps(
 
 def build_track(
     series: Series,
+    group: Group,
     bad: Mapping[str, IntArray],
     mapping: ImportMapping,
-    is_state: bool,
     where: str,
     epoch: float = 0.0,
 ) -> Track:
-    """Choose the stamps, leave out the `bad` rows (by reason), put the rest in order.
+    """Choose the stamps, leave out the rows that lack the group's fields and the `bad` ones, put the rest in order.
 
     Raises UsageError when nothing is left or a chosen clock does not exist.
     """
@@ -87,17 +100,18 @@ def build_track(
     t, clock = stamps(series, mapping.time, choice, where, epoch)
     keep = np.ones(len(t), dtype=np.bool_)
     dropped = dict(series.dropped)
-    for reason, rows in (*bad.items(), ("stamp not finite", np.flatnonzero(~np.isfinite(t)))):
+    no_stamp = np.flatnonzero(~np.isfinite(t))
+    for reason, rows in ((MISSING, group.missing), *bad.items(), ("stamp not finite", no_stamp)):
         fresh = rows[keep[rows]]  # a row is counted under its first fault only
         keep[fresh] = False
         if len(fresh):
             dropped[reason] = dropped.get(reason, 0) + len(fresh)
     rows = np.flatnonzero(keep)
-    names = list(series.fields)
+    names = group.fields
     values = (
         np.stack([series.fields[name][rows] for name in names], axis=1) if names else np.zeros((len(rows), 0))
     )
-    on_receive = is_state and clock.startswith("receive")
+    on_receive = group.is_state and clock.startswith("receive")
     ordered = in_order(t[rows], values, mapping.checks.jump, newest_of_burst=on_receive)
     return Track(
         topic=series.topic,
@@ -109,6 +123,8 @@ def build_track(
         dropped=dropped | dict(ordered.dropped),
         noticed=ordered.noticed,
         delay=_delay(series, epoch),
+        drift=_drift(series, epoch),
+        part=group.part,
     )
 
 
@@ -117,13 +133,29 @@ def _never_set(series: Series, epoch: float) -> bool:
     return series.header is None or not np.any(series.header + epoch > 1e-6)
 
 
+def _late(series: Series, epoch: float) -> FloatArray:
+    """How much later than its stamp each message was received [s]; empty without stamps."""
+    if series.header is None or _never_set(series, epoch):
+        return np.zeros(0)
+    late = series.receive - series.header
+    return late[np.isfinite(late)]
+
+
 def _delay(series: Series, epoch: float) -> tuple[float, float, float] | None:
     if series.header is None or _never_set(series, epoch):
         return None
-    late = series.receive - series.header
-    late = late[np.isfinite(late)]
+    late = _late(series, epoch)
     low, middle, high = np.percentile(late, [5, 50, 95]) if len(late) else (0.0, 0.0, 0.0)
     return float(middle), float(low), float(high)
+
+
+def _drift(series: Series, epoch: float) -> tuple[float, float] | None:
+    """Least and largest delay that lasted: a median over a tenth of the log forgets what jitters or stands alone."""
+    late = _late(series, epoch)
+    if len(late) < 10:
+        return None
+    running = median_filter(late, size=int(np.clip(len(late) // 10, 5, LASTING)), mode="reflect")
+    return float(running.min()), float(running.max())
 
 
 def samples(source: ChannelSource, track: Track, rows: IntArray | slice = slice(None)) -> FloatArray:
@@ -150,17 +182,3 @@ def at_times(source: ChannelSource, track: Track, at: FloatArray) -> FloatArray:
 
 def _quaternion(source: ChannelSource, track: Track) -> FloatArray:
     return np.stack([track.fields[name] for name in source.fields], axis=1)
-
-
-def fields_by_topic(
-    sources: Sequence[ChannelSource], extra: Sequence[tuple[str | None, Sequence[str]]], only: str | None
-) -> dict[str, list[str]]:
-    """Which fields of which topic to read. extra: (topic, fields); `only` stands in for an unnamed topic."""
-    wanted: dict[str, list[str]] = {}
-    for topic, names in (*((s.topic, s.fields) for s in sources if s.derivative_of is None), *extra):
-        name = topic if topic is not None else only
-        if name is None:
-            raise UsageError("mapping: the log has several topics, so every channel must name its topic")
-        wanted.setdefault(name, [])
-        wanted[name] += [f for f in names if f not in wanted[name]]
-    return wanted

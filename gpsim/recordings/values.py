@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
+
+_EXPONENT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)[eE][+-]?\d+", re.ASCII)
 
 
 def table(raw: object, where: str, known: tuple[str, ...]) -> Mapping[str, Any]:
@@ -34,7 +37,9 @@ def flag(value: object, where: str) -> bool:
 
 
 def number(value: object, where: str) -> float:
-    """A finite number."""
+    """A finite number; also 1e-3, which YAML 1.1 takes for text because it has no decimal point."""
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
         raise UsageError(f"{where}: expected a finite number, got {value!r}")
     return float(value)

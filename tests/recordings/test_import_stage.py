@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,7 +13,7 @@ from typer.testing import CliRunner
 from gpsim.artifacts import read_artifact
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.stages.import_log import import_log, inspect_source, read_logs
+from gpsim.stages.import_log import import_log, inspect_source, read_logs, source_digests
 
 
 def cartpole_table(path, count=200, seed=0):
@@ -64,6 +66,12 @@ def test_the_same_log_gives_the_same_bytes(table, tmp_path):
         "manifest.json",
     ):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+
+
+def test_a_column_of_words_is_no_channel(table, tmp_path):
+    pd.read_csv(table).assign(mode="run").to_csv(table, index=False)
+    with pytest.raises(UsageError, match="column 'mode' holds text, which only episodes.by=column can use"):
+        import_log([table], tmp_path / "out", words=["system=cartpole", "state.x.field=mode"])
 
 
 def test_nothing_is_overwritten_and_nothing_half_written(table, tmp_path, monkeypatch):
@@ -228,3 +236,42 @@ def test_the_command_line_prints_the_report_and_one_line_errors(table, tmp_path)
     result = run.invoke(app, ["export", "recording", str(out), "--format", "mcap", "--out", str(file)])
     assert result.exit_code == 0, result.output
     assert file.is_file()
+
+
+def test_what_lies_beside_the_logs_does_not_count(tmp_path):
+    """The digests are of the files that are read, whatever else a folder holds."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    cartpole_table(logs / "a.csv")
+    cartpole_table(logs / "b.csv")
+    bag = logs / "drive"
+    bag.mkdir()
+    for name in ("metadata.yaml", "drive_0.db3", "drive_1.db3.zstd", "notes.md"):
+        (bag / name).write_text(name)
+    for name in (".DS_Store", "notes.txt"):
+        (logs / name).write_text("x")
+    storage = ["drive/drive_0.db3", "drive/drive_1.db3.zstd", "drive/metadata.yaml"]
+    assert list(source_digests([logs])) == ["a.csv", "b.csv", *storage]
+    assert list(source_digests([logs], None, ["files=b*"])) == ["b.csv"]
+    assert list(source_digests([logs], "physical_cartpole")) == ["a.csv", "b.csv"]  # its files: "*.csv"
+    assert list(source_digests([logs / "a.csv", bag])) == ["1/a.csv", *(f"2/{Path(n).name}" for n in storage)]
+    words = ["layout=folder", "files=a*"]
+    assert list(source_digests([logs], "physical_cartpole", words)) == ["a.csv"]
+    with pytest.raises(UsageError, match="no such file or folder"):
+        source_digests([tmp_path / "nowhere"])
+    with pytest.raises(UsageError, match=r"no log files named \*\.bag"):
+        source_digests([logs], "physical_cartpole", ["files='*.bag'"])
+
+
+@pytest.mark.parametrize("where", [(Path, "open"), (Path, "stat")])
+def test_logs_that_cannot_be_read_are_one_line(table, monkeypatch, where):
+    real = getattr(*where)
+
+    def refuse(path, *arguments, **options):
+        if path.name == "log.csv":
+            raise PermissionError(13, "Permission denied", str(path))
+        return real(path, *arguments, **options)
+
+    monkeypatch.setattr(*where, refuse)
+    with pytest.raises(UsageError, match=r"log\.csv: cannot be read \(Permission denied\)"):
+        source_digests([table])

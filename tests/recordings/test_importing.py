@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -94,6 +95,30 @@ def test_header_or_receive_is_chosen_per_topic_and_said():
     assert np.array_equal(by_receive.episodes[0].actions[k, 0], np.floor((0.05 * k + 0.03) / 0.1 + 1e-6))
     assert np.array_equal(by_header.episodes[0].actions[k, 0], np.floor(0.05 * k / 0.1 + 1e-6))
     assert "mixed" in as_text(report)
+
+
+@pytest.mark.parametrize(
+    ("late", "figures"),
+    [
+        (np.where(T < 6.0, 0.004, 5.004), "4 to 5004 ms"),  # the receiver's clock is set right
+        (0.004 + 0.02 * T, r"[4-9](\.\d+)? to (19|20)\d(\.\d+)? ms"),  # it runs at another pace
+    ],
+)
+def test_mixed_clocks_that_move_against_each_other_are_told(late, figures):
+    _, report = imported({"/pose": DRIVE.pose(T, receive=T + late), "/cmd": commands()}, UNICYCLE)
+    (line,) = [line for line in report.warnings if "move against each other" in line]
+    assert re.search(f"/pose is received {figures} after its stamp", line)
+    _, alone = imported(
+        {"/pose": DRIVE.pose(T, receive=T + late), "/cmd": replace(commands(), header=COMMANDS)}, UNICYCLE
+    )
+    assert not [line for line in alone.warnings if "move against each other" in line]
+
+
+def test_a_delay_that_jitters_is_no_clock_that_moves():
+    late = 0.004 + np.random.default_rng(0).exponential(0.02, len(T))
+    late[[0, 500, 501, 999]] = 0.9
+    _, report = imported({"/pose": DRIVE.pose(T, receive=T + late), "/cmd": commands()}, UNICYCLE)
+    assert not [line for line in report.warnings if "move against each other" in line]
 
 
 def test_unset_header_stamps_fall_back_to_receive_time_and_forced_ones_are_refused():

@@ -3,6 +3,7 @@ from __future__ import annotations
 import copy
 
 import pytest
+import yaml
 from by_hand import UNICYCLE
 
 from gpsim.errors import UsageError
@@ -66,6 +67,10 @@ def changed(path, value):
         (["held_out"], {"share": 1.5}, r"must lie in \[0, 1\)"),
         (["noise"], {"z": 1.0}, "no channel 'z'"),
         (["gap_limit"], 0, "gap_limit must be positive"),
+        (["gap_limit"], "1_000e1", "expected a finite number"),
+        (["gap_limit"], "1e999", "expected a finite number"),
+        (["gap_limit"], "nan", "expected a finite number"),
+        (["gap_limit"], "3", "expected a finite number"),
         (["parameters"], {"wheelbase": float("nan")}, "finite number"),
         (["state"], ["x"], "expected channel names"),
     ],
@@ -74,6 +79,19 @@ def test_wrong_mappings_end_in_one_line_with_the_alternatives(path, value, text)
     with pytest.raises(UsageError, match=text) as caught:
         parse_mapping(changed(path, value))
     assert "\n" not in str(caught.value)
+
+
+def test_a_rate_cannot_be_limited_where_no_row_holds_the_channel():
+    raw = changed(["state", "v"], {"derivative_of": "x", "unit": "m/s"})
+    with pytest.raises(UsageError, match=r"checks\.max_rate\.v: v is made from x.*limit x"):
+        parse_mapping({**raw, "checks": {"max_rate": {"v": 3.0}}})
+
+
+@pytest.mark.parametrize("text", ["1e-3", "2E-4", "+5e+2", "-.5e1"])
+def test_numbers_that_yaml_takes_for_text_are_numbers(text):
+    raw = yaml.safe_load(f"noise: {{x: {text}}}")
+    assert isinstance(raw["noise"]["x"], str)
+    assert parse_mapping({**UNICYCLE, **raw}).noise["x"] == float(text)
 
 
 def test_a_mapping_that_is_no_mapping_is_refused():

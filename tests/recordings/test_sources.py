@@ -28,6 +28,17 @@ def test_a_folder_is_a_log_of_topics(tmp_path):
     assert set(logs[1].log.files) == {"pose", "cmd"}
 
 
+def test_two_files_of_one_topic_are_refused_until_one_is_chosen(tmp_path):
+    for name in ("pose.csv", "pose.parquet", "cmd.csv"):
+        (tmp_path / name).write_text("t\n")
+    with pytest.raises(
+        UsageError, match=r"pose\.csv and pose\.parquet would both be the topic 'pose'.*files="
+    ):
+        find_logs([tmp_path], "folder", "*", opener)
+    (log,) = find_logs([tmp_path], "folder", "*.csv", opener)
+    assert set(log.log.files) == {"pose", "cmd"}
+
+
 def test_a_ros2_folder_is_one_log(tmp_path):
     bag = tmp_path / "drive"
     bag.mkdir()

@@ -23,6 +23,7 @@ class Layout:
     """skip: lines before the data (comments, header); names: the header's cells; rows: lines of data.
 
     comments: numbers of the lines that are comments, where a # stands in cells, too; None where it begins one anywhere.
+    texts: columns that hold words, not numbers; empty until the cells have been looked at.
     """
 
     skip: int
@@ -33,6 +34,7 @@ class Layout:
     rows: int
     last_line: str
     comments: tuple[int, ...] | None = None
+    texts: tuple[str, ...] = ()
 
 
 def read_layout(path: Path) -> Layout:

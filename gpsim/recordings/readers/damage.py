@@ -38,6 +38,7 @@ class Ledger:
         self.salvage = salvage
         self.file: Counter[str] = Counter()
         self.topics: dict[str, Counter[str]] = {}
+        self._readings: list[Ledger] = []
         self._places = 0
         self._expanded = 0
 
@@ -70,10 +71,17 @@ class Ledger:
             )
 
     def same(self) -> Ledger:
-        """A fresh ledger of the same kind, for one reading of the file; pieces lost so far stay counted."""
+        """A fresh ledger of the same kind, for one reading of the file."""
         fresh = Ledger(self.path, salvage=self.salvage)
-        fresh.file = self.file
+        self._readings.append(fresh)
         return fresh
+
+    def pieces(self) -> dict[str, int]:
+        """Pieces of the file that were lost, by reason; a piece that several readings miss is lost once."""
+        found: Counter[str] = Counter()
+        for reading in self._readings:
+            found |= reading.file
+        return dict(self.file + found)
 
     def silent(self) -> Ledger:
         """A ledger for a second look at the same file: never refuses, and what it counts is not kept."""

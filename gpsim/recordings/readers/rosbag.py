@@ -53,7 +53,7 @@ class BagLog:
     @property
     def losses(self) -> Mapping[str, int]:
         """Pieces of the file that could not be read (salvage only), by reason; messages are in Series.dropped."""
-        return dict(self._ledger.file)
+        return self._ledger.pieces()
 
     def topics(self) -> Sequence[Topic]:
         """What is inside, from the index; arrays are listed as long as in the first messages."""

@@ -33,13 +33,17 @@ Reader = Callable[[Sequence[str], Ledger], Rows]
 
 @dataclass(frozen=True)
 class Table:
-    """One table of a file. type: what --inspect shows; columns: the numeric ones; rows: how many."""
+    """One table of a file. type: what --inspect shows; columns: the numeric ones; rows: how many.
+
+    texts: columns of text, which `read` gives as codes.
+    """
 
     name: str
     type: str
     columns: tuple[str, ...]
     rows: int
     read: Reader
+    texts: tuple[str, ...] = ()
 
 
 class TableLog:
@@ -55,7 +59,7 @@ class TableLog:
     @property
     def losses(self) -> Mapping[str, int]:
         """Pieces of the file that could not be read (salvage only), by reason."""
-        return dict(self._ledger.file)
+        return self._ledger.pieces()
 
     def lost(self, reason: str, where: str) -> None:
         """Note that a piece of the file is lost; UsageError unless it is to be salvaged."""
@@ -64,7 +68,7 @@ class TableLog:
     def topics(self) -> Sequence[Topic]:
         """The tables, without times: which column tells the time is for the mapping to say."""
         return tuple(
-            Topic(t.name, t.type, t.rows, t.columns, None, None, has_header=False)
+            Topic(t.name, t.type, t.rows, t.columns, None, None, has_header=False, texts=t.texts)
             for t in self._tables.values()
         )
 
@@ -79,7 +83,7 @@ class TableLog:
             )
         table = self._tables[name]
         for column in columns:
-            if column not in table.columns:
+            if column not in (*table.columns, *table.texts):
                 raise UsageError(f"{self.path}: {_no_column(column, table.columns)}")
         ledger = self._ledger.same()
         rows = table.read(columns, ledger)

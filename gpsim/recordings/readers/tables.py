@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.recordings.readers.csv_layout import Layout, cells, is_number, read_layout
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
+from gpsim.recordings.readers.texts import Codes
 
 _PIECE = 65_536
 _LOOK = 2_000
@@ -28,13 +30,13 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
     regular_file(path)
     try:
         layout = read_layout(path)
-        columns = _numeric_columns(path, layout)
+        columns, texts = _kinds_of_columns(path, layout)
     except (DamageError, OSError) as error:
         raise refusal(path, "table", one_line(error)) from error
     count = len(cells(layout.last_line, layout.separator))
     cut = layout.rows > 1 and 0 < count < len(layout.names)
-    read = partial(_read_csv, path, layout, cut)
-    log = TableLog(path, [Table(path.stem, "table", columns, layout.rows, read)], salvage=salvage)
+    read = partial(_read_csv, path, replace(layout, texts=texts), cut)
+    log = TableLog(path, [Table(path.stem, "table", columns, layout.rows, read, texts)], salvage=salvage)
     if cut:
         log.lost(f"the last line has {count} of {len(layout.names)} cells", "the end")
     return log
@@ -59,6 +61,7 @@ def _pieces(
             header=None,
             index_col=False,
             comment="#" if layout.comments is None else None,
+            dtype={name: str for name in layout.texts if name in columns},
             float_precision="round_trip",
             low_memory=False,
         )
@@ -66,46 +69,49 @@ def _pieces(
             yield from reader
 
 
-def _numeric_columns(path: Path, layout: Layout) -> tuple[str, ...]:
-    """Columns of which at least half of the first rows' filled cells are numbers; what begins later may be one."""
+def _kinds_of_columns(path: Path, layout: Layout) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(numeric columns, columns of text).
+
+    Of a numeric column at least half of the first rows' filled cells are numbers; what begins later may be one.
+    """
     try:
         table = next(
             iter(_pieces(path, layout, layout.names, _LOOK)), pd.DataFrame(columns=list(layout.names))
         )
     except Exception as error:
         raise DamageError(f"not a table: {one_line(error, 120)}") from error
-    found = []
+    numeric, texts = [], []
     for name in layout.names:
         column = table[name].dropna()
         numbers = pd.api.types.is_numeric_dtype(column) or (
             len(column) > 0 and sum(is_number(str(cell).strip()) for cell in column) * 2 >= len(column)
         )
         if numbers if len(column) else layout.rows > _LOOK:
-            found.append(name)
-    return tuple(found)
+            numeric.append(name)
+        elif len(column):
+            texts.append(name)
+    return tuple(numeric), tuple(texts)
 
 
 def _read_csv(path: Path, layout: Layout, cut: bool, columns: Sequence[str], ledger: Ledger) -> Rows:
     """The columns; `cut`: the last row ends in the middle of a number, for all that is known."""
     kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
     absent = dict.fromkeys(columns, 0)
-    topic = path.stem
+    texts: dict[str, Codes] = {name: Codes() for name in layout.texts if name in columns}
     first = layout.skip + 1
     try:
-        for piece in _pieces(path, layout, columns):
-            good = np.ones(len(piece), dtype=np.bool_)
-            made: dict[str, FloatArray] = {}
-            for name in columns:
-                made[name], empty, bad = _numbers(piece[name], layout.decimal)
+        for piece, is_last in _with_last(_pieces(path, layout, columns)):
+            rows = piece[:-1] if cut and is_last else piece  # whoever opened the file has counted the cut one
+            read = {
+                name: texts[name].of(rows[name]) if name in texts else _numbers(rows[name], layout.decimal)
+                for name in columns
+            }
+            good = _good_rows(
+                rows, {name: bad for name, (_, _, bad) in read.items()}, first, path.stem, ledger
+            )
+            for name, (values, empty, _) in read.items():
                 absent[name] += int(empty.sum())
-                if bad.any():
-                    row = int(np.flatnonzero(bad)[0])
-                    cell = one_line(piece[name].iloc[row], 40)
-                    where = f"line {first + row}, column {name}: {cell!r}"
-                    ledger.lost("a cell is not a number", where, topic, int(bad.sum()))
-                    good &= ~bad
-            for name in columns:
-                kept[name].append(made[name][good])
+                kept[name].append(values[good])
             first += len(piece)
     except (
         pd.errors.ParserError,
@@ -118,11 +124,39 @@ def _read_csv(path: Path, layout: Layout, cut: bool, columns: Sequence[str], led
         ledger.lost(
             f"the rest of the table cannot be read: {one_line(error, 120)}", f"behind line {first - 1}"
         )
-    whole = {name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}
-    return Rows({name: values[:-1] if cut else values for name, values in whole.items()}, absent)
+    return Rows({name: np.concatenate([np.empty(0), *parts]) for name, parts in kept.items()}, absent)
 
 
-def _numbers(column: Any, decimal: str) -> tuple[FloatArray, Any, Any]:
+def _with_last(pieces: Iterator[pd.DataFrame]) -> Iterator[tuple[pd.DataFrame, bool]]:
+    """Each piece, and whether it is the last; what was read before a fault comes before the fault."""
+    piece = next(pieces, None)
+    while piece is not None:
+        try:
+            following = next(pieces, None)
+        except Exception:
+            yield piece, False
+            raise
+        yield piece, following is None
+        piece = following
+
+
+def _good_rows(
+    rows: pd.DataFrame, bad: Mapping[str, BoolArray], first: int, topic: str, ledger: Ledger
+) -> BoolArray:
+    """(N,) rows whose cells are all numbers; a row with several that are none is lost once. first: its line."""
+    out = np.zeros(len(rows), dtype=np.bool_)
+    for wrong in bad.values():
+        out |= wrong
+    if out.any():
+        row = int(np.flatnonzero(out)[0])
+        name = next(name for name, wrong in bad.items() if wrong[row])
+        cell = one_line(rows[name].iloc[row], 40)
+        where = f"line {first + row}, column {name}: {cell!r}"
+        ledger.lost("a cell is not a number", where, topic, int(out.sum()))
+    return ~out
+
+
+def _numbers(column: Any, decimal: str) -> tuple[FloatArray, BoolArray, BoolArray]:
     """(values, empty cells, cells that are no numbers)."""
     empty = column.isna().to_numpy()
     if pd.api.types.is_numeric_dtype(column):
@@ -144,11 +178,12 @@ def open_parquet(path: Path, salvage: bool) -> TableLog:
             if any(group.total_byte_size > _MAX_GROUP for group in groups):
                 raise DamageError(f"a row group declares more than {_MAX_GROUP} bytes")
             columns = tuple(f.name for f in file.schema_arrow if _is_numeric(f.type))
+            texts = tuple(f.name for f in file.schema_arrow if _is_text(f.type))
             rows = file.metadata.num_rows
     except Exception as error:
         # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
         raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
-    table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path))
+    table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path, texts), texts)
     return TableLog(path, [table], salvage=salvage)
 
 
@@ -165,14 +200,25 @@ def _is_numeric(kind: Any) -> bool:
     )
 
 
-def _read_parquet(path: Path, columns: Sequence[str], ledger: Ledger) -> Rows:
+def _is_text(kind: Any) -> bool:
+    held = kind.value_type if pa.types.is_dictionary(kind) else kind  # pandas' categories are a dictionary
+    return str(held) in ("string", "large_string", "string_view")
+
+
+def _read_parquet(path: Path, texts: Sequence[str], columns: Sequence[str], ledger: Ledger) -> Rows:
     kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
     absent = dict.fromkeys(columns, 0)
+    codes = {name: Codes() for name in texts if name in columns}
     rows = 0
     try:
         with pq.ParquetFile(path, **_LIMITS) as file:
             for batch in file.iter_batches(batch_size=_PIECE, columns=list(columns), use_threads=False):
-                made = {name: _seconds_or_numbers(batch.column(name)) for name in columns}
+                made = {
+                    name: codes[name].of(batch.column(name).to_pandas())[0]
+                    if name in codes
+                    else _seconds_or_numbers(batch.column(name))
+                    for name in columns
+                }
                 for name in columns:
                     absent[name] += batch.column(name).null_count
                     kept[name].append(made[name])
