@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import textwrap
 from pathlib import Path
 from typing import Annotated
@@ -79,18 +80,30 @@ def diagnose_command(
     typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
 
 
+USED = ("seed", "diagnose", "experiment", "runs_dir")
+"""What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
+INSTEAD = {
+    "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
+    "recording": "the RECORDING alone",
+}
+
+
 def _refuse(settings: list[str]) -> None:
     """What belongs to the loop's own recording would be ignored."""
-    others = {"simulator": "--simulator NAME", "recording": "the RECORDING alone"}
     for word in settings:
-        name = word.partition("=")[0]
-        if name in others:
-            raise UsageError(f"diagnose: {word}: beside a RECORDING give {others[name]}")
+        name = re.split(r"[.@/=]", word.lstrip("+~"))[0]
+        if name in INSTEAD:
+            raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
+        if name not in USED:
+            raise UsageError(
+                f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
+                "experiment, runs_dir"
+            )
 
 
 def _split(words: list[str]) -> tuple[Path | None, list[str]]:
-    """The recording and the settings; a word with = is a setting unless something of that name exists."""
-    recordings = [word for word in words if "=" not in word or Path(word).exists()]
+    """The recording and the settings; a word with = or a leading ~ is one, unless something of that name exists."""
+    recordings = [word for word in words if not ("=" in word or word.startswith("~")) or Path(word).exists()]
     if len(recordings) > 1:
         raise UsageError(f"diagnose: one RECORDING at a time, got {', '.join(recordings)}")
     return Path(recordings[0]) if recordings else None, [word for word in words if word not in recordings]

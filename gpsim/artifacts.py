@@ -7,6 +7,7 @@ file) and timings.json (wall-clock facts, outside every hash, so that the same s
 from __future__ import annotations
 
 import errno
+import fcntl
 import hashlib
 import json
 import math
@@ -16,7 +17,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -28,13 +29,17 @@ from gpsim.provenance import git_commit, package_versions
 MANIFEST, TIMINGS = "manifest.json", "timings.json"
 SCHEMA = "gpsim.artifact/1"
 _VERSION = re.compile(r"v(\d{4,})")
-_TEMPORARY = re.compile(r"\.tmp-(\d+)-[0-9a-f]{8}")
+_LOCK = re.compile(r"(\.tmp-[0-9a-f]{12})\.lock")
 Json = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Artifact:
-    """A finished version on disk. `digest` is the sha256 of its manifest, which holds the sha256 of every file."""
+    """A finished version on disk.
+
+    `digest` is the sha256 of what it is: stage, configuration, seeds, parents and the sha256 of every file. Which
+    commit and which packages made it stands in its manifest beside that: equal contents are one artifact.
+    """
 
     path: Path
     manifest: Json
@@ -53,23 +58,40 @@ class Artifact:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What an artifact is made from: everything that decides its bytes."""
+    """What an artifact is made from: everything that decides its bytes.
+
+    format, code: which state of gpsim's own code makes it, as the stage says; they decide what is made anew, and are
+    no part of what an artifact is.
+    """
 
     stage: str
     config: Json
     parents: Mapping[str, Artifact]
     seeds: Json
+    format: int = 1
+    code: str = ""
 
     @property
     def key(self) -> str:
-        """sha256 of stage, configuration, seeds and the parents' digests."""
-        parents = {role: parent.digest for role, parent in sorted(self.parents.items())}
-        content = {"stage": self.stage, "config": self.config, "seeds": self.seeds, "parents": parents}
+        """sha256 of stage, format, code, configuration, seeds and the parents' digests."""
+        content = {
+            "stage": self.stage,
+            "format": self.format,
+            "code": self.code,
+            "config": self.config,
+            "seeds": self.seeds,
+            "parents": {role: parent.digest for role, parent in sorted(self.parents.items())},
+        }
         try:
             return hashlib.sha256(canonical(content)).hexdigest()
         except ValueError as error:
             raise UsageError(
                 f"{self.stage}: a setting is not finite; give a number, or null where that is a choice"
+            ) from error
+        except TypeError as error:  # YAML knows dates, JSON does not
+            raise UsageError(
+                f"{self.stage}: a setting is neither number, text, list nor mapping ({error}); "
+                "quote dates, as '2026-01-31'"
             ) from error
 
 
@@ -118,16 +140,40 @@ def _remove(path: Path) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """sha256 of a file, read in chunks."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    """sha256 of a file, read in chunks; raises UsageError where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise _unreadable(path, error) from error
 
 
 def folder_digests(folder: Path) -> dict[str, str]:
-    """POSIX path to sha256 for every file below `folder` but the manifest and the timings, sorted."""
-    paths = sorted(p for p in folder.rglob("*") if p.is_file())
-    relative = {p.relative_to(folder).as_posix(): p for p in paths}
-    return {name: file_digest(p) for name, p in relative.items() if name not in (MANIFEST, TIMINGS)}
+    """POSIX path to sha256 for every file below `folder` but the manifest and the timings, sorted.
+
+    Raises UsageError for a file or a folder that cannot be read: what it holds would pass for missing.
+    """
+    relative = {p.relative_to(folder).as_posix(): p for p in _files_below(folder)}
+    return {name: file_digest(p) for name, p in sorted(relative.items()) if name not in (MANIFEST, TIMINGS)}
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    try:
+        for root, _, names in os.walk(folder, onerror=_raise):
+            yield from (path for name in names if (path := Path(root, name)).is_file())
+    except OSError as error:
+        raise _unreadable(folder, error) from error
+
+
+def _raise(error: OSError) -> None:
+    raise error
+
+
+def _unreadable(path: Path, error: OSError) -> UsageError:
+    where = path if error.filename is None else error.filename
+    return UsageError(
+        f"{where}: cannot be read ({error.strerror or error}); make it readable, or name another"
+    )
 
 
 def read_artifact(path: Path, stage: str | None = None) -> Artifact:
@@ -140,9 +186,8 @@ def read_artifact(path: Path, stage: str | None = None) -> Artifact:
     for name in sorted(set(expected) | set(actual)):
         if expected.get(name) != actual.get(name):
             problem = "missing" if name not in actual else "added" if name not in expected else "changed"
-            raise UsageError(
-                f"{path / name}: {problem} after it was written; delete the folder and make it again"
-            )
+            cure = "remove that file" if problem == "added" else "delete the folder and make it again"
+            raise UsageError(f"{path / name}: {problem} after it was written; {cure}")
     return artifact
 
 
@@ -154,7 +199,9 @@ def _read_manifest(path: Path) -> Artifact:
         whole = recorded == hashlib.sha256(canonical(manifest)).hexdigest()
     except (FileNotFoundError, NotADirectoryError) as error:
         raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
-    except (ValueError, TypeError, AttributeError, OSError) as error:
+    except OSError as error:
+        raise _unreadable(path / MANIFEST, error) from error
+    except (ValueError, TypeError, AttributeError) as error:
         raise UsageError(
             f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again"
         ) from error
@@ -162,7 +209,15 @@ def _read_manifest(path: Path) -> Artifact:
         raise UsageError(
             f"{path / MANIFEST}: changed after it was written; delete the folder and make it again"
         )
-    return Artifact(path, manifest, str(recorded))
+    return Artifact(path, manifest, _identity(manifest))
+
+
+IDENTITY = ("stage", "config", "seeds", "parents", "files")
+"""What an artifact is, of what its manifest says: commit and packages are where it comes from."""
+
+
+def _identity(manifest: Json) -> str:
+    return hashlib.sha256(canonical({key: manifest.get(key) for key in IDENTITY})).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -177,7 +232,10 @@ class Store:
         folder = self.root / self.experiment / stage
         if not os.path.isdir(folder):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
             return
-        found = [p for p in folder.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir()]
+        try:
+            found = [p for p in folder.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir()]
+        except OSError as error:
+            raise _unreadable(folder, error) from error
         yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
 
     def find(self, recipe: Recipe) -> Artifact | None:
@@ -213,18 +271,12 @@ class Store:
                     f"{out}: exists already; artifacts are never overwritten, choose another --out"
                 )
             _sweep(shelf)
-            temporary = shelf / f".tmp-{os.getpid()}-{uuid.uuid4().hex[:8]}"
-            temporary.mkdir()
-            try:
+            with _temporary(shelf) as temporary:
                 started = time.time()
                 facts = write(temporary) or {}
-                digest = _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
+                _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
                 path = _place(temporary, shelf, out, number)
-            except BaseException:
-                shutil.rmtree(temporary, ignore_errors=True)
-                raise
-        manifest = json.loads((path / MANIFEST).read_bytes())
-        return Artifact(path, {k: v for k, v in manifest.items() if k != "sha256"}, digest)
+        return _read_manifest(path)
 
     def free_numbers(self, stage: str) -> Iterator[int]:
         """Version numbers that no finished artifact holds, ascending."""
@@ -236,11 +288,13 @@ class Store:
             number += 1
 
 
-def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
+def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:
     manifest: Json = {
         "schema": SCHEMA,
         "stage": recipe.stage,
         "key": recipe.key,
+        "format": recipe.format,
+        "code": recipe.code,
         "config": recipe.config,
         "seeds": recipe.seeds,
         "parents": {
@@ -251,8 +305,8 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
         "git_commit": git_commit(),
         "files": folder_digests(folder),
     }
-    digest = hashlib.sha256(canonical(manifest)).hexdigest()
-    write_json(folder / MANIFEST, manifest | {"sha256": digest})
+    manifest["content_sha256"] = _identity(manifest)
+    write_json(folder / MANIFEST, manifest | {"sha256": hashlib.sha256(canonical(manifest)).hexdigest()})
     lineage = {role: str(parent.path) for role, parent in sorted(recipe.parents.items())}
     write_json(
         folder / TIMINGS, {"finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "parents": lineage} | facts
@@ -260,7 +314,6 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> str:
     for path in sorted(folder.rglob("*")):
         _fsync(path)
     _fsync(folder)
-    return digest
 
 
 def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None) -> Path:
@@ -306,22 +359,47 @@ def _make_folder(path: Path) -> None:
         ) from error
 
 
-def _sweep(shelf: Path) -> None:
-    """Remove the temporary folders of processes that are no more."""
-    for path in shelf.glob(".tmp-*"):
-        made = _TEMPORARY.fullmatch(path.name)  # `--out` may lie among other programs' folders
-        if made and int(made[1]) != os.getpid() and not _alive(int(made[1])):
-            shutil.rmtree(path, ignore_errors=True)
+@contextmanager
+def _temporary(shelf: Path) -> Iterator[Path]:
+    """A new folder to write in, gone after the block unless it was renamed; locked meanwhile against `_sweep`.
 
-
-def _alive(pid: int) -> bool:
+    The lock is the kernel's: it ends with the process, whichever container or user that lives in, and is the same for
+    all who share the disk, as the number of a process is not.
+    """
+    temporary = shelf / f".tmp-{uuid.uuid4().hex[:12]}"
+    lock = temporary.with_name(f"{temporary.name}.lock")
     try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:
-        return True
-    return True
+        stream = lock.open("xb")
+    except FileNotFoundError as error:
+        raise _removed(shelf) from error
+    with stream:
+        with suppress(OSError):  # a disk without locks: nobody can take it, and nobody sweeps
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        try:
+            temporary.mkdir()
+            yield temporary
+        except FileNotFoundError as error:
+            if temporary.is_dir():  # something else is missing, which is no matter of this folder
+                raise
+            raise _removed(shelf) from error
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+            lock.unlink(missing_ok=True)
+
+
+def _removed(shelf: Path) -> UsageError:
+    return UsageError(f"{shelf}: removed while something was written there; run again")
+
+
+def _sweep(shelf: Path) -> None:
+    """Remove what processes that are no more left half-made: their locks can be had."""
+    for lock in shelf.glob(".tmp-*.lock"):
+        if (made := _LOCK.fullmatch(lock.name)) is None:  # `--out` may lie among other programs' files
+            continue
+        with suppress(OSError), lock.open("rb+") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(lock.with_name(made[1]), ignore_errors=True)
+            lock.unlink()
 
 
 @contextmanager

@@ -15,6 +15,7 @@ from scipy.optimize import least_squares
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
+from gpsim.gaps import gaps, steps_to_next
 from gpsim.simulators.plant import Memory, SimulatorPlant
 
 LONGEST_DELAY, SHORTEST_LAG, LONGEST_LAG = 1.0, 1e-3, 2.0
@@ -53,9 +54,24 @@ class CommandFilter:
             out[:, i] = total / self.dt
         return out
 
-    def arrived(self, actions: FloatArray, episode: IntArray) -> FloatArray:
-        """(N, A): what arrives of the actions (N, A) of a recording; episode (N,) ascending, each starts at rest."""
-        starts = np.flatnonzero(np.diff(episode, prepend=-1))
+    def arrived(self, actions: FloatArray, episode: IntArray, t: FloatArray) -> FloatArray:
+        """(N, A): what arrives of the actions (N, A) of a recording; episode (N,) ascending, each starts at rest.
+
+        Where rows are lost, by the clock t (N,) s, the last command before them stands until the next one: a robot
+        does not stop because a log does. After a gap that outlasts what a filter may remember it starts at rest again.
+        """
+        count = steps_to_next(t, episode, self.dt)
+        forgotten = count * self.dt > LONGEST_DELAY + LONGEST_LAG
+        count[forgotten] = 1
+        begins = np.append(True, (np.diff(episode) != 0) | forgotten[:-1])
+        first = np.cumsum(count) - count
+        standing = np.repeat(
+            np.arange(len(actions)), count
+        )  # whose command it is, control step by control step
+        return np.asarray(self._play(actions[standing], first[begins])[first])
+
+    def _play(self, actions: FloatArray, starts: IntArray) -> FloatArray:
+        """(N, A): what arrives of the actions (N, A) of even control steps; at the rows `starts` it is at rest."""
         lengths = np.diff(np.append(starts, len(actions)))
         memory, out = self.begin(len(starts)), np.empty_like(actions)
         for k in range(int(lengths.max())):
@@ -93,14 +109,16 @@ def mean_rates(plant: SimulatorPlant, states: FloatArray, actions: FloatArray) -
 def fit_filter(
     actions: FloatArray,
     episode: IntArray,
+    t: FloatArray,
     measured: FloatArray,
     rates_of: Callable[[FloatArray], FloatArray],
     dt: float,
 ) -> CommandFilter:
     """The delays and lags with which rates_of(arrived actions (N, A)) comes nearest to the measured rates (N, R).
 
-    Least squares, each rate on the scale of its spread; delay and lag of one action are told apart by the shape of the
-    answer only, their sum is known much better.
+    episode (N,) ascending and t (N,) s are the rows', dt [s] is the control step. Least squares, each rate on the scale
+    of its spread; delay and lag of one action are told apart by the shape of the answer only, their sum is known much
+    better.
     """
     scale = np.maximum(measured.std(axis=0), 1e-12)
     count = actions.shape[1]
@@ -109,7 +127,7 @@ def fit_filter(
         return CommandFilter(tuple(values[:count].tolist()), tuple(values[count:].tolist()), dt)
 
     def errors(values: FloatArray) -> FloatArray:
-        predicted = rates_of(made(values).arrived(actions, episode))
+        predicted = rates_of(made(values).arrived(actions, episode, t))
         return np.asarray(((predicted - measured) / scale).ravel())
 
     low = np.array([0.0] * count + [SHORTEST_LAG] * count)
@@ -120,9 +138,12 @@ def fit_filter(
     return made(found.x)
 
 
-def settled_rows(actions: FloatArray, episode: IntArray, steps: int) -> BoolArray:
-    """(N,): rows whose action has been the same for more than `steps` rows of its episode."""
+def settled_rows(actions: FloatArray, episode: IntArray, t: FloatArray, steps: int, dt: float) -> BoolArray:
+    """(N,): rows whose action has been the same for more than `steps` rows of its episode, none of them lost.
+
+    actions (N, A), episode (N,) ascending, t (N,) s, control step dt [s]: over a gap another command may have stood.
+    """
     changed = np.ones(len(actions), dtype=np.bool_)
-    changed[1:] = (np.diff(actions, axis=0) != 0).any(axis=1) | (np.diff(episode) != 0)
+    changed[1:] = (np.diff(actions, axis=0) != 0).any(axis=1) | (np.diff(episode) != 0) | gaps(t, dt)
     age = np.arange(len(actions)) - np.maximum.accumulate(np.where(changed, np.arange(len(actions)), 0))
     return np.asarray(age >= steps)

@@ -20,7 +20,8 @@ class Features:
     """Columns computed from the channels of state and action, as `x_dot` or `sign(x_dot)`.
 
     A smooth kernel rounds off a jump; the sign of a velocity as an input of its own lets it jump there. Channels that
-    wrap are taken between -pi and pi: simulated angles run on, and recorded ones do not.
+    wrap are taken between -pi and pi, for their sign too: simulated angles run on, and recorded ones do not. wraps:
+    column by column, whether its channel does; a fit and what predicts with it must have the same.
     """
 
     names: tuple[str, ...]
@@ -52,8 +53,8 @@ class Features:
         """(B, S + A) state and action -> (B, D)."""
         out = values[:, list(self.columns)]
         for i, function in enumerate(self.functions):
+            if self.wraps and self.wraps[i] and function in (None, "sign"):
+                out[:, i] = wrap_angle(out[:, i])
             if function is not None:
                 out[:, i] = _FUNCTIONS[function](out[:, i])
-            elif self.wraps and self.wraps[i]:
-                out[:, i] = wrap_angle(out[:, i])
         return out

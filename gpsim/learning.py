@@ -123,7 +123,7 @@ def _check_layers(hidden: Sequence[int]) -> None:
 class Checkpoints:
     """Evaluations of the most probable actions in the training simulator. All (evaluations,).
 
-    score: mean discounted return; success: share of episodes that ended before the limit of steps; length: mean steps.
+    score: mean discounted return; success: share of episodes that reached the goal; length: mean steps.
     """
 
     steps: NDArray[np.int64]

@@ -19,6 +19,7 @@ from gpsim.envs import BatchedEnv, Episodes
 from gpsim.errors import UsageError
 from gpsim.learning import Checkpoints, LearningCurve, PpoSettings, Progress, SacSettings
 from gpsim.policy import Policy
+from gpsim.tasks import GoalReaching
 
 ADAM_EPSILON = (
     1e-5  # stable-baselines3's own choice for PPO, which naming any other option of Adam takes back
@@ -232,16 +233,20 @@ class _Judge(BaseCallback):
         running = Episodes(self._plant, self._task, count, np.random.default_rng(self._seed))
         observations = running.begin()
         alive, score = np.ones(count, dtype=np.bool_), np.zeros(count)
+        succeeded = np.zeros(count, dtype=np.bool_)
         length = np.full(count, self._task.max_steps)
         for k in range(self._task.max_steps):
             rewards, terminated, _ = running.step(policy.act(observations))
             score += np.where(alive, rewards, 0.0) * self._settings.checkpoint_gamma**k
             length[alive & terminated] = k + 1
+            if isinstance(self._task, GoalReaching):
+                # Leaving the floor ends an episode, too.
+                succeeded |= alive & self._task.reached(running.states, running.context)
             alive &= ~terminated
             if not alive.any():
                 break
             observations = running.observe()
-        return float(score.mean()), float(1.0 - alive.mean()), float(length.mean())
+        return float(score.mean()), float(succeeded.mean()), float(length.mean())
 
     def curve(self) -> LearningCurve:
         """Returns in training between the checkpoints."""

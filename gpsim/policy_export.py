@@ -70,22 +70,31 @@ def to_onnx(policy: Policy) -> bytes:
     return content
 
 
-def ros_node(policy: Policy, rate: float, goal_radius: float) -> str:
+def ros_node(
+    policy: Policy, rate: float, goal_radius: float, goal: tuple[float, float], max_steps: int
+) -> str:
     """A ROS 1 node (Python) that drives to a goal with policy.onnx beside it, `rate` times a second.
 
+    goal (x, y) [m], goal_radius [m] and max_steps (commands) are the defaults of its parameters: the policy's task.
     Raises UsageError for a policy that does not take a goal in the plane and give a velocity command.
     """
     if policy.bounds is None or policy.bounds.shape != (2, 2) or len(policy.scale) != 2:
         raise UsageError(
             "--node: only policies that drive a vehicle to a goal have a ROS node; export without it"
         )
-    return Template(_NODE).substitute(rate=f"{rate:g}", goal_radius=f"{goal_radius:g}")
+    return Template(_NODE).substitute(
+        rate=f"{rate:g}",
+        goal_radius=f"{goal_radius:g}",
+        goal_x=f"{goal[0]:g}",
+        goal_y=f"{goal[1]:g}",
+        max_steps=max_steps,
+    )
 
 
 _NODE = '''#!/usr/bin/env python3
 """Drive to a goal with the policy in policy.onnx beside this file, $rate times a second.
 
-    rosrun YOUR_PACKAGE drive_to_goal.py _goal_x:=0.5 _goal_y:=-0.5
+    rosrun YOUR_PACKAGE drive_to_goal.py _goal_x:=$goal_x _goal_y:=$goal_y
 
 Reads a pose (geometry_msgs/PoseStamped) and writes velocity commands (geometry_msgs/Twist); ~pose_topic,
 ~command_topic, ~goal_x, ~goal_y [m] and ~goal_radius [m] are parameters. It stops at the goal, after ~max_steps
@@ -120,9 +129,9 @@ def yaw_of(q):
 class Driver:
     def __init__(self):
         self.session = onnxruntime.InferenceSession(POLICY, providers=["CPUExecutionProvider"])
-        self.goal = rospy.get_param("~goal_x", 0.5), rospy.get_param("~goal_y", -0.5)
+        self.goal = rospy.get_param("~goal_x", $goal_x), rospy.get_param("~goal_y", $goal_y)
         self.radius = rospy.get_param("~goal_radius", $goal_radius)
-        self.left = rospy.get_param("~max_steps", 500)
+        self.left = rospy.get_param("~max_steps", $max_steps)
         self.pose = None
         command = rospy.get_param("~command_topic", "/cmd_vel")
         self.publisher = rospy.Publisher(command, Twist, queue_size=1)

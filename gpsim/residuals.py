@@ -8,21 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import BoolArray, Channel, Channels, FloatArray, IntArray
+from gpsim.channels import BoolArray, Channel, Channels, FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
+from gpsim.gaps import gaps
 from gpsim.recordings import Recording, Transitions
 from gpsim.simulators import Integrator, Simulator
 
 RATES_LOOKED_AT = 300  # recorded rows at which a simulator's rates must be finite, beside the extreme ones
+OWN_DT = 0.1  # relative difference that jitter may make between a recording's dt and its median step
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """One row a transition.
+    """One row a transition; those over a gap of the clock are left out.
 
-    inputs: (N, S + A) state and action; measured, simulated: (N, R) rates; t: (N,) s; episode: (N,) index;
-    test: (N,) True on held-out episodes; order: (N,) rank of a training row in the seeded subsample, -1 on test rows.
+    channels: of state and action, an angle wraps where simulator or recording says so; inputs: (N, S + A) their values;
+    measured, simulated: (N, R) rates; t: (N,) s; episode: (N,) index; test: (N,) True on held-out episodes; order: (N,)
+    rank of a training row in the seeded subsample, -1 on test rows.
     """
 
     channels: Channels
@@ -63,19 +66,21 @@ def build_residuals(
     rng: np.random.Generator,
     learnt_from: bool = True,
 ) -> Residuals:
-    """Residual rates of every transition; whole episodes are held out for testing, never rows.
+    """Residual rates of every transition that lasts a control step; over a gap commands may be hidden.
 
-    The recording's own `held_out` decides which, else the last `test_fraction` of its episodes. learnt_from: a channel
-    that never changes is refused; what is only judged may be as it is.
+    Whole episodes are held out for testing, never rows: the recording's own `held_out` decides which, else the last
+    `test_fraction` of its episodes. learnt_from: a channel that never changes is refused; what is only judged may be
+    as it is. Raises UsageError where recording and simulator do not go together.
     """
     check_match(recording, simulator)
+    check_clock(recording)
     check_rates(recording, simulator, parameters)
-    transitions = recording.transitions()
     if learnt_from:
         check_varies(recording)
-    predicted = simulator.step(
-        transitions.states, transitions.actions, parameters, transitions.dt, integrator
-    )
+    rows = np.flatnonzero(~np.concatenate([gaps(episode.t, recording.dt) for episode in recording.episodes]))
+    transitions = recording.transitions().take(rows)
+    simulated = _simulated_rates(recording, simulator, parameters, integrator, transitions, rows)
+    state = either_wraps(simulator.state, recording.state)
     test = held_out_rows(recording, transitions, test_fraction)
     order = np.full(len(transitions), -1, dtype=np.int64)
     training = np.flatnonzero(~test)
@@ -85,16 +90,72 @@ def build_residuals(
         )
     order[rng.permutation(training)] = np.arange(training.size)
     return Residuals(
-        channels=simulator.state + simulator.action,
+        channels=state + simulator.action,
         rate=simulator.rate,
         inputs=np.hstack([transitions.states, transitions.actions]),
-        measured=simulator.measured_rates(transitions.states, transitions.next_states, transitions.dt),
-        simulated=simulator.measured_rates(transitions.states, predicted, transitions.dt),
+        measured=simulator.measured_rates(
+            transitions.states, _run_on(transitions, state.wraps & ~simulator.state.wraps), transitions.dt
+        ),
+        simulated=simulated,
         t=transitions.t,
         episode=transitions.episode,
         test=test,
         order=order,
     )
+
+
+def either_wraps(channels: Channels, others: Channels) -> Channels:
+    """`channels`, wrapping where they or their namesakes among `others` do."""
+    return Channels.of(channels.units, wraps=(c.name for c in (*channels, *others) if c.wraps))
+
+
+def _run_on(transitions: Transitions, angles: BoolArray) -> FloatArray:
+    """(N, S): the next states, the columns of `angles` (S,) the short way on from the states.
+
+    A simulator that does not know that an angle wraps would see a jump of a whole turn.
+    """
+    after = transitions.next_states.copy()
+    before = transitions.states[:, angles]
+    after[:, angles] = before + wrap_angle(after[:, angles] - before)
+    return after
+
+
+def _simulated_rates(
+    recording: Recording,
+    simulator: Simulator,
+    parameters: Mapping[str, float],
+    integrator: Integrator,
+    transitions: Transitions,
+    rows: IntArray,
+) -> FloatArray:
+    """(N, R): the rates of the simulator's own step; `rows` (N,): the transitions' places in the recording.
+
+    `check_rates` looks at some rows and at their start only: here all of them count, and what integration makes.
+    """
+    with np.errstate(all="ignore"):
+        predicted = simulator.step(
+            transitions.states, transitions.actions, parameters, transitions.dt, integrator
+        )
+        simulated = simulator.measured_rates(transitions.states, predicted, transitions.dt)
+    made, names = np.hstack([predicted, simulated]), (*simulator.state.names, *simulator.rate.names)
+    bad = np.argwhere(~np.isfinite(made))
+    if len(bad):
+        at, column = (int(i) for i in bad[0])
+        raise _not_finite(recording, simulator, f"{names[column]} after a step", made[at, column], rows[at])
+    return simulated
+
+
+def check_clock(recording: Recording) -> None:
+    """The recording's dt must be its clock's usual step: gaps, delays and rollouts are counted in it."""
+    steps = recording.transitions().dt
+    if not len(steps):
+        return
+    usual = float(np.median(steps))
+    if abs(usual - recording.dt) > OWN_DT * recording.dt:
+        raise UsageError(
+            f"the recording says dt {recording.dt:g} s, but the median step of its t is {usual:g} s: write "
+            f"dt: {usual:.6g} in its recording.yaml if t is right, or mend t (in seconds)"
+        )
 
 
 def check_match(recording: Recording, simulator: Simulator, *, hidden: Collection[str] = ()) -> None:
@@ -135,14 +196,23 @@ def check_rates(recording: Recording, simulator: Simulator, parameters: Mapping[
     if not len(bad):
         return
     at, column = (int(i) for i in bad[0])
-    episode = int(some.episode[at])
-    row = int(looked[at] - np.searchsorted(rows.episode, episode))
+    raise _not_finite(recording, simulator, simulator.rate.names[column], rates[at, column], looked[at])
+
+
+def _not_finite(
+    recording: Recording, simulator: Simulator, what: str, value: float, transition: int
+) -> UsageError:
+    """Says at which of the recording's transitions `what` came out as `value`."""
+    rows = recording.transitions()
+    episode = int(rows.episode[transition])
+    row = int(transition - np.searchsorted(rows.episode, episode))
     names = (*recording.state.names, *recording.action.names)
-    where = ", ".join(f"{name}={value:g}" for name, value in zip(names, inputs[looked[at]], strict=True))
-    raise UsageError(
-        f"simulator {simulator.name}: {simulator.rate.names[column]} is not finite ({rates[at, column]:g}) where the "
-        f"recording's episode {recording.episodes[episode].name}, row {row} has been ({where}); guard its roots, "
-        f"logarithms and divisions, as np.sqrt(np.maximum(level, 0.0)) does"
+    been = (*rows.states[transition], *rows.actions[transition])
+    where = ", ".join(f"{name}={number:g}" for name, number in zip(names, been, strict=True))
+    return UsageError(
+        f"simulator {simulator.name}: {what} is not finite ({value:g}) where the recording's episode "
+        f"{recording.episodes[episode].name}, row {row} has been ({where}); guard its roots, logarithms and "
+        f"divisions, as np.sqrt(np.maximum(level, 0.0)) does"
     )
 
 

@@ -35,7 +35,7 @@ LEVELS = [
         "settings",
         "command_filter",
     },
-    {"evenly"},
+    {"evenly", "gaps"},
     {"channels", "artifacts", "provenance", "workers"},
     {"errors"},
 ]

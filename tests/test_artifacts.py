@@ -1,8 +1,11 @@
 """Artifacts: immutable, whole or absent, verified when read."""
 
+import datetime
 import errno
 import json
 import os
+import re
+import shutil
 import subprocess
 import sys
 import time
@@ -108,7 +111,7 @@ def test_a_manifest_that_no_longer_says_what_it_is_is_not_passed_over(store, old
 def test_missing_and_added_files_are_refused(store):
     made = store.publish(recipe(n=1), write)
     (made.path / "extra").write_text("x")
-    with pytest.raises(UsageError, match="extra: added after it was written"):
+    with pytest.raises(UsageError, match="extra: added after it was written; remove that file$"):
         read_artifact(made.path)
     (made.path / "extra").unlink()
     (made.path / "a.txt").unlink()
@@ -203,16 +206,110 @@ def test_reserved_numbers_are_honoured_and_gaps_are_offered(store):
     assert store.publish(recipe(n=2), write, number=2).path.name == "v0003"
 
 
-def test_leftovers_of_dead_processes_are_swept(store):
-    shelf = store.root / "cartpole" / "fit-gp"
-    dead = subprocess.Popen(["true"])
-    dead.wait()
-    ours = [f".tmp-{owner}-0123abcd" for owner in (dead.pid, os.getppid())]
-    theirs = f".tmp-{dead.pid}-x"  # another program's
-    for name in (*ours, theirs):
-        (shelf / name).mkdir(parents=True)
+def half_made(shelf: Path) -> list[str]:
+    return sorted(p.name for p in shelf.glob(".tmp-*") if p.is_dir())
+
+
+def test_what_is_being_made_is_left_alone_and_what_the_dead_left_is_swept(store, monkeypatch):
+    """By a lock, not by the number of a process: another container's may be anybody's here."""
+    code = (
+        "import sys, time; from pathlib import Path; from gpsim.artifacts import Store, Recipe\n"
+        "def slow(folder):\n    (folder / 'a').write_text('a'); print('begun', flush=True); time.sleep(60)\n"
+        "Store(Path(sys.argv[1]), 'cartpole').publish(Recipe('fit-gp', {'n': 9}, {}, {}), slow)\n"
+    )
+    words = [sys.executable, "-c", code, str(store.root)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as busy:
+        assert busy.stdout is not None
+        assert busy.stdout.readline() == "begun\n"
+        shelf = store.root / "cartpole" / "fit-gp"
+        theirs = shelf / ".tmp-x"  # another program's
+        theirs.mkdir()
+
+        def gone(pid, signal):
+            raise ProcessLookupError
+
+        monkeypatch.setattr(os, "kill", gone)  # as it is where that process cannot be seen
+        store.publish(recipe(n=1), write)
+        monkeypatch.undo()
+        assert len(half_made(shelf)) == 2
+        busy.kill()
+    assert len(half_made(shelf)) == 2
+    store.publish(recipe(n=2), write)
+    assert {p.name for p in shelf.iterdir()} == {"v0001", "v0002", ".tmp-x"}
+
+
+def test_a_shelf_that_goes_away_meanwhile_is_one_line(store):
+    def robbed(folder: Path):
+        shutil.rmtree(store.root)
+        return write(folder)
+
+    with pytest.raises(UsageError, match="fit-gp: removed while something was written there; run again"):
+        store.publish(recipe(n=1), robbed)
+
+    def faulty(folder: Path):
+        (folder / "nowhere" / "a").write_text("a")
+
+    with pytest.raises(FileNotFoundError):  # not the folder's fault
+        store.publish(recipe(n=1), faulty)
+
+
+def refusing(real, name: str):
+    """`real`, but what is called `name` may not be read."""
+
+    def opened(path, *arguments, **options):
+        if Path(path).name == name:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return real(path, *arguments, **options)
+
+    return opened
+
+
+@pytest.mark.parametrize(
+    ("where", "name"),
+    [
+        ((Path, "open"), "a.txt"),
+        ((Path, "open"), MANIFEST),
+        ((os, "scandir"), "deep"),
+        ((Path, "iterdir"), "fit-gp"),
+    ],
+)
+def test_what_cannot_be_read_is_one_line_and_not_called_missing(store, monkeypatch, where, name):
     store.publish(recipe(n=1), write)
-    assert {p.name for p in shelf.iterdir()} == {"v0001", ours[1], theirs}
+    monkeypatch.setattr(*where, refusing(getattr(*where), name))
+    with pytest.raises(UsageError, match=rf"{re.escape(name)}: cannot be read \(Permission denied\)"):
+        store.find(recipe(n=1))
+
+
+def test_a_setting_that_json_does_not_know_is_one_line():
+    with pytest.raises(UsageError, match="fit-gp: a setting is neither number, text, .*; quote dates"):
+        _ = recipe(day=datetime.date(2026, 1, 31)).key
+
+
+def test_equal_contents_are_one_parent_whatever_commit_made_them(tmp_path, monkeypatch):
+    made = []
+    for commit in ("a" * 40, "b" * 40):
+        monkeypatch.setattr("gpsim.artifacts.git_commit", lambda commit=commit: commit)
+        made.append(Store(tmp_path / commit[0], "cartpole").publish(recipe(n=1), write))
+    first, second = made
+    assert first.manifest["git_commit"] != second.manifest["git_commit"]
+    assert first.digest == second.digest == first.manifest["content_sha256"]
+    assert len({Recipe("x", {}, {"p": p}, {}).key for p in made}) == 1
+    # The commit is guarded all the same.
+    manifest = second.path / MANIFEST
+    manifest.write_text(manifest.read_text().replace("b" * 40, "c" * 40))
+    with pytest.raises(UsageError, match="changed after it was written"):
+        read_artifact(second.path)
+
+
+def test_other_files_settings_or_parents_are_another_parent(store):
+    def other(folder: Path):
+        write(folder)
+        (folder / "a.txt").write_text("omega")
+
+    plain_one = store.publish(recipe(n=1), write)
+    recipes = [recipe(n=2), Recipe("fit-gp", {"n": 1}, {"p": plain_one}, {"seed": 0}), recipe(n=1)]
+    made = [store.publish(r, w) for r, w in zip(recipes, (write, write, other), strict=True)]
+    assert len({a.digest for a in (plain_one, *made)}) == 4
 
 
 def test_what_was_made_goes_beside_a_folder_that_came_meanwhile(store, tmp_path):

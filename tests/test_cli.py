@@ -121,6 +121,24 @@ def test_help_lists_the_stages_in_order(tmp_path):
             "collect.speeds: expected a whole number of at least 1, got 0",
         ),
         (["collect", "collect.policy=sweep"], "a sweep needs the bounds of speed and turn rate"),
+        (
+            ["collect", "experiment=limo", "collect.mapping=dart_csv"],
+            "collect.mapping=dart_csv: a sweep's bag holds v_cmd, w_cmd under one topic",
+        ),
+        (
+            ["run", "full-loop", "experiment=limo", "collect.mapping=dart_csv"],
+            "collect.mapping=dart_csv: a sweep's bag holds v_cmd, w_cmd under one topic",
+        ),
+        (
+            ["run", "full-loop", "collect.source=nowhere.bag"],
+            "collect.source: nowhere.bag: cannot be read (No such file or directory)",
+        ),
+        (["run", "full-loop", "recording=nowhere"], "error: recording=nowhere: no such folder"),
+        (
+            ["run", "full-loop", "target=recording", "recording=nowhere"],
+            "error: recording=nowhere: no such folder",
+        ),
+        (["run", "full-loop", "diagnosis=nowhere"], "error: nowhere: not an artifact (no manifest.json)"),
         (["collect", "collect.source=[]"], "collect.source: name a log, or several as [a.bag, b.bag]"),
         (["collect", "collect.source=3"], "collect.source: expected a list of texts"),
         (["evaluate", "experiment=limo", "deployed=[]"], "deployed: name a log, or several"),

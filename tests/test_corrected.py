@@ -64,6 +64,9 @@ def test_features_are_parsed_and_mistakes_are_named():
     values = np.array([[-2.0, 0.5]])
     np.testing.assert_allclose(features(values), [[0.5, -1.0, np.cos(0.5)]])
     assert values[0, 0] == -2.0
+    turning = Features.of(["b", "sign(b)", "sin(b)"], Channels.of({"b": "rad"}, wraps=("b",)))
+    found = turning(np.array([[4.0], [4.0 - 2.0 * np.pi]]))
+    np.testing.assert_allclose(found, [[4.0 - 2.0 * np.pi, -1.0, np.sin(4.0)]] * 2)
     for wrong, message in (
         (["c"], "no channel 'c'; there are: a, b"),
         (["abs(a)"], "neither a channel nor one of sign"),

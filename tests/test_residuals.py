@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.channels import Channels
+from gpsim.channels import Channels, wrap_angle
 from gpsim.collecting import collect_episodes, dithered_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
@@ -85,6 +85,82 @@ def test_another_systems_recording_is_refused():
     other = Recording("slider", Channels.of({"q": "m"}), Channels.of({"force": "N"}), (episode,), 1.0)
     with pytest.raises(UsageError, match=r"the recording's state is \(q \[m\]\), simulator cartpole needs"):
         residuals_of(other)
+
+
+def lossy(recording, row):
+    """The recording without this row of its first episode, as a logger that has lost it writes it."""
+    first, *rest = recording.episodes
+    t, states = np.delete(first.t, row), np.delete(first.states, row, axis=0)
+    episode = replace(first, t=t, states=states, actions=np.delete(first.actions, row, axis=0))
+    return replace(recording, episodes=(episode, *rest))
+
+
+def test_a_step_over_a_lost_row_is_left_out_and_the_others_are_what_they_were():
+    whole, found = residuals_of(record()), residuals_of(lossy(record(), 5))
+    kept = ~((whole.episode == 0) & np.isin(whole.t, 0.02 * np.arange(60)[[4, 5]]))
+    assert len(found.t) == len(whole.t) - 2  # the step over the gap, and the one that began in the lost row
+    np.testing.assert_array_equal(found.values, whole.values[kept])
+    np.testing.assert_array_equal(found.test, whole.test[kept])
+    assert sorted(found.order[~found.test]) == list(range((~found.test).sum()))
+
+
+def test_a_dt_that_is_not_the_clocks_is_refused():
+    recording = record(3)
+    residuals_of(replace(recording, dt=0.0205))
+    with pytest.raises(UsageError, match=r"says dt 0.04 s, but the median step of its t is 0.02 s: write dt"):
+        residuals_of(replace(recording, dt=0.04))
+    with pytest.raises(UsageError, match="median step"):
+        residuals_of(replace(recording, dt=0.01))
+
+
+TURNTABLE = """
+import numpy as np
+
+class Turntable:
+    state = {"angle": "rad"}
+    action = {"speed": "rad/s"}
+    parameters = {}
+
+    def rates(self, state, action, p):
+        return {"angle": LAW}
+"""
+
+
+def turntable(tmp_path, law, angles, speeds, wraps=()):
+    """Residuals of two episodes of a turntable whose file says this law, recorded at these angles (2, K + 1)."""
+    path = tmp_path / "table.py"
+    path.write_text(TURNTABLE.replace("LAW", law))
+    simulator = make_simulator(f"{path}:Turntable")
+    episodes = tuple(
+        Episode(str(i), 0.1 * np.arange(angles.shape[1]), angles[i, :, None], speeds[i, :, None])
+        for i in range(2)
+    )
+    state = Channels.of({"angle": "rad"}, wraps=wraps)
+    recording = Recording(simulator.name, state, simulator.action, episodes, 0.1)
+    return build_residuals(recording, simulator, {}, "rk4", test_fraction=0.5, rng=np.random.default_rng(0))
+
+
+def test_an_angle_that_wraps_in_the_recording_alone_leaves_no_spikes(tmp_path):
+    speeds = np.random.default_rng(0).uniform(1.0, 3.0, (2, 200))
+    angles = np.pad(np.cumsum(0.1 * speeds, axis=1), ((0, 0), (1, 0)))
+    found = turntable(tmp_path, 'action["speed"]', wrap_angle(angles), speeds, wraps=("angle",))
+    assert np.abs(found.values).max() < 1e-9
+    assert found.channels.wraps.tolist() == [True, False]
+
+
+def test_a_step_that_is_no_number_is_refused_wherever_it_is(tmp_path):
+    """At none of the rows that are looked at beforehand: the rates are finite there, and extreme nowhere near."""
+    rng = np.random.default_rng(0)
+    angles, speeds = rng.uniform(-1.0, 1.0, (2, 2001)), rng.uniform(-1.0, 1.0, (2, 2000))
+    angles[1, 1234] = 0.123456
+    law = '0.0 * action["speed"] / (state["angle"] - 0.123456)'
+    with pytest.raises(UsageError) as caught, np.errstate(all="ignore"):
+        turntable(tmp_path, law, angles, speeds)
+    said = str(caught.value)
+    assert "angle after a step is not finite (nan) where the recording's episode 1, row 1234 has been" in said
+    assert "angle=0.123456" in said
+    assert "table.py" in said
+    assert "\n" not in said
 
 
 def test_dither_replaces_the_share_it_is_told():

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Artifact, Recipe, Store
+from gpsim.artifacts import Artifact, Recipe, Store, file_digest
 from gpsim.corrected_effects import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording
+from gpsim.recordings.bag_writing import Topics
 from gpsim.simulators import make_simulator, source_file
-from gpsim.stages import evaluate, fit_gp, report, train_gp_policy, train_source
+from gpsim.stages import collect, evaluate, fit_gp, report, sweep, train_gp_policy, train_source
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
+from gpsim.stages.diagnose import read_corrected
 from gpsim.stages.evaluate_recording import judged_episodes
 from gpsim.stages.stage import Request
 
@@ -180,12 +182,58 @@ def test_the_page_does_not_know_where_its_artifacts_lie(tmp_path: Path):
     assert made[0][0] == "gpsim run full-loop gp=raw --seeds 2"
 
 
-def test_policies_of_older_training_code_are_not_kept(monkeypatch, tmp_path: Path):
-    diagnosis = Artifact(tmp_path, {"stage": "diagnose"}, "ab" * 32)
-    monkeypatch.setattr(train_gp_policy, "find_diagnosis", lambda asked: diagnosis)
-    asked = request("correction=effects")
-    for stage in (train_source, train_gp_policy):
-        before = stage.recipe(asked).key
-        assert stage.recipe(asked).key == before
-        monkeypatch.setattr(stage, "TRAINING_FORMAT", stage.TRAINING_FORMAT + 1)
-        assert stage.recipe(asked).key != before
+def test_a_diagnosis_of_a_users_simulator_wants_the_file_that_was_diagnosed(tmp_path: Path):
+    mine = tmp_path / "mine.py"
+    text = (
+        'class Mine:\n    state, action = {"level": "m"}, {"pump": "V"}\n    parameters = {"k": ("m/s/V", 1.0, 0.0, 9.0)}\n'
+        '    def rates(self, state, action, p):\n        return {"level": p["k"] * action["pump"]}\n'
+    )
+    mine.write_text(text)
+    simulator = make_simulator(f"{mine}:Mine")
+    plant = EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.1)
+
+    def write(folder: Path):
+        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
+        return {}
+
+    config = {"simulator": simulator.name, "simulator_file": file_digest(mine)}
+    made = Store(tmp_path, "any").publish(Recipe("diagnose", config, {}, {}), write)
+    assert read_corrected(made.path).dt == 0.1
+    mine.write_text(text.replace('p["k"]', '2.0 * p["k"]'))
+    with pytest.raises(
+        UsageError, match=r"mine\.py has changed since: diagnose the recording again"
+    ) as caught:
+        read_corrected(made.path)
+    assert "\n" not in str(caught.value)
+
+
+class StoppedError(Exception):
+    pass
+
+
+@pytest.mark.parametrize(("driver", "draws"), [("driver", True), (evaluate.DEPLOYED, False)])
+def test_what_a_deployed_policy_visits_is_what_it_visits_deployed(monkeypatch, tmp_path, driver, draws):
+    """Its most probable action, as in layer 3; the first policy draws, as it did while it was recorded."""
+    seen = []
+
+    def actor(policy, rng=None):
+        seen.append(rng)
+        raise StoppedError
+
+    monkeypatch.setattr(evaluate, "read_policy", lambda folder: None)
+    monkeypatch.setattr(evaluate, "policy_actor", actor)
+    parents = {driver: Artifact(tmp_path, {}, "")}
+    with pytest.raises(StoppedError):
+        evaluate._visit(request(), Recipe("evaluate", {}, parents, {}), driver)
+    assert [rng is not None for rng in seen] == [draws]
+
+
+def test_a_sweep_is_logged_where_its_mapping_will_look():
+    moved = [f"state.{channel}.topic=/robot/pose" for channel in ("x", "y", "yaw")]
+    plain = resolve(["experiment=limo"], None)
+    assert sweep._topics(plain) == Topics()
+    changed = {**plain, "collect": {**plain["collect"], "changes": moved}}
+    assert sweep._topics(changed) == Topics(pose="/robot/pose")
+    changed["collect"]["changes"] = moved[:1]
+    with pytest.raises(UsageError, match=r"looks for x \(topic /robot/pose\), y \(topic /vrpn"):
+        collect.check(Request(changed))

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
+from gpsim.gaps import gaps
 from gpsim.recordings import Episode
 from gpsim.simulators.plant import Plant
 
@@ -30,23 +31,47 @@ class Windows:
         return self.states[:, WARM_UP:]
 
 
-def windows_of(episodes: Sequence[Episode], steps: int, most: int) -> Windows:
-    """Up to `most` windows of `steps` steps, one after the other; shorter ones where no episode is long enough."""
-    steps = min(steps, max(len(episode) for episode in episodes) - WARM_UP)
+def windows_of(episodes: Sequence[Episode], steps: int, most: int, *, dt: float, state: Channels) -> Windows:
+    """Up to `most` windows of `steps` steps, one after the other; shorter ones where nothing is long enough.
+
+    None crosses a gap of the clock (control step dt [s]): what was commanded there is not known. Angles of `state` (S)
+    run on inside a window, as simulated ones do. Raises UsageError where not even one step can be rolled out.
+    """
+    stretches = [stretch for episode in episodes for stretch in _without_gaps(episode, dt)]
+    steps = min(steps, max(len(actions) for _, actions in stretches) - WARM_UP)
     if steps < 1:
         raise UsageError(
-            f"the recording's episodes are too short to roll out: {WARM_UP + 1} steps are needed"
+            f"the recording's episodes are too short to roll out: {WARM_UP + 1} steps without a lost row are needed"
         )
     pieces = [
-        (
-            episode.states[first : first + WARM_UP + steps + 1],
-            episode.actions[first : first + WARM_UP + steps],
-        )
-        for episode in episodes
-        for first in range(0, len(episode) - WARM_UP - steps + 1, steps)
+        (states[first : first + WARM_UP + steps + 1], actions[first : first + WARM_UP + steps])
+        for states, actions in stretches
+        for first in range(0, len(actions) - WARM_UP - steps + 1, steps)
     ]
     chosen = [pieces[i] for i in evenly(len(pieces), most)]
-    return Windows(np.stack([states for states, _ in chosen]), np.stack([actions for _, actions in chosen]))
+    states = _run_on(np.stack([states for states, _ in chosen]), state)
+    return Windows(states, np.stack([actions for _, actions in chosen]))
+
+
+def _without_gaps(episode: Episode, dt: float) -> list[tuple[FloatArray, FloatArray]]:
+    """States (K + 1, S) and actions (K, A) of every stretch of an episode without a gap."""
+    ends = [*np.flatnonzero(gaps(episode.t, dt)).tolist(), len(episode)]
+    begins = [0, *(end + 1 for end in ends[:-1])]
+    return [
+        (episode.states[low : high + 1], episode.actions[low:high])
+        for low, high in zip(begins, ends, strict=True)
+    ]
+
+
+def _run_on(states: FloatArray, channels: Channels) -> FloatArray:
+    """States (B, K, S) without the leaps of whole turns; where a rollout starts, they stay as they were recorded.
+
+    All that is in rad, as the diagnosis has it: not every table says which of its angles wrap.
+    """
+    angles = [i for i, channel in enumerate(channels) if channel.wraps or channel.unit == "rad"]
+    out = states.copy()
+    out[..., angles] = np.unwrap(states[..., angles], axis=1)
+    return out + (states - out)[:, WARM_UP : WARM_UP + 1]
 
 
 def replay(plant: Plant, windows: Windows, rng: np.random.Generator) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gpsim.reports.loop_report import START_SETS, LoopReport
+from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.model_sheets import data_of, rates, scores
 from gpsim.reports.sheets import fixed, known, percent, whole_percent
 from gpsim.reports.success_sheets import stats
@@ -113,7 +113,7 @@ def _scope(report: LoopReport, starts: str) -> str:
     seeds = f"{len(report.seeds)} seeds" if len(report.seeds) != 1 else f"one seed ({report.seeds[0]})"
     of = f", {whole_percent(share)} of all" if known(share) and starts != "returns_all" else ""
     what = "Shares" if report.trips else "Mean returns"
-    return f"{what} over {seeds} and the {START_SETS[starts].removeprefix('all ')}{of}."
+    return f"{what} over {seeds} and the {report.set_words[starts].removeprefix('all ')}{of}."
 
 
 def _one_step(report: LoopReport) -> str:
@@ -122,7 +122,8 @@ def _one_step(report: LoopReport) -> str:
         errors = [(scores(report, key, rate).get("mean") or {}).get("nrmse") for rate in rates(report)]
         finite = [error for error in errors if known(error)]
         if finite:
-            said.append(f"{percent(max(finite))} on {'the ' if key == 'one_step' else 'data of '}{words}")
+            of = {"one_step": "the ", "one_step_random": "data of "}[key]
+            said.append(f"{percent(max(finite))} on {of}{words.removeprefix(of)}")
     if not said:
         return ""
     return f" One step ahead the correction errs by {' and '.join(said)} (NRMSE of the worse rate)."

@@ -11,11 +11,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.evaluation.trips import AllTrips
 
-START_SETS = {
-    "returns": "starts that a Target policy of any seed solves",
-    "returns_certified": "starts that a search over action sequences certifies as solvable",
-    "returns_all": "all starts",
-}
+SOLVED, CERTIFIED, ALL = "returns", "returns_certified", "returns_all"
 """The three sets of starts, by their key in summary.json, in the order in which they are shown."""
 
 
@@ -45,7 +41,7 @@ class ResidualSlice:
 class MadeBy:
     """An artifact that the report rests on. role: what it is to the loop, as `GP-Mean`; seed: None where shared.
 
-    It is known by the hash of its manifest: the number of its version says only what was made before it.
+    It is known by the hash of its content: the number of its version says only what was made before it.
     """
 
     stage: str
@@ -75,10 +71,11 @@ class LoopReport:
     summary: the content of summary.json (returns, returns_all, returns_certified, share, one_step,
     one_step_random, rollout); returns: policy to (seeds, N) episode returns on the target, NaN where unknown;
     trips: what a task with a goal adds, else None; system: the base simulator;
-    starts: the keys of START_SETS to masks (N,); best_return: how many steps an episode may take,
-    which is what it earns at most where every step earns 1; curves: policy to
-    one (steps, mean return) per seed; slices: rate to slice, of the first seed; named: seed to what its
-    diagnosis found, in sentences; fits: seed to the content of fit.json; outside: seed to the share of what each driver
+    starts: the keys of the sets of starts to masks (N,); best_return: how many steps an episode may take,
+    which is what it earns at most where every step earns 1 (earns_steps); held: control steps that a decision is held
+    in training; curves: policy to one (decisions, mean return) per seed; slices: rate to slice, of the first seed;
+    named: seed to what its diagnosis found, in sentences; given: what the loop was given instead of making it
+    (recording, diagnosis); fits: seed to the content of fit.json; outside: seed to the share of what each driver
     visited outside the recording; rollouts: simulator to (B, T + 1, S) states
     in the order of `states`; units: channel or rate to unit;
     limits: channel to the absolute value beyond which an episode ends; settings: the resolved configuration worth
@@ -93,9 +90,12 @@ class LoopReport:
     system: str = "cartpole"
     starts: Mapping[str, BoolArray] = field(default_factory=dict)
     best_return: float = 500.0
+    earns_steps: bool = True
+    held: int = 1
     curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
     slices: Mapping[str, ResidualSlice] = field(default_factory=dict)
     named: Mapping[int, Sequence[str]] = field(default_factory=dict)
+    given: tuple[str, ...] = ()
     fits: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     outside: Mapping[int, Mapping[str, float | None]] = field(default_factory=dict)
     states: tuple[str, ...] = ()
@@ -113,11 +113,25 @@ class LoopReport:
         return tuple(self.summary.get("returns_all") or self.summary.get("returns") or self.returns)
 
     @property
+    def set_words(self) -> Mapping[str, str]:
+        """The sets of starts that can be told apart, in words, in order.
+
+        Without a Target policy nobody knows what one solves: summary.json then has the certified starts there.
+        """
+        how = "a search over action sequences" if self.earns_steps else "the geometry of arcs and straights"
+        words = {
+            SOLVED: "starts that a Target policy of any seed solves",
+            CERTIFIED: f"starts that {how} certifies as solvable",
+            ALL: "all starts",
+        }
+        return {key: text for key, text in words.items() if key != SOLVED or "Target" in self.policies}
+
+    @property
     def start_sets(self) -> tuple[str, ...]:
-        """Those of START_SETS that the summary holds and that hold a start."""
+        """Those of `set_words` that the summary holds and that hold a start."""
         return tuple(
             key
-            for key in START_SETS
+            for key in self.set_words
             if any(stats.get("episodes", 0) for stats in (self.summary.get(key) or {}).values())
         )
 

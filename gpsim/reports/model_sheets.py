@@ -51,14 +51,16 @@ def scores(report: LoopReport, key: str, rate: str) -> Mapping[str, Any]:
 
 
 def one_step_sheet(report: LoopReport) -> Sheet:
-    """NRMSE and R2 of mean and sample on both drivers' data, beside Table 4.3."""
-    columns = ["Rate", "Prediction", "Thesis NRMSE", "Thesis R²"]
+    """NRMSE and R2 of mean and sample on both drivers' data, beside the thesis's where the experiment is one of its."""
+    printed = thesis.one_step(report.experiment, report.system)
+    columns = ["Rate", "Prediction", *(["Thesis NRMSE", "Thesis R²"] if printed else [])]
     for words in data_of(report).values():
         columns += [f"NRMSE, {words}", "R²"]
     rows = []
     for rate in rates(report):
         for prediction in ("mean", "sample"):
-            cells = [with_unit(rate, report.units), prediction, *_thesis(rate, prediction)]
+            cells = [with_unit(rate, report.units), prediction]
+            cells += _thesis(printed.get(rate, {}).get(prediction)) if printed else []
             for key in data_of(report):
                 errors = scores(report, key, rate).get(prediction) or {}
                 cells += [_nrmse(errors), coefficient(errors.get("r2"))]
@@ -161,10 +163,17 @@ def rollout_sheet(report: LoopReport) -> Sheet:
 def _runaways(simulators: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """What a mean over infinity cannot say."""
     return [
-        f"{name}: {significant(found['not_finite'])} rollouts ceased to be finite, and count as infinitely far."
+        f"{name}: {_rollouts(found['not_finite'])} ceased to be finite, and count as infinitely far."
         for name, found in simulators.items()
         if known(found.get("not_finite")) and found["not_finite"]
     ]
+
+
+def _rollouts(count: float) -> str:
+    """A count, or its average over the seeds."""
+    if count == 1:
+        return "1 rollout"
+    return f"{count:.0f} rollouts" if float(count).is_integer() else f"{count:.1f} rollouts a seed"
 
 
 def fit_sheet(report: LoopReport) -> Sheet:
@@ -236,8 +245,7 @@ def gp_warnings(report: LoopReport) -> list[str]:
     ]
 
 
-def _thesis(rate: str, prediction: str) -> tuple[str, str]:
-    figure = thesis.ONE_STEP.get(rate, {}).get(prediction)
+def _thesis(figure: thesis.OneStepFigure | None) -> tuple[str, str]:
     if figure is None:
         return MISSING, MISSING
     r2 = f"{figure.r2.mean} ± {figure.r2.std}" if figure.r2 else MISSING

@@ -12,7 +12,7 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from gpsim.reports import headline
+from gpsim.reports import headline, thesis
 from gpsim.reports.canvas import data_uri
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
 from gpsim.reports.loop_report import LoopReport, MadeBy
@@ -66,6 +66,8 @@ def render(report: LoopReport) -> str:
         pictures=_pictures(report),
         settings=list(settings(report.settings)),
         manifest=_manifest,
+        diagnosed_by=_diagnosed_by(report),
+        thesis_table=thesis.one_step_table(report.experiment, report.system),
     )
 
 
@@ -79,6 +81,14 @@ def settings(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, s
                 f"{prefix}{key}",
                 ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value),
             )
+
+
+def _diagnosed_by(report: LoopReport) -> str:
+    if "diagnosis" in report.given:
+        return "the diagnosis that the loop was given"
+    if "recording" in report.given:
+        return "each seed's diagnosis of the recording that the loop was given"
+    return "the diagnosis of each seed's recording"
 
 
 def _filled(sheet: Sheet) -> Sheet | None:
@@ -143,7 +153,7 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         ),
         "learning": (
             figure_learning_curves(report),
-            "Mean return in training over steps, per policy",
+            f"Mean return in training over {'decisions' if report.held > 1 else 'steps'}, per policy",
             "Each policy in the simulator that it is trained in: a high curve there says nothing yet about the target.",
         ),
     }

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter
 from gpsim.channels import FloatArray
 from gpsim.reports import thesis
 from gpsim.reports.canvas import panels, style
-from gpsim.reports.loop_report import LoopReport
+from gpsim.reports.loop_report import ALL, CERTIFIED, SOLVED, LoopReport
 from gpsim.reports.palette import FAINT, INK, colours
 from gpsim.reports.sheets import known, whole_percent
 
@@ -18,10 +18,11 @@ BINS = 25
 HILL = 0.62
 """Height of a row's highest bar, of the row."""
 SET_TITLES = {
-    "returns": "Solved by a Target policy",
-    "returns_certified": "Certified by the search",
-    "returns_all": "All starts",
+    SOLVED: "Solved by a Target policy",
+    CERTIFIED: "Certified by the search",
+    ALL: "All starts",
 }
+"""Of a task whose every step earns 1: the returns of others are not drawn."""
 
 
 def figure_returns(report: LoopReport) -> Figure | None:
@@ -100,7 +101,7 @@ def _mean(axis: Axes, report: LoopReport, starts: str, policy: str, y: float, *,
 
 
 def figure_learning_curves(report: LoopReport) -> Figure | None:
-    """Mean return in training over steps: each seed faint, their mean bold. None where no curve is known."""
+    """Mean return in training over decisions: each seed faint, their mean bold. None where no curve is known."""
     curves = {name: [c for c in found if len(c[0])] for name, found in report.curves.items()}
     curves = {name: found for name, found in curves.items() if found}
     if not curves:
@@ -113,10 +114,11 @@ def figure_learning_curves(report: LoopReport) -> Figure | None:
             for steps, values in found if len(found) > 1 else []:
                 axis.plot(steps, values, color=colour[name], linewidth=0.8, alpha=0.35)
             axis.plot(*_mean_curve(found), color=colour[name], label=name)
-        axis.set_xlabel("steps in training")
-        axis.set_ylabel("mean return" if report.trips else "mean return [steps]")
+        held = f"decisions in training, each held for {report.held} steps"
+        axis.set_xlabel(held if report.held > 1 else "steps in training")
+        axis.set_ylabel("mean return [steps]" if report.earns_steps else "mean return")
         axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}".replace(",", "\u202f")))
-        if report.trips is None:
+        if report.earns_steps:
             axis.set_ylim(0.0, 1.05 * report.best_return)
         axis.set_xlim(left=0.0)
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

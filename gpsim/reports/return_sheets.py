@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpsim.reports import thesis
-from gpsim.reports.loop_report import START_SETS, LoopReport
+from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.sheets import Cell, Sheet, fixed, known, plus_minus, row, span, whole_percent
 
 SHORT = 0.9
@@ -15,7 +15,7 @@ EXPECTED_TO_SUCCEED = ("GP-Mean", "GP-Sample", "Effects", "Target")
 
 def return_sheets(report: LoopReport) -> list[Sheet]:
     """A sheet for every set of starts that the summary holds."""
-    return [_sheet(report, key) for key in START_SETS if report.summary.get(key)]
+    return [_sheet(report, key) for key in report.set_words if report.summary.get(key)]
 
 
 def best_seed(report: LoopReport, starts: str) -> float:
@@ -90,7 +90,7 @@ def _by_seed(report: LoopReport, starts: str, policy: str) -> list[Cell | str]:
 def _title(report: LoopReport, starts: str) -> str:
     share = (report.summary.get("share") or {}).get(starts)
     count = len(report.starts[starts]) if starts in report.starts else None
-    words = START_SETS[starts]
+    words = report.set_words[starts]
     if starts == "returns_all":
         return f"Return on the target, {words}" + (f" ({count})" if count else "")
     of = f" of {count}" if count else ""

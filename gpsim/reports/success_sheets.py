@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gpsim.reports.loop_report import START_SETS, LoopReport
+from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.sheets import Cell, Sheet, fixed, known, percent, row, whole_percent
 
 
@@ -73,5 +73,5 @@ def _span(interval: Any) -> str:
 def _title(report: LoopReport, starts: str) -> str:
     share = (report.summary.get("share") or {}).get(starts)
     same = [key for key in report.start_sets if (report.starts[key] == report.starts[starts]).all()]
-    words = "all starts" if "returns_all" in same else START_SETS[starts]
+    words = "all starts" if "returns_all" in same else report.set_words[starts]
     return f"Goals reached on the target, {words} ({whole_percent(share)} of {len(report.starts[starts])})"

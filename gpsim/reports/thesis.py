@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -36,7 +37,7 @@ def returns(system: str) -> dict[str, Figure]:
     return _CART_POLE_RETURNS if system == "cartpole" else {}
 
 
-ONE_STEP = {
+_CART_POLE = {
     "x_acc": {
         "mean": OneStepFigure(Figure(1.67, 1.06), Figure(0.998, 0.003)),
         "sample": OneStepFigure(Figure(4.24, 0.39), Figure(0.989, 0.003)),
@@ -50,5 +51,17 @@ _LIMO = {
     "v": {"mean": OneStepFigure(Figure(13.6, 3.9)), "sample": OneStepFigure(Figure(13.7, 3.8))},
     "w": {"mean": OneStepFigure(Figure(15.3, 2.6)), "sample": OneStepFigure(Figure(15.4, 2.6))},
 }
-ONE_STEP |= _LIMO
-"""Table 4.3: `linear` is x_acc, `angular` theta_acc; Table 4.5: v and w. NRMSE is in per cent, the thesis's unit."""
+_ONE_STEP = {("cartpole", "cartpole"): ("4.3", _CART_POLE), ("limo", "unicycle"): ("4.5", _LIMO)}
+"""(experiment, base simulator) to table: 4.3, whose `linear` is x_acc, `angular` theta_acc; 4.5: v and w.
+
+NRMSE is in per cent, the thesis's unit."""
+
+
+def one_step(experiment: str, system: str) -> Mapping[str, Mapping[str, OneStepFigure]]:
+    """Rate to prediction (mean, sample) to the thesis's figures; empty for what is not one of its two experiments."""
+    return _ONE_STEP.get((experiment, system), ("", {}))[1]
+
+
+def one_step_table(experiment: str, system: str) -> str:
+    """The number of that table; empty where there is none."""
+    return _ONE_STEP.get((experiment, system), ("", {}))[0]

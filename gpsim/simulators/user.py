@@ -11,7 +11,7 @@
 Optional: `wraps = ("yaw",)` names angles modulo 2 pi; `coordinates = {"q": "q_dot"}` says that q_dot is the velocity
 of q: then `rates(self, state, action, p, forces)` returns q_dot's rate only and gets the generalised force on q as
 forces["q"]; `force_units = {"q": "N"}`; `start = {"level": 0.2}` gives a guess for a state that nobody measured.
-A class that derives from gpsim.simulators.Simulator is taken as it is.
+A class that derives from gpsim.simulators.Simulator is taken as it is. Neither may write to the arrays it is given.
 """
 
 from __future__ import annotations
@@ -30,6 +30,12 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray, difference
 from gpsim.errors import UsageError
 from gpsim.simulators.simulator import Coordinate, Parameter, Parameters, Simulator
+
+GUARDED = ("rates", "derivative", "measured_rates", "mobility", "normal_force")
+"""What a class that derives from Simulator may write; `integrate` and `step` ask these."""
+COPY_FIRST = (
+    "; what it is given is the recording's: copy first (u = u.copy()), or write u = gain * u, not u *= gain"
+)
 
 
 def load_user_simulator(reference: str) -> Simulator:
@@ -67,6 +73,8 @@ def _loaded(reference: str, source: str) -> Simulator:
         simulator = _call(lambda: UserSimulator(instance, reference), "its declaration", reference)
     # By the name of a class it derives from, the built-in one would be found.
     vars(simulator).update(name=reference, _source=source)
+    if simulator is instance:
+        _guard(simulator, reference)
     # Copies in other processes come from the source, which is no importable module.
     copyreg.pickle(type(simulator), lambda known: (_loaded, (known.name, vars(known)["_source"])))
     _try(simulator, reference)
@@ -108,16 +116,13 @@ class UserSimulator(Simulator):
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
     ) -> FloatArray:
         """(B, R): what the user's `rates` returns, checked."""
-        states = {name: state[:, i] for i, name in enumerate(self.state.names)}
-        actions = {name: action[:, i] for i, name in enumerate(self.action.names)}
-        arguments: list[Any] = [states, actions, parameters]
+        states = {name: _read_only(state[:, i]) for i, name in enumerate(self.state.names)}
+        actions = {name: _read_only(action[:, i]) for i, name in enumerate(self.action.names)}
+        arguments: list[Any] = [states, actions, _read_only(parameters)]
         if self.coordinates:
             given = np.zeros((len(state), len(self.coordinates))) if forces is None else forces
-            arguments.append({c.name: given[:, i] for i, c in enumerate(self.coordinates)})
-        try:
-            answer = self._system.rates(*arguments)
-        except Exception as error:  # a user's code may raise anything
-            raise UsageError(f"{self._reference}: rates raised {_said(error)}") from error
+            arguments.append({c.name: _read_only(given[:, i]) for i, c in enumerate(self.coordinates)})
+        answer = _call(lambda: self._system.rates(*arguments), "rates", self._reference)
         return self._checked(answer, len(state))
 
     def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
@@ -161,29 +166,72 @@ def _module(path: Path, source: str) -> ModuleType:
     return module
 
 
+def _read_only(value: Any) -> Any:
+    """A view that nobody can write through: what a user's code changes in place may be the recording itself.
+
+    Of a mapping, as parameters are, a copy with such values.
+    """
+    if isinstance(value, Mapping):
+        return {key: _read_only(item) for key, item in value.items()}
+    if not isinstance(value, np.ndarray):
+        return value
+    view = value.view()
+    view.flags.writeable = False
+    return view
+
+
+def _guard(simulator: Simulator, reference: str) -> None:
+    """Whatever a derived class raises, whenever it is asked, is one line; what it is given stays as it is."""
+    for name in GUARDED:
+        vars(simulator)[name] = _guarded(getattr(simulator, name), name, reference)
+
+
+def _guarded(method: Callable[..., Any], name: str, reference: str) -> Callable[..., Any]:
+    def call(*given: Any, **named: Any) -> Any:
+        arguments = [_read_only(value) for value in given]
+        keywords = {key: _read_only(value) for key, value in named.items()}
+        answer = _call(lambda: method(*arguments, **keywords), name, reference)
+        # What it hands on of what it was given, its caller may change.
+        return answer.copy() if isinstance(answer, np.ndarray) and not answer.flags.writeable else answer
+
+    return call
+
+
 def _try(simulator: Simulator, reference: str) -> None:
     """One evaluation at a plausible state: shapes and finite values, before any data are touched."""
     sizes = _call(lambda: (len(simulator.state), len(simulator.action)), "its declaration", reference)
     state, action = (np.full((3, size), 0.1) for size in sizes)
     with np.errstate(all="ignore"):
-        rates = _call(lambda: simulator.rates(state, action, simulator.defaults()), "rates", reference)
-        expected = (3, len(simulator.rate))
-        if not isinstance(rates, np.ndarray) or rates.shape != expected:
-            raise UsageError(f"{reference}: rates must have shape {expected}, got {np.shape(rates)}")
+        rates = _tried_rates(simulator, reference, state, action)
         if not np.isfinite(rates).all():
             name = simulator.rate.names[int(np.argwhere(~np.isfinite(rates))[0, 1])]
             raise UsageError(f"{reference}: {name} is not finite at state and action 0.1; check its formula")
-        slope = _call(lambda: simulator.derivative(state, rates), "derivative", reference)
+        _check_shape(simulator.derivative(state, rates), state.shape, "derivative", reference)
+        _check_shape(
+            simulator.measured_rates(state, state, np.ones(3)), rates.shape, "measured_rates", reference
+        )
         for i, coordinate in enumerate(simulator.coordinates):
             column, push = simulator.rate.index(coordinate.rate), np.eye(len(simulator.coordinates))[[i] * 3]
-            pushed = simulator.rates(state, action, simulator.defaults(), push)
-            if (pushed[:, column] == rates[:, column]).all():
+            if (_tried_rates(simulator, reference, state, action, push)[:, column] == rates[:, column]).all():
                 raise UsageError(
                     f"{reference}: a force on {coordinate.name} changes nothing; add forces['{coordinate.name}'] "
                     f"to what accelerates it in `rates`"
                 )
-    if np.shape(slope) != state.shape:
-        raise UsageError(f"{reference}: derivative must have shape {state.shape}, got {np.shape(slope)}")
+
+
+def _tried_rates(
+    simulator: Simulator, reference: str, state: FloatArray, action: FloatArray, *forces: FloatArray
+) -> FloatArray:
+    """(3, R): the rates at the default parameters, with or without forces on the coordinates."""
+    defaults, count = _call(lambda: (simulator.defaults(), len(simulator.rate)), "its declaration", reference)
+    rates = simulator.rates(state, action, defaults, *forces)
+    _check_shape(rates, (3, count), "rates", reference)
+    return rates
+
+
+def _check_shape(answer: Any, expected: tuple[int, ...], what: str, reference: str) -> None:
+    if not isinstance(answer, np.ndarray) or answer.shape != expected:
+        raise UsageError(f"{reference}: {what} must have shape {expected}, got {np.shape(answer)}")
 
 
 def _call(function: Callable[[], Any], what: str, reference: str) -> Any:
@@ -192,7 +240,8 @@ def _call(function: Callable[[], Any], what: str, reference: str) -> Any:
     except UsageError:
         raise
     except Exception as error:  # a user's code may raise anything
-        raise UsageError(f"{reference}: {what} raised {_said(error)}") from error
+        remedy = COPY_FIRST if isinstance(error, ValueError) and "read-only" in str(error) else ""
+        raise UsageError(f"{reference}: {what} raised {_said(error)}{remedy}") from error
 
 
 def _units(system: Any, attribute: str, reference: str) -> dict[str, str]:

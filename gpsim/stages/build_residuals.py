@@ -13,8 +13,9 @@ import pandas as pd
 from gpsim.artifacts import MANIFEST, Artifact, Json, Recipe, file_digest, read_artifact, write_json
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
+from gpsim.gaps import LONGEST_STEP
 from gpsim.recordings import Recording, read_recording
-from gpsim.residuals import Residuals, build_residuals, from_table, to_table
+from gpsim.residuals import Residuals, build_residuals, check_clock, from_table, to_table
 from gpsim.settings import number
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import collect
@@ -62,6 +63,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write residuals.parquet and residuals.json."""
     source = recipe.parents["recording"].path if recipe.parents else Path(str(request.config["recording"]))
     recording, base = read_recording(source), base_plant(request.config)
+    check_clock(recording)  # first: a wrong dt would be taken for another simulator's
     check_same(recording, base)
     residuals = build_residuals(
         recording,
@@ -72,7 +74,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         rng=generator(request.seed, "build-residuals/order"),
     )
     to_table(residuals).to_parquet(folder / "residuals.parquet", index=False)
-    write_json(folder / "residuals.json", _summary(residuals))
+    write_json(folder / "residuals.json", _summary(residuals, recording.transition_count))
     return {}
 
 
@@ -104,15 +106,24 @@ def read_residuals(artifact: Artifact) -> Residuals:
     """The residuals of an artifact of this stage."""
     meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
     table = pd.read_parquet(artifact.path / "residuals.parquet")
-    return from_table(table, Channels.of(meta["channels"]), Channels.of(meta["rates"]))
+    channels = Channels.of(meta["channels"], wraps=meta.get("wraps", ()))
+    return from_table(table, channels, Channels.of(meta["rates"]))
 
 
-def _summary(residuals: Residuals) -> dict[str, Any]:
+def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
+    """residuals.json; recorded: how many transitions the recording has."""
     train, test = residuals.values[~residuals.test], residuals.values[residuals.test]
+    wraps = [channel.name for channel in residuals.channels if channel.wraps]
+    left_out = recorded - len(residuals.t)
     return {
         "channels": residuals.channels.units,
+        **({"wraps": wraps} if wraps else {}),
         "rates": residuals.rate.units,
-        "rows": {"training": len(train), "test": len(test)},
+        "rows": {
+            "training": len(train),
+            "test": len(test),
+            **({"over_a_gap": left_out} if left_out else {}),
+        },
         "residual_std": {name: float(train[:, i].std()) for i, name in enumerate(residuals.rate.names)},
         "measured_std": {
             name: float(residuals.measured[~residuals.test, i].std())
@@ -125,7 +136,11 @@ def notes(artifact: Artifact) -> list[str]:
     """How much is left, rate by rate."""
     meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
     rows = meta["rows"]
-    return [f"{rows['training']} training and {rows['test']} test transitions"] + [
+    lost = rows.get("over_a_gap", 0)
+    left_out = (
+        f"; {lost} over {LONGEST_STEP:g} control steps left out: rows are missing there" if lost else ""
+    )
+    return [f"{rows['training']} training and {rows['test']} test transitions{left_out}"] + [
         f"{name}: residual {meta['residual_std'][name]:.3g} {unit}, measured {meta['measured_std'][name]:.3g} (std)"
         for name, unit in meta["rates"].items()
     ]
@@ -137,4 +152,5 @@ STAGE = Stage(
     recipe,
     write,
     notes,
+    format=1,
 )

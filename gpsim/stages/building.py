@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -67,6 +68,12 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
         raise UsageError(
             f"target {section['name']} ({', '.join(target.state.names)}) does not go with simulator "
             f"{simulator.name} ({', '.join(simulator.state.names)}); choose both, or an experiment"
+        )
+    dt = _positive(config["simulator"]["dt"], "simulator.dt")
+    if not math.isclose(target.dt, dt, rel_tol=1e-9):
+        raise UsageError(
+            f"target.dt={target.dt:g} is not simulator.dt={dt:g}: both take one control step at a time; set "
+            f"target.dt={dt:g}, or leave it out (a target that steps more finely does so by target.substeps)"
         )
     return target
 

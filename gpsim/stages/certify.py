@@ -1,4 +1,4 @@
-"""certify: which of the evaluation's starts a search over action sequences can solve."""
+"""certify: which of the evaluation's starts a search over action sequences, or for a car geometry, can solve."""
 
 from __future__ import annotations
 
@@ -94,5 +94,5 @@ def read_certified(artifact: Artifact) -> BoolArray:
 
 
 STAGE = Stage(
-    "certify", "Search which of the evaluation's starts can be solved at all.", recipe, write, notes
+    "certify", "Search which of the evaluation's starts can be solved at all.", recipe, write, notes, format=1
 )

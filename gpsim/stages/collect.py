@@ -24,7 +24,7 @@ from gpsim.stages.import_log import (
 )
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.sweep import plan_table, run_sweep
+from gpsim.stages.sweep import check_sweep, run_sweep
 
 DRIVERS = ("source", "random", "dithered", "sweep")
 
@@ -51,10 +51,11 @@ def check(request: Request) -> None:
     section = request.config["collect"]
     changes_of(section), salvages(section)
     if section["source"] is not None:
+        _check_logs(request)
         return
     target_plant(request.config)
     if choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
-        plan_table(request.config)
+        check_sweep(request.config)
     else:
         positive(section["episodes"], "collect.episodes")
         if not 0 <= number(section["dither"], "collect.dither") <= 1:
@@ -99,26 +100,39 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 
 def _import_recipe(request: Request) -> Recipe:
-    section = request.config["collect"]
+    section, mapping = request.config["collect"], _mapping(request)
     config = {
-        "mapping": section["mapping"],
+        "mapping": read_mapping(mapping) if mapping is not None else None,
         "salvage": salvages(section),
         "changes": changes_of(section),
-        "sources": source_digests(_sources(request)),
+        "sources": source_digests(_sources(request), mapping, changes_of(section)),
     }
-    if section["mapping"] is not None:
-        config["mapping"] = read_mapping(str(section["mapping"]))
     return Recipe("collect", {"import": config}, {}, {})
+
+
+def _check_logs(request: Request) -> None:
+    mapping = _mapping(request)
+    if mapping is not None:
+        read_mapping(mapping)
+    for source in _sources(request):
+        try:
+            source.stat()
+        except OSError as error:
+            raise UsageError(f"collect.source: {source}: cannot be read ({error.strerror})") from error
 
 
 def _sources(request: Request) -> list[Path]:
     return logs_of(request.config["collect"]["source"], "collect.source")
 
 
+def _mapping(request: Request) -> str | None:
+    given = request.config["collect"]["mapping"]
+    return None if given is None else str(given)
+
+
 def _read(request: Request) -> tuple[Recording, ImportReport, dict[str, Any]]:
     section = request.config["collect"]
-    mapping = None if section["mapping"] is None else str(section["mapping"])
-    return read_logs(_sources(request), mapping, changes_of(section), salvages(section))
+    return read_logs(_sources(request), _mapping(request), changes_of(section), salvages(section))
 
 
 def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
@@ -137,4 +151,5 @@ STAGE = Stage(
     "Record episodes of the target, or import logs of it (collect.source=my.bag collect.mapping=NAME).",
     recipe,
     write,
+    format=1,
 )

@@ -20,10 +20,12 @@ from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page
 from gpsim.residuals import check_match, check_rates
 from gpsim.simulators import Simulator, make_simulator, source_file
+from gpsim.stages.code import SOURCES
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
+FORMAT = 1
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ def stage_for(task: Task) -> Stage:
         "Say where recording and simulator differ, and which physics is missing.",
         lambda request: _recipe(request, task),
         lambda request, recipe, folder: _write(request, task, folder),
+        format=FORMAT,
+        code=SOURCES,
     )
 
 
@@ -61,6 +65,7 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
     """The corrected simulator of a finished diagnosis, to train in; `gp` adds the Gaussian process on the remainder."""
     artifact = read_artifact(folder, "diagnose")
     data: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
+    _check_file(artifact, str(data["simulator"]))
     simulator = make_simulator(str(data["simulator"]))
     correction = None
     if gp:
@@ -68,6 +73,18 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
         channels = simulator.state + simulator.action
         correction = GpCorrection(predictor, Features.of(inputs, channels), "mean", sample_noise=False)
     return plant_from(data, simulator, correction)
+
+
+def _check_file(artifact: Artifact, simulator: str) -> None:
+    """A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's."""
+    source, diagnosed = source_file(simulator), artifact.manifest["config"].get("simulator_file")
+    if source is None or diagnosed is None or not source.is_file():  # which make_simulator refuses
+        return
+    if file_digest(source) != diagnosed:
+        raise UsageError(
+            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {source} has changed since: "
+            "diagnose the recording again, or bring that file back"
+        )
 
 
 def open_recording(task: Task) -> tuple[Recording, Simulator]:

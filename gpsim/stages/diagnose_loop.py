@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Json, Recipe, read_artifact
 from gpsim.stages import collect, diagnose
+from gpsim.stages.code import SOURCES
 from gpsim.stages.stage import Request, Stage
 
 
@@ -43,4 +44,6 @@ STAGE = Stage(
     _recipe,
     _write,
     sentences,
+    format=diagnose.FORMAT,  # a recording is diagnosed once, whoever asks
+    code=SOURCES,
 )

@@ -173,13 +173,16 @@ def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
 
 
 def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
-    """Fresh target episodes driven by the policy of the parent `driver`, or at random."""
+    """Fresh target episodes driven by the policy of the parent `driver`, or at random.
+
+    The first policy draws its actions, as it did while it was recorded; the deployed one takes its most probable ones.
+    """
     section, base = request.config["evaluate"], base_plant(request.config)
     task = make_task(request.config).on_target()
     rng = generator(request.start_seed, f"evaluate/one-step/{driver}")
     act: Act = random_actor(task, rng)
     if driver is not None:
-        act = policy_actor(read_policy(recipe.parents[driver].path), rng)
+        act = policy_actor(read_policy(recipe.parents[driver].path), None if driver == DEPLOYED else rng)
     count = positive(section["one_step_episodes"], "evaluate.one_step_episodes")
     episodes = collect_episodes(target_plant(request.config), task, act, count, rng)
     recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
@@ -248,5 +251,10 @@ def notes(artifact: Artifact) -> list[str]:
 
 
 STAGE = Stage(
-    "evaluate", "Compare policies, simulators and target: one step, rollouts, returns.", recipe, write, notes
+    "evaluate",
+    "Compare policies, simulators and target: one step, rollouts, returns.",
+    recipe,
+    write,
+    notes,
+    format=1,
 )

@@ -35,7 +35,7 @@ def recipe(request: Request) -> Recipe:
         "mapping": read_mapping(_mapping(request)),
         "changes": changes_of(section),
         "salvage": salvages(section),
-        "deployed": source_digests(_sources(request)),
+        "deployed": source_digests(_sources(request), _mapping(request), changes_of(section)),
     }
     return Recipe("evaluate", config, {}, {})
 

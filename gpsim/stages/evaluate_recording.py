@@ -12,7 +12,7 @@ from gpsim.artifacts import Json, Recipe, plain, write_json
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.rollout import compare
 from gpsim.recordings import Episode, Recording, read_recording
-from gpsim.residuals import Residuals
+from gpsim.residuals import Residuals, either_wraps
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, fit_gp, one_step
 from gpsim.stages.building import base_plant
@@ -87,7 +87,10 @@ def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path)
         judged_episodes(recording, np.unique(judged.episode).tolist()),
         positive(section["rollout_steps"], "evaluate.rollout_steps"),
         positive(section["rollouts"], "evaluate.rollouts"),
+        dt=recording.dt,
+        state=recording.state,
     )
+    channels = either_wraps(base.state, recording.state)
     rng = generator(request.start_seed, "evaluate/rollouts")
     steps = windows.recorded.shape[1] - 1
     found: dict[str, Any] = {
@@ -98,6 +101,6 @@ def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path)
         request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
     ).items():
         paths[name] = replay(plant, windows, rng)
-        found[name] = compare(paths[name], windows.recorded, base.state)
+        found[name] = compare(paths[name], windows.recorded, channels)
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     return found

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from gpsim.artifacts import read_artifact, write_json, written_whole
 from gpsim.errors import UsageError
+from gpsim.policy import Policy
 from gpsim.policy_export import ros_node, to_onnx
+from gpsim.settings import build
 from gpsim.stages.policy_files import read_policy
+from gpsim.tasks import GoalReaching
 
 NODE = "drive_to_goal.py"
 
@@ -41,11 +46,15 @@ def export_policy(path: Path, out: Path) -> list[str]:
             write_json(made / "policy.json", origin)
             if config["task"]["name"] == "goal":
                 node = made / NODE
-                node.write_text(
-                    ros_node(policy, rate, float(config["task"]["goal_radius"])), encoding="utf-8"
-                )
+                node.write_text(_node(policy, rate, config["task"]), encoding="utf-8")
                 node.chmod(0o755)
                 notes.append(f"{NODE}: a ROS 1 node that plays it; its first lines say how")
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return notes
+
+
+def _node(policy: Policy, rate: float, section: Mapping[str, Any]) -> str:
+    task = build(GoalReaching, section, "task")
+    x, y = task.evaluation_goal
+    return ros_node(policy, rate, task.goal_radius, (x, y), task.max_steps)

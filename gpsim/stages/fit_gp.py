@@ -49,7 +49,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
     predictor = Predictor(gps)
     found = find_filter(residuals, base, predictor, features) if filtered else None
-    write_gp(folder, predictor, features.names, found)
+    write_gp(folder, predictor, features.names, found, wraps=features.wraps)
     reports = {
         name: gp.report.to_dict() for name, gp in zip(residuals.rate.names, gps, strict=True) if gp.report
     }
@@ -99,18 +99,16 @@ def _count(request: Request) -> int:
 
 def rows_of(request: Request, residuals: Residuals) -> IntArray:
     """The rows that the configuration's GPs are conditioned on."""
-    return chosen_rows(residuals, len(base_plant(request.config).action), _count(request), _settle(request))
+    return chosen_rows(residuals, base_plant(request.config), _count(request), _settle(request))
 
 
-def chosen_rows(residuals: Residuals, actions: int, count: int, settle: int) -> IntArray:
-    """The rows that the GPs are conditioned on: `count` of the training rows, and of those what has settled.
-
-    The last `actions` columns of the inputs are the actions.
-    """
+def chosen_rows(residuals: Residuals, base: SimulatorPlant, count: int, settle: int) -> IntArray:
+    """The rows that the GPs are conditioned on: `count` of the training rows, and of those what has settled."""
     rows = residuals.training_rows(count)
     if not settle:
         return rows
-    return rows[settled_rows(residuals.inputs[:, -actions:], residuals.episode, settle)[rows]]
+    actions = residuals.inputs[:, len(base.state) :]
+    return rows[settled_rows(actions, residuals.episode, residuals.t, settle, base.dt)[rows]]
 
 
 def find_filter(
@@ -124,7 +122,9 @@ def find_filter(
     def rates_of(arrived: FloatArray) -> FloatArray:
         return mean_rates(base, states, arrived) + predictor.mean(features(np.hstack([states, arrived])))
 
-    return fit_filter(actions, residuals.episode[rows], residuals.measured[rows], rates_of, base.dt)
+    return fit_filter(
+        actions, residuals.episode[rows], residuals.t[rows], residuals.measured[rows], rates_of, base.dt
+    )
 
 
 def notes(artifact: Artifact) -> list[str]:
@@ -142,4 +142,4 @@ def notes(artifact: Artifact) -> list[str]:
     return lines + [f"warning: {text}" for text in report["warnings"]]
 
 
-STAGE = Stage("fit-gp", "Fit one Gaussian process per rate to the residuals.", recipe, write, notes)
+STAGE = Stage("fit-gp", "Fit one Gaussian process per rate to the residuals.", recipe, write, notes, format=1)

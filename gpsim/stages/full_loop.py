@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from gpsim.recordings import read_recording
+from gpsim.residuals import check_clock
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp
 from gpsim.stages.building import (
@@ -12,9 +14,11 @@ from gpsim.stages.building import (
     target_plant,
     training_settings,
 )
+from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.evaluate import TRAINED_BY, policy_names
 from gpsim.stages.jobs import Finished, Job, Update, run_jobs
 from gpsim.stages.stage import Request
+from gpsim.stages.train_gp_policy import effects_plant
 
 
 def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
@@ -37,7 +41,12 @@ def _check(request: Request) -> None:
     evaluate.check(request)
     if "Domain randomisation" in policy_names(request):
         randomised_plant(request.config)
-    collect.check(request)
+    if request.config["recording"] is None:
+        collect.check(request)
+    else:
+        _check_recording(request)
+    if request.config["diagnosis"] is not None:
+        effects_plant(request.having(correction="effects"), find_diagnosis(request))
     build_residuals.check(request)
     fit_gp.check(request)
     if (episodes := request.config["diagnose"]["episodes"]) is not None:
@@ -47,18 +56,30 @@ def _check(request: Request) -> None:
         certify.recipe(request)
 
 
+def _check_recording(request: Request) -> None:
+    """The recording that is given must be there, be whole, and be of this experiment's simulator."""
+    build_residuals.recipe(request)
+    recording = read_recording(build_residuals.recording_folder(request))
+    check_clock(recording)
+    build_residuals.check_same(recording, base_plant(request.config))
+
+
 def _plan_seed(request: Request, seed: int) -> list[Job]:
+    """What is given, `recording=` or `diagnosis=`, is not made."""
     source = Job(f"Source · seed {seed}", "train-source", request.having(variant="source"))
-    collect = Job(f"collect · seed {seed}", "collect", request, (source.label,))
-    residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, (collect.label,))
+    collected = Job(f"collect · seed {seed}", "collect", request, (source.label,))
+    recorded = [collected] if request.config["recording"] is None else []
+    behind = tuple(job.label for job in recorded)
+    residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, behind)
     fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
-    diagnose = Job(f"diagnose · seed {seed}", "diagnose", request, (collect.label,))
-    jobs = [source, collect, residuals, fit, *([diagnose] if "Effects" in policy_names(request) else [])]
+    found = Job(f"diagnose · seed {seed}", "diagnose", request, behind)
+    diagnosed = [found] if "Effects" in policy_names(request) and request.config["diagnosis"] is None else []
+    jobs = [source, *recorded, residuals, fit, *diagnosed]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
-        after = (fit.label,) if stage.name == "train-gp-policy" else ()
+        after: tuple[str, ...] = (fit.label,) if stage.name == "train-gp-policy" else ()
         if name == "Effects":
-            after = (diagnose.label,)
+            after = tuple(job.label for job in diagnosed)
         job = Job(f"{name} · seed {seed}", stage.name, request.having(**settings), after)
         if name != "Source":
             jobs.append(job)

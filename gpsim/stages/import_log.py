@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import yaml
 from omegaconf import OmegaConf
@@ -21,9 +21,10 @@ from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.raw import RawLog
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.soundness import find_bad_rows
-from gpsim.recordings.sources import find_logs
+from gpsim.recordings.sources import FolderLog, find_logs
 from gpsim.reports.import_figure import draw_channels
 from gpsim.settings import texts, truth
 from gpsim.simulators.registry import SIMULATORS
@@ -55,7 +56,7 @@ def import_log(
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
     recording, report, raw = read_logs(sources, mapping, words, salvage)
-    config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources)}
+    config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources, mapping, words)}
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
@@ -96,7 +97,7 @@ def read_logs(
         raw = _merged(bare_mapping(first, str(changes.get("system", "")), systems), changes)
         where = "mapping (from the column names)"
     else:
-        raw, where = _merged(read_mapping(mapping), changes), f"mapping {mapping}"
+        raw, where = resolved_mapping(mapping, words), f"mapping {mapping}"
     plan = parse_mapping(raw, where)
     logs = find_logs(sources, plan.layout, plan.files, opener)
     recording, report = import_logs(logs, plan, partial(find_bad_rows, salvage=salvage))
@@ -178,14 +179,54 @@ def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return {str(key): value for key, value in merged.items()}
 
 
-def source_digests(sources: Sequence[Path]) -> dict[str, str]:
-    """sha256 of every file read, by its name below the source: the same bytes give the same artifact."""
+def resolved_mapping(name_or_file: str, words: Sequence[str]) -> dict[str, Any]:
+    """A mapping with the changes that `words` (key=value) make to it."""
+    return _merged(read_mapping(name_or_file), _changes(words))
+
+
+def source_digests(
+    sources: Sequence[Path], mapping: str | None = None, words: Sequence[str] = ()
+) -> dict[str, str]:
+    """sha256 of every file that `read_logs` reads with this mapping and its changes, by its name below the source.
+
+    The same bytes give the same artifact, whatever else lies beside them in a folder.
+    """
+    layout: Literal["files", "folder"] = "files"
+    pattern = str(_changes(words).get("files", "*"))
+    if mapping is not None:
+        plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
+        layout, pattern = plan.layout, plan.files
     out: dict[str, str] = {}
     for number, source in enumerate(sources):
-        if not source.exists():
-            raise UsageError(f"{source}: no such file or folder")
-        below = sorted(p for p in source.rglob("*") if p.is_file()) if source.is_dir() else [source]
-        for path in below:
+        for path in _files_read(source, layout, pattern):
             name = path.relative_to(source).as_posix() if source.is_dir() else path.name
             out[name if len(sources) == 1 else f"{number + 1}/{name}"] = file_digest(path)
     return out
+
+
+def _files_read(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
+    """The files of the logs below a source, those of a ROS 2 bag's folder one by one."""
+    try:
+        if not source.exists():
+            raise UsageError(f"{source}: no such file or folder")
+        return _files_of_logs(source, layout, pattern)
+    except OSError as error:  # a folder that may not be entered
+        raise UsageError(f"{source}: cannot be read ({error.strerror or error})") from error
+
+
+def _files_of_logs(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
+    logs: list[Path] = []
+
+    def remember(path: Path) -> RawLog:
+        logs.append(path)
+        return FolderLog({}, remember)
+
+    for found in find_logs([source], layout, pattern, remember):
+        if isinstance(found.log, FolderLog):
+            logs += found.log.files.values()
+    return [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
+
+
+def _storage_of(bag: Path) -> list[Path]:
+    stored = (p for p in bag.iterdir() if p.name == "metadata.yaml" or {".db3", ".mcap"} & set(p.suffixes))
+    return sorted(path for path in stored if path.is_file())

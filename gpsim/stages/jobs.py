@@ -68,7 +68,7 @@ def _numbered(jobs: Sequence[Job]) -> Iterable[Request]:
     free = {job.stage: job.request.store.free_numbers(job.stage) for job in jobs}
     for job in jobs:
         try:
-            existing = job.request.store.find(STAGES[job.stage].recipe(job.request))
+            existing = job.request.store.find(STAGES[job.stage].keyed(job.request))
         except UsageError:  # a parent is not there yet, so neither is this
             existing = None
         yield job.request if existing else replace(job.request, number=next(free[job.stage]))

@@ -36,11 +36,21 @@ def read_policy(folder: Path) -> Policy:
 
 
 def write_gp(
-    folder: Path, predictor: Predictor, inputs: tuple[str, ...], command_filter: CommandFilter | None = None
+    folder: Path,
+    predictor: Predictor,
+    inputs: tuple[str, ...],
+    command_filter: CommandFilter | None = None,
+    *,
+    wraps: tuple[bool, ...] = (),
 ) -> None:
-    """gp.safetensors and gp.json, with the names of the inputs and the filter before them, if there is one."""
+    """gp.safetensors and gp.json, with the names of the inputs and the filter before them, if there is one.
+
+    wraps: input by input, whether its angle was taken between -pi and pi; written where one was.
+    """
     arrays, metadata = to_arrays(predictor)
     metadata = {**metadata, "inputs": list(inputs)}
+    if any(wraps):
+        metadata["wraps"] = list(wraps)
     if command_filter is not None:
         metadata["filter"] = command_filter.to_json()
     _write(folder, "gp", arrays, metadata)
@@ -64,9 +74,15 @@ def read_filter(folder: Path) -> CommandFilter | None:
 def read_gp_correction(
     folder: Path, channels: Channels, prediction: Prediction, sample_noise: bool
 ) -> GpCorrection:
-    """The correction that the Gaussian processes in `folder` make to a simulator with these channels."""
+    """The correction that the Gaussian processes of `fit-gp` in `folder` make to a simulator with these channels.
+
+    An angle wraps where it did in the fit: what the recording says of it counts, not the simulator.
+    """
     predictor, inputs = read_gp(folder)
-    return GpCorrection(predictor, Features.of(inputs, channels), prediction, sample_noise)
+    _, metadata = _read(folder, "gp")
+    wraps = tuple(bool(flag) for flag in metadata.get("wraps", [False] * len(inputs)))
+    features = dataclasses.replace(Features.of(inputs, channels), wraps=wraps)
+    return GpCorrection(predictor, features, prediction, sample_noise)
 
 
 def write_curve(folder: Path, curve: LearningCurve) -> None:

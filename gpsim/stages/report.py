@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
+from gpsim.artifacts import MANIFEST, Artifact, Json, Recipe, plain, read_artifact, write_json
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
@@ -29,9 +29,10 @@ from gpsim.stages import (
     fit_gp,
     train_gp_policy,
 )
-from gpsim.stages.building import base_plant, drivable, make_task
+from gpsim.stages.building import base_plant, drivable, make_task, training_settings
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage, quoted
+from gpsim.tasks import Balance
 
 SETTINGS = (
     "simulator",
@@ -45,6 +46,7 @@ SETTINGS = (
     "randomise",
     "evaluate",
 )
+GIVEN = ("recording", "diagnosis")
 
 
 def stage_for(seeds: tuple[int, ...]) -> Stage:
@@ -54,6 +56,7 @@ def stage_for(seeds: tuple[int, ...]) -> Stage:
         "Tables, figures and one HTML page of a finished loop.",
         lambda request: _recipe(request, seeds),
         lambda request, recipe, folder: _write(request, seeds, folder),
+        format=1,
     )
 
 
@@ -63,7 +66,7 @@ def _recipe(request: Request, seeds: tuple[int, ...]) -> Recipe:
         for role, seed, artifact in _artifacts(request, seeds)
     }
     # The page prints the command: what is printed is part of what it is made from.
-    config = {**request.section(*SETTINGS), "command": _command(request, seeds)}
+    config = {**_settings(request), "command": _command(request, seeds)}
     return Recipe("report", config, parents, {"seeds": list(seeds)})
 
 
@@ -94,11 +97,14 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         system=base.simulator.name,
         starts=driven.starts,
         best_return=float(task.max_steps),
+        earns_steps=isinstance(task, Balance),
+        held=getattr(training_settings(request.config), "action_repeat", 1),
         curves={
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
         },
         slices=_slices(first),
         named=_named(requests) if "Effects" in evaluate.policy_names(request) else {},
+        given=_given(request),
         fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
         outside={
             seed: evaluation.get("outside_recording") or {}
@@ -109,7 +115,7 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         dt=base.dt,
         units=base.state.units | base.simulator.rate.units,
         limits=_limits(request.config["task"]),
-        settings=request.section(*SETTINGS),
+        settings=_settings(request),
         artifacts=[_made_by(role, seed, artifact) for role, seed, artifact in _artifacts(request, seeds)],
         command=_command(request, seeds),
     )
@@ -152,13 +158,34 @@ def _trips(request: Request, evaluated: list[Artifact]) -> TripReport | None:
     )
 
 
+def _given(request: Request) -> tuple[str, ...]:
+    """What the loop was given instead of making it: `recording`, `diagnosis`."""
+    return tuple(name for name in GIVEN if request.config[name] is not None)
+
+
+def _settings(request: Request) -> Json:
+    """The configuration that decided something: a recording that is given was not collected."""
+    given = _given(request)
+    names = [name for name in SETTINGS if name != "collect" or "recording" not in given]
+    return request.section(*names, *given)
+
+
 def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
+    """(role, seed, artifact) of everything that the report rests on; None where the seeds share it."""
     found: list[tuple[str, int | None, Artifact]] = []
+    given, with_effects = _given(request), "Effects" in evaluate.policy_names(request)
+    if "recording" in given:
+        folder = build_residuals.recording_folder(request)
+        # A folder that gpsim did not make has no manifest; its digests stand in that of the residuals.
+        found += [("recording", None, read_artifact(folder))] if (folder / MANIFEST).is_file() else []
+    if "diagnosis" in given and with_effects:
+        found.append(("diagnose", None, find_diagnosis(request)))
+    own_stages = [build_residuals.STAGE, fit_gp.STAGE]
     for seed in seeds:
         own = request.having(seed=seed)
-        for stage in (collect.STAGE, build_residuals.STAGE, fit_gp.STAGE):
+        for stage in own_stages if "recording" in given else [collect.STAGE, *own_stages]:
             found.append((stage.name, seed, stage.need(own)))
-        if "Effects" in evaluate.policy_names(request):
+        if with_effects and "diagnosis" not in given:
             found.append(("diagnose", seed, find_diagnosis(own)))
         for name in evaluate.policy_names(request):
             stage, settings = evaluate.TRAINED_BY[name]
@@ -187,7 +214,9 @@ def _slices(request: Request) -> Mapping[str, ResidualSlice]:
 
 
 def _named(requests: Mapping[int, Request]) -> Mapping[int, list[str]]:
-    return {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
+    found = {seed: sentences(find_diagnosis(request)) for seed, request in requests.items()}
+    given = [seed for seed, request in requests.items() if request.config["diagnosis"] is not None]
+    return {seed: said for seed, said in found.items() if seed not in given[1:]}  # one for all of them
 
 
 def _rollouts(artifact: Artifact) -> Mapping[str, FloatArray]:

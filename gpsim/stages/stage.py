@@ -14,6 +14,7 @@ from gpsim.artifacts import Artifact, Json, Recipe, Store, file_digest
 from gpsim.errors import UsageError
 from gpsim.settings import whole
 from gpsim.simulators import source_file
+from gpsim.stages.code import RELEASE
 
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note)"""
@@ -82,7 +83,8 @@ class Request:
 class Stage:
     """One command. recipe(request) says what the artifact is made from; write(request, recipe, folder) makes it.
 
-    notes(artifact) are lines for the terminal: what a person wants to know at once.
+    notes(artifact) are lines for the terminal: what a person wants to know at once. format: to be raised when the same
+    settings may give other content, so that what older code has made is not kept; code: see gpsim/stages/code.py.
     """
 
     name: str
@@ -90,6 +92,12 @@ class Stage:
     recipe: Callable[[Request], Recipe]
     write: Callable[[Request, Recipe, Path], Json | None]
     notes: Callable[[Artifact], list[str]] = field(default=lambda artifact: [])
+    format: int = field(kw_only=True)
+    code: str = field(default=RELEASE, kw_only=True)
+
+    def keyed(self, request: Request) -> Recipe:
+        """The recipe with the state of the code that makes it: the one that artifacts are found by."""
+        return replace(self.recipe(request), format=self.format, code=self.code)
 
     def command(self, request: Request) -> str:
         """The command line that makes this artifact."""
@@ -97,7 +105,7 @@ class Stage:
 
     def need(self, request: Request) -> Artifact:
         """The finished artifact; a UsageError names the command that makes it."""
-        found = request.store.find(self.recipe(request))
+        found = request.store.find(self.keyed(request))
         if found is None:
             shelf = request.store.root / request.store.experiment / self.name
             raise UsageError(
@@ -107,7 +115,7 @@ class Stage:
 
     def make(self, request: Request) -> tuple[Artifact, bool]:
         """The artifact, and whether it existed already."""
-        recipe = self.recipe(request)
+        recipe = self.keyed(request)
         found = request.store.find(recipe) if request.out is None else None
         if found is not None:
             return found, True

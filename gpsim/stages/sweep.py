@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,11 @@ from gpsim.channels import FloatArray
 from gpsim.driving import Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
+from gpsim.recordings.mapping import ChannelSource
+from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.settings import positive
 from gpsim.stages.building import base_plant, make_task, target_plant
-from gpsim.stages.import_log import changes_of, read_logs, read_mapping, write_import
+from gpsim.stages.import_log import changes_of, read_logs, resolved_mapping, write_import
 from gpsim.stages.stage import Request, generator
 from gpsim.targets import Limo
 from gpsim.tasks import GoalReaching
@@ -44,19 +46,20 @@ def write_plan(config: Mapping[str, Any], path: Path) -> int:
     return len(table)
 
 
+def check_sweep(config: Mapping[str, Any]) -> None:
+    """Raise UsageError for settings with which no sweep can be driven, logged and read again."""
+    _commands(config), _car(config), _topics(config)
+
+
 def run_sweep(request: Request, folder: Path) -> Json:
     """Play the plan on the stand-in; write plan.csv, a ROS 1 and a ROS 2 bag, and the recording read from the first."""
-    section, target, task = request.config["collect"], target_plant(request.config), _task(request.config)
-    if not isinstance(target, Limo):
-        raise UsageError(
-            "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
-        )
+    section, target, task = request.config["collect"], _car(request.config), _task(request.config)
     log, returns = drive_plan(
         target, _commands(request.config), task.floor, generator(request.seed, "collect/episodes")
     )
     plan_table(request.config).to_csv(folder / PLAN, index=False, lineterminator="\n")
     (folder / ROS1_BAG).parent.mkdir()
-    topics = _topics(request)
+    topics = _topics(request.config)
     write_ros1_bag(folder / ROS1_BAG, log, topics)
     write_ros2_bag(folder / ROS2_BAG, log, topics)
     recording, report, _ = read_logs([folder / ROS1_BAG], str(section["mapping"]), changes_of(section))
@@ -80,7 +83,33 @@ def _task(config: Mapping[str, Any]) -> GoalReaching:
     return task
 
 
-def _topics(request: Request) -> Topics:
-    """The topics that the mapping will look for."""
-    raw = read_mapping(str(request.config["collect"]["mapping"]))
-    return Topics(str(raw["action"]["v_cmd"]["topic"]), str(raw["state"]["x"]["topic"]))
+def _car(config: Mapping[str, Any]) -> Limo:
+    target = target_plant(config)
+    if not isinstance(target, Limo):
+        raise UsageError(
+            "collect.policy=sweep drives a vehicle: choose target=limo, or another collect.policy"
+        )
+    return target
+
+
+def _topics(config: Mapping[str, Any]) -> Topics:
+    """The topics that the mapping with its changes will look for: one of commands and one of poses."""
+    section, base = config["collect"], base_plant(config)
+    name = str(section["mapping"])
+    plan = parse_mapping(resolved_mapping(name, changes_of(section)), f"mapping {name}")
+    return Topics(
+        command=_one_topic(name, plan.action, base.action.names),
+        pose=_one_topic(name, plan.state, base.state.names),
+    )
+
+
+def _one_topic(mapping: str, sources: Sequence[ChannelSource], wanted: tuple[str, ...]) -> str:
+    channels, topics = [source.channel.name for source in sources], {source.topic for source in sources}
+    topic = next(iter(topics), None)
+    if channels != list(wanted) or len(topics) != 1 or topic is None:
+        said = ", ".join(f"{source.channel.name} (topic {source.topic})" for source in sources)
+        raise UsageError(
+            f"collect.mapping={mapping}: a sweep's bag holds {', '.join(wanted)} under one topic, the mapping looks "
+            f"for {said}; choose collect.mapping=limo_optitrack, or the same topic for all of them (collect.changes)"
+        )
+    return topic

@@ -15,6 +15,7 @@ from gpsim.simulators.plant import Plant, SimulatorPlant
 from gpsim.stages import fit_gp
 from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task
+from gpsim.stages.code import IN_NUMBERS
 from gpsim.stages.diagnose import read_corrected
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_filter, read_gp_correction
@@ -35,8 +36,7 @@ def recipe(request: Request) -> Recipe:
     parents = (
         {"gp": fit_gp.STAGE.need(request)} if correction == "gp" else {"diagnosis": find_diagnosis(request)}
     )
-    config = {**request.section(*keys), "training_format": TRAINING_FORMAT}
-    return Recipe("train-gp-policy", config, parents, {"seed": request.seed})
+    return Recipe("train-gp-policy", request.section(*keys), parents, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
@@ -113,4 +113,6 @@ STAGE = Stage(
     "Train a policy in the corrected simulator (correction=gp|effects|effects+gp prediction=mean|sample).",
     recipe,
     write,
+    format=TRAINING_FORMAT,
+    code=IN_NUMBERS,
 )

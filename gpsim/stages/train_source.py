@@ -15,6 +15,7 @@ from gpsim.learning import TRAINING_FORMAT, PpoSettings
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages.building import base_plant, make_task, randomised_plant, target_plant, training_settings
+from gpsim.stages.code import IN_NUMBERS
 from gpsim.stages.policy_files import write_checkpoints, write_curve, write_policy
 from gpsim.stages.stage import Request, Stage, derived_seed
 from gpsim.tasks import Task
@@ -27,7 +28,7 @@ def recipe(request: Request) -> Recipe:
     """Everything the policy depends on; only the target variant depends on the target."""
     variant = choice(request.config["variant"], VARIANTS, "variant")
     config = request.section("variant", "simulator", "task", "policy", *_EXTRA[variant])
-    return Recipe("train-source", {**config, "training_format": TRAINING_FORMAT}, {}, {"seed": request.seed})
+    return Recipe("train-source", config, {}, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
@@ -67,5 +68,10 @@ def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path
 
 
 STAGE = Stage(
-    "train-source", "Train a policy in the base simulator (variant=source|randomised|target).", recipe, write
+    "train-source",
+    "Train a policy in the base simulator (variant=source|randomised|target).",
+    recipe,
+    write,
+    format=TRAINING_FORMAT,
+    code=IN_NUMBERS,
 )

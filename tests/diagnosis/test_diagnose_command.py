@@ -162,3 +162,35 @@ def test_a_bare_table_needs_a_simulator(folder, tmp_path):
     result = CliRunner().invoke(app, ["diagnose", str(tmp_path / "log.csv"), "--out", str(tmp_path / "o")])
     assert isinstance(result.exception, UsageError)
     assert "--simulator" in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        (
+            "simulator=slider",
+            "beside a RECORDING give --simulator NAME; parameters, integrator and dt are those of",
+        ),
+        ("simulator.parameters.mass=0.5", "beside a RECORDING give --simulator NAME; parameters"),
+        ("simulator.integrator=rk4", "beside a RECORDING give --simulator NAME; parameters"),
+        ("++simulator.parameters.mass=0.5", "beside a RECORDING give --simulator NAME; parameters"),
+        ("recording=elsewhere", "beside a RECORDING give the RECORDING alone"),
+        (
+            "collect.episodes=3",
+            "not used beside a RECORDING; settings that count there: seed, diagnose.episodes",
+        ),
+        ("~target", "not used beside a RECORDING; settings that count there"),
+    ],
+)
+def test_a_setting_that_would_be_ignored_is_refused(folder, tmp_path, word, message):
+    result = CliRunner().invoke(app, ["diagnose", str(folder), word, "--out", str(tmp_path / "o")])
+    assert isinstance(result.exception, UsageError)
+    assert str(result.exception).startswith(f"diagnose: {word}: {message}")
+    assert not (tmp_path / "o").exists()
+
+
+def test_settings_that_count_beside_a_recording_are_taken(folder):
+    words = ["seed=3", "diagnose.episodes=2", "experiment=limo", "runs_dir=elsewhere"]
+    result = CliRunner().invoke(app, ["diagnose", str(folder), *words, "--show-config"])
+    assert result.exit_code == 0, result.output
+    assert "seed: 3" in result.output

@@ -13,6 +13,10 @@ def commands(rng, rows, hold):
     return np.repeat(rng.uniform(-1.0, 1.0, (rows // hold, 2)), hold, axis=0)
 
 
+def clock(rows):
+    return 0.1 * np.arange(rows)
+
+
 def test_it_is_a_delay_and_a_lag():
     """Against an Euler integration a thousand times finer."""
     rng = np.random.default_rng(0)
@@ -35,10 +39,12 @@ def test_episodes_begin_at_rest():
     rng = np.random.default_rng(1)
     actions = commands(rng, 30, 3)
     episode = np.repeat([0, 1, 2], [12, 5, 13])
-    whole = FILTER.arrived(actions, episode)
+    t = clock(30)
+    whole = FILTER.arrived(actions, episode, t)
     for number in range(3):
         rows = episode == number
-        np.testing.assert_array_equal(whole[rows], FILTER.arrived(actions[rows], np.zeros(rows.sum(), int)))
+        alone = FILTER.arrived(actions[rows], np.zeros(rows.sum(), int), t[rows])
+        np.testing.assert_array_equal(whole[rows], alone)
 
 
 def test_delay_and_lag_are_found_again():
@@ -50,8 +56,8 @@ def test_delay_and_lag_are_found_again():
     def rates_of(arrived):
         return np.column_stack([arrived[:, 0], np.tanh(arrived[:, 1]) + 0.2 * arrived[:, 0]])
 
-    measured = rates_of(true.arrived(actions, episode)) + 0.01 * rng.standard_normal((600, 2))
-    found = fit_filter(actions, episode, measured, rates_of, 0.1)
+    measured = rates_of(true.arrived(actions, episode, clock(600))) + 0.01 * rng.standard_normal((600, 2))
+    found = fit_filter(actions, episode, clock(600), measured, rates_of, 0.1)
     np.testing.assert_allclose(found.delay, true.delay, atol=0.01)
     np.testing.assert_allclose(found.time_constant, true.time_constant, atol=0.015)
 
@@ -59,7 +65,7 @@ def test_delay_and_lag_are_found_again():
 def test_settled_rows_are_those_that_have_stood():
     actions = np.array([[1.0], [1.0], [1.0], [2.0], [2.0], [2.0], [2.0], [2.0]])
     episode = np.array([0, 0, 0, 0, 0, 0, 1, 1])
-    assert settled_rows(actions, episode, 2).tolist() == [
+    assert settled_rows(actions, episode, clock(8), 2, 0.1).tolist() == [
         False,
         False,
         True,
@@ -69,7 +75,43 @@ def test_settled_rows_are_those_that_have_stood():
         False,
         False,
     ]
-    assert settled_rows(actions, episode, 1).tolist() == [False, True, True, False, True, True, False, True]
+    settled = settled_rows(actions, episode, clock(8), 1, 0.1).tolist()
+    assert settled == [False, True, True, False, True, True, False, True]
+
+
+def test_over_a_gap_another_command_may_have_stood():
+    actions, episode = np.ones((6, 1)), np.zeros(6, dtype=int)
+    t = np.array([0.0, 0.1, 0.2, 0.4, 0.5, 0.6])
+    assert settled_rows(actions, episode, t, 2, 0.1).tolist() == [False, False, True, False, False, True]
+
+
+def test_a_command_stands_where_rows_are_lost():
+    """What arrives after the gap is what would have arrived of the whole log, as the command did not change."""
+    rng = np.random.default_rng(3)
+    actions, episode = commands(rng, 40, 8), np.repeat([0, 1], 20)
+    whole = FILTER.arrived(actions, episode, clock(40))
+    kept = np.setdiff1d(np.arange(40), [3, 10, 11, 12, 28])
+    np.testing.assert_array_equal(FILTER.arrived(actions[kept], episode[kept], clock(40)[kept]), whole[kept])
+
+
+def test_after_a_gap_that_nothing_outlasts_it_starts_at_rest():
+    actions, episode = np.ones((10, 2)), np.zeros(10, dtype=int)
+    t = clock(10) + np.where(np.arange(10) < 5, 0.0, 3600.0)
+    found = FILTER.arrived(actions, episode, t)
+    np.testing.assert_array_equal(found[5:], found[:5])
+
+
+def test_lost_rows_do_not_bias_delay_and_lag():
+    """A tenth of the rows is missing; the true filter has seen them all."""
+    rng = np.random.default_rng(4)
+    actions, episode, t = commands(rng, 1200, 6), np.repeat([0, 1, 2], 400), clock(1200)
+    true = CommandFilter((0.13, 0.06), (0.11, 0.25), 0.1)
+    measured = true.arrived(actions, episode, t) + 0.01 * rng.standard_normal((1200, 2))
+    kept = np.sort(rng.permutation(1200)[:1080])
+    found = fit_filter(actions[kept], episode[kept], t[kept], measured[kept], lambda arrived: arrived, 0.1)
+    total = np.add(found.delay, found.time_constant)
+    np.testing.assert_allclose(total, np.add(true.delay, true.time_constant), atol=0.01)
+    np.testing.assert_allclose(found.delay, true.delay, atol=0.015)
 
 
 def test_round_trip_and_foreign_content():

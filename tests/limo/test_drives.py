@@ -10,9 +10,12 @@ import pytest
 from gpsim.cli.configuration import resolve
 from gpsim.cli.main import main
 
+from gpsim import policies
+from gpsim.artifacts import Recipe, Store
 from gpsim.driving import Sweep, drive_plan, drive_policy
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
+from gpsim.evaluation.trips import take_trips
 from gpsim.learning import PpoSettings, SacSettings
 from gpsim.policies import train_ppo, train_sac
 from gpsim.policy import Policy
@@ -21,7 +24,9 @@ from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages.building import make_task, target_plant
+from gpsim.stages.export_policy import export_policy
 from gpsim.stages.import_log import read_logs
+from gpsim.stages.policy_files import write_policy
 from gpsim.tasks import Balance, GoalReaching, Start
 
 CONFIG = resolve(["experiment=limo"], None)
@@ -131,9 +136,49 @@ def test_exported_policies_act_alike(tmp_path):
         actions = session.run(["action"], {"observation": seen})[0]
         np.testing.assert_allclose(actions, policy.act(seen), rtol=1e-5, atol=1e-6)
         assert to_onnx(policy) == to_onnx(policy)
-    compile(ros_node(continuous, 10.0, 0.05), "drive_to_goal.py", "exec")
+    compile(ros_node(continuous, 10.0, 0.05, (0.5, -0.5), 500), "drive_to_goal.py", "exec")
     with pytest.raises(UsageError, match="only policies that drive a vehicle"):
-        ros_node(discrete, 50.0, 0.05)
+        ros_node(discrete, 50.0, 0.05, (0.5, -0.5), 500)
+
+
+def test_an_exported_node_drives_to_the_goal_of_its_policys_task(tmp_path):
+    policy, _, _ = train()
+    task = {"name": "goal", "goal_radius": 0.1, "evaluation_goal": [1.25, 0.75], "max_steps": 80}
+    config = {"task": task, "simulator": {"dt": 0.1}}
+    for name, section in (("own", task), ("default", {"name": "goal"})):
+        made = Store(tmp_path / name, "limo").publish(
+            Recipe("train-source", {**config, "task": section}, {}, {}),
+            lambda folder: write_policy(folder, policy),
+        )
+        export_policy(made.path, tmp_path / f"deploy_{name}")
+    node = (tmp_path / "deploy_own" / "drive_to_goal.py").read_text()
+    assert '"~goal_x", 1.25), rospy.get_param("~goal_y", 0.75)' in node
+    assert '"~max_steps", 80)' in node
+    assert '"~goal_radius", 0.1)' in node
+    assert "_goal_x:=1.25 _goal_y:=0.75" in node
+    compile(node, "drive_to_goal.py", "exec")
+    node = (tmp_path / "deploy_default" / "drive_to_goal.py").read_text()
+    assert '"~goal_x", 0.5), rospy.get_param("~goal_y", -0.5)' in node
+    assert '"~max_steps", 500)' in node
+
+
+def test_a_checkpoint_that_leaves_the_floor_has_not_succeeded():
+    """Success is reaching the goal, as in a trip; an episode ends at the edge of the target's floor, too."""
+    task = GoalReaching(max_steps=60, floor=1.2, goal_radius=0.2).on_target()
+    env = BatchedEnv(PLANT, task, 8, 0)
+    settings = replace(SMALL, checkpoint_episodes=200)
+
+    class Ahead:
+        def act(self, seen):
+            return np.tile([0.2, 0.0], (len(seen), 1))
+
+    judge = policies._Judge(env, np.ones(2, dtype=np.float32), settings, 7, lambda *_: None)
+    _, success, length = judge._try(Ahead())
+    start = task.start(200, np.random.default_rng(7))
+    trips = take_trips(PLANT, task, Ahead().act, start, np.random.default_rng(7))
+    assert success == trips.reached.mean()
+    assert length == trips.steps.mean()
+    assert 0.0 < success < np.mean(trips.steps < 60)  # of those that ended, some left
 
 
 def run(monkeypatch, capsys, *words):

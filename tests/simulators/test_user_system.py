@@ -107,6 +107,24 @@ def test_faults_of_a_mechanical_system_are_one_line(tmp_path, old, new, message)
     assert "\n" not in str(caught.value)
 
 
+IN_PLACE = GOOD.replace(
+    'return {"level": action', 'u = action["pump"]; u *= 0.5; return {"level": action'
+).replace('return {"q_dot"', 'p["mass"] = 2 * p["mass"]; return {"q_dot"')
+
+
+def test_what_rates_is_given_cannot_be_changed_in_place(tmp_path):
+    """A view of the recording that is scaled at every evaluation would halve its actions again and again."""
+    path = write(tmp_path, IN_PLACE)
+    with pytest.raises(UsageError, match=r"read-only.*copy first \(u = u.copy\(\)\)") as caught:
+        make_simulator(f"{path}:Tank")
+    assert "mine.py" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    cart = make_simulator(f"{path}:Cart")
+    parameters = cart.defaults()
+    cart.rates(np.zeros((1, 2)), np.ones((1, 1)), parameters)
+    assert parameters == {"mass": 2.0}
+
+
 DERIVED = """
 from gpsim.simulators import Simulator
 from gpsim.simulators.slider import Slider
@@ -137,6 +155,62 @@ def test_a_simulator_that_derives_from_a_built_in_one_keeps_its_own_physics(tmp_
         np.testing.assert_allclose(rates, [[1.0]])
     with pytest.raises(UsageError, match="its declaration raised AttributeError"):
         make_simulator(f"{tmp_path / 'mine.py'}:Nothing")
+
+
+RAISING = """
+from gpsim.simulators.slider import Slider
+
+class Rates(Slider):
+    def rates(self, state, action, parameters, forces=None):
+        if FAULT:
+            raise RuntimeError("boom")
+        return super().rates(state, action, parameters, forces)
+
+class Derivative(Slider):
+    def derivative(self, state, rates):
+        if len(state) > 3:
+            raise RuntimeError("boom")
+        return super().derivative(state, rates)
+
+class Measured(Slider):
+    def measured_rates(self, state, next_state, dt):
+        if len(state) > 3:
+            raise RuntimeError("boom")
+        return super().measured_rates(state, next_state, dt)
+
+class Short(Slider):
+    def measured_rates(self, state, next_state, dt):
+        return next_state - state
+
+class InPlace(Slider):
+    def rates(self, state, action, parameters, forces=None):
+        action *= 0.5
+        return super().rates(state, action, parameters, forces)
+"""
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "message"),
+    [
+        ("forces is not None", "Rates", "rates raised RuntimeError: boom"),
+        ("False", "Short", r"measured_rates must have shape \(3, 1\), got \(3, 2\)"),
+        ("False", "InPlace", "read-only.*copy first"),
+    ],
+)
+def test_a_derived_class_that_is_wrong_at_the_door_is_one_line(tmp_path, fault, name, message):
+    path = write(tmp_path, RAISING.replace("FAULT", fault))
+    with pytest.raises(UsageError, match=message) as caught:
+        make_simulator(f"{path}:{name}")
+    assert "mine.py" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["Rates", "Derivative", "Measured"])
+def test_a_derived_class_that_raises_later_is_one_line(tmp_path, name):
+    slider = make_simulator(f"{write(tmp_path, RAISING.replace('FAULT', 'len(state) > 3'))}:{name}")
+    state, action, dt = np.zeros((5, 2)), np.zeros((5, 1)), np.full(5, 0.1)
+    with pytest.raises(UsageError, match=f"mine.py:{name}: {name.lower()}.* raised RuntimeError: boom"):
+        slider.measured_rates(state, slider.step(state, action, slider.defaults(), dt, "rk4"), dt)
 
 
 def test_a_file_that_changes_does_not_change_what_is_under_way(tmp_path):

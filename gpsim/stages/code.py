@@ -1,0 +1,38 @@
+"""Which state of gpsim's own code makes an artifact: a part of its key, so that no upgrade keeps old answers.
+
+Every stage has a number, its `format`, to be raised when the same settings may give other content. Beside it:
+
+RELEASE      for what is cheap to make: anew with every release, whether somebody thought of the number or not.
+IN_NUMBERS   for trained policies, which take minutes to hours: the number alone.
+SOURCES      for the diagnosis, whose search changes all the time: anew with every change of the library's code.
+
+What is made anew to the same bytes is the same artifact to those that rest on it (`Artifact.digest`): they are kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import gpsim
+from gpsim.artifacts import file_digest
+
+APART = ("cli", "conf", "trials")
+"""Folders that no diagnosis rests on."""
+
+
+def sources_digest(root: Path) -> str:
+    """sha256 over the path and content of every module below `root`, those in the folders of APART left out."""
+    paths = {path.relative_to(root).as_posix(): path for path in root.rglob("*.py")}
+    lines = [
+        f"{name} {file_digest(path)}\n"
+        for name, path in sorted(paths.items())
+        if name.split("/")[0] not in APART
+    ]
+    return hashlib.sha256("".join(lines).encode()).hexdigest()
+
+
+RELEASE = f"gpsim {gpsim.__version__}"
+IN_NUMBERS = ""
+SOURCES = sources_digest(Path(gpsim.__file__).parent)
+"""Taken when the process starts, as the code that it runs is: files that change meanwhile change neither."""

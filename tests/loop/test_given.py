@@ -1,0 +1,121 @@
+"""A loop that is given its recording or its diagnosis: it does not make them, and says what it was given."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gpsim.cli.configuration import resolve
+
+from gpsim.artifacts import Artifact, Recipe, Store
+from gpsim.corrected_effects import EffectsPlant, describe
+from gpsim.errors import UsageError
+from gpsim.recordings import Episode, Recording
+from gpsim.recordings.files import write_recording
+from gpsim.simulators import make_simulator
+from gpsim.stages import full_loop, report
+from gpsim.stages.building import base_plant
+from gpsim.stages.stage import Request, Stage
+
+CAR = base_plant(resolve(["experiment=limo"], None))
+
+
+def asked(*words: str) -> Request:
+    return Request(resolve(["experiment=limo", *words], None), words)
+
+
+def labels(request: Request) -> list[str]:
+    return [job.label for job in full_loop.plan(request, (0, 1))]
+
+
+def driven(dt: float = 0.1) -> Recording:
+    k = np.arange(31)
+    states = np.stack([0.01 * k, 0.0 * k, 0.001 * k], axis=1)
+    episodes = tuple(Episode(str(i), dt * k, states, np.full((30, 2), 0.1)) for i in range(3))
+    return Recording("unicycle", CAR.state, CAR.action, episodes, dt, {}, "euler", clock="episode")
+
+
+@pytest.fixture
+def drive(tmp_path):
+    """As `gpsim import` leaves it."""
+    recipe = Recipe("import", {}, {}, {})
+    write = lambda folder: write_recording(driven(), folder)  # noqa: E731
+    return Store(tmp_path, "").publish(recipe, write, out=tmp_path / "drive").path
+
+
+@pytest.fixture
+def diagnosis(tmp_path):
+    car = make_simulator("unicycle")
+    plant = EffectsPlant(car, car.defaults({}), (), "euler", 1, 0.1)
+
+    def write(folder: Path):
+        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
+        (folder / "diagnosis.json").write_text('{"verdict": "none", "effects": []}')
+        return {}
+
+    return Store(tmp_path, "").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "known").path
+
+
+@pytest.mark.parametrize("target", ["limo", "recording"])
+def test_a_recording_that_is_given_is_not_collected(drive, target):
+    found = labels(asked(f"target={target}", f"recording={drive}"))
+    assert not [label for label in found if label.startswith("collect")]
+    assert {"build-residuals · seed 0", "diagnose · seed 1", "evaluate · seed 1"} <= set(found)
+    assert ("certify" in found) == (target == "limo")
+    if target == "limo":
+        assert "collect · seed 0" in labels(asked())
+
+
+def test_a_diagnosis_that_is_given_is_not_made(diagnosis):
+    jobs = {job.label: job for job in full_loop.plan(asked(f"diagnosis={diagnosis}"), (0,))}
+    assert not [label for label in jobs if label.startswith("diagnose")]
+    assert jobs["Effects · seed 0"].after == ()
+    assert "diagnose · seed 0" in labels(asked())
+
+
+def test_what_is_given_is_opened_before_anything_is_trained(drive, diagnosis, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    write_recording(driven(dt=0.05), other)
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    for words, message in (
+        ([f"recording={other}"], r"choose simulator\.dt=0\.05"),
+        ([f"recording={empty}"], "recording.yaml"),
+        ([f"diagnosis={drive}"], "made by 'import', expected an artifact of 'diagnose'"),
+        ([f"diagnosis={diagnosis}", "simulator.dt=0.2"], r"choose simulator\.dt=0\.1"),
+    ):
+        with pytest.raises(UsageError, match=message) as caught:
+            full_loop.plan(asked(*words), (0,))
+        assert "\n" not in str(caught.value)
+
+
+def test_the_report_lists_what_was_used(drive, diagnosis, monkeypatch):
+    monkeypatch.setattr(
+        Stage, "need", lambda stage, request: Artifact(Path(stage.name), {"stage": stage.name}, stage.name)
+    )
+    plain = [(role, seed) for role, seed, _ in report._artifacts(asked(), (0, 1))]
+    assert {("collect", 0), ("collect", 1), ("diagnose", 0), ("diagnose", 1)} <= set(plain)
+    given = asked(f"recording={drive}", f"diagnosis={diagnosis}")
+    found = report._artifacts(given, (0, 1))
+    roles = [(role, seed) for role, seed, _ in found]
+    assert roles[:2] == [("recording", None), ("diagnose", None)]
+    assert not {role for role, seed in roles if seed is not None} & {"collect", "diagnose"}
+    assert [a.path for _, seed, a in found if seed is None][:2] == [drive, diagnosis]
+    settings = report._settings(given)
+    assert (settings["recording"], settings["diagnosis"]) == (str(drive), str(diagnosis))
+    assert "collect" not in settings
+    assert {"collect"} == set(report._settings(asked())) - set(report._settings(asked(f"recording={drive}")))
+    # One diagnosis for all seeds is said once.
+    requests = {seed: given.having(seed=seed) for seed in (0, 1)}
+    assert report._named(requests) == {0: ["verdict: none"]}
+
+
+def test_a_folder_of_ones_own_has_no_manifest_to_list(tmp_path, monkeypatch):
+    write_recording(driven(), tmp_path)
+    monkeypatch.setattr(
+        Stage, "need", lambda stage, request: Artifact(Path(stage.name), {"stage": stage.name}, stage.name)
+    )
+    found = report._artifacts(replace(asked(), config=asked(f"recording={tmp_path}").config), (0,))
+    assert not {role for role, _, _ in found} & {"recording", "collect"}
