@@ -45,7 +45,7 @@ $(STAGES): install
 	$(GPSIM) $@ $(ARGS)
 
 test: install lint types  ## Tests, ruff and strict types
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-slow: install  ## The heavy tests, minutes each
 	$(BIN)/python -m pytest -m slow
