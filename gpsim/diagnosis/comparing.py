@@ -65,7 +65,7 @@ def compare(
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
-    steps = {kind: _steps(question, h) for kind, h in hypotheses.items()}
+    steps = _steps_of(question, hypotheses)
     rates = {kind: _residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
     features = _features(problem)
     gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
@@ -92,6 +92,13 @@ def compare(
         _residual_rates(problem, steps["before"].train, base),
         _residual_rates(problem, steps["after"].train, after),
     )
+
+
+def _steps_of(question: Question, hypotheses: Mapping[str, Hypothesis]) -> dict[str, _Steps]:
+    """Where nothing is hidden all hypotheses start from what was measured."""
+    if not question.hidden:
+        return dict.fromkeys(hypotheses, _steps(question, hypotheses["before"]))
+    return {kind: _steps(question, h) for kind, h in hypotheses.items()}
 
 
 def _steps(question: Question, hypothesis: Hypothesis) -> _Steps:

@@ -41,14 +41,16 @@ def rollouts(
     """
     problem, dt = question.everything, question.recording.dt
     length = max(2, min(max(round(HORIZON / dt), LENGTH), LONGEST, _longest(question.recording)))
-    errors, last = {}, None
+    errors, last, windows = {}, None, None
     for kind, model in models.items():
-        windows = _held_out(question, model.hypothesis, length)
+        if windows is None or question.hidden:  # what is hidden each model guesses for itself
+            windows = _held_out(question, model.hypothesis, length)
         if not len(windows):
             return {"horizon_s": length * dt}
         last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
         errors[kind] = difference(windows.measured[:, -1], last, problem.simulator.state)
     assert last is not None
+    assert windows is not None
     start, end = (rng.normal(size=last.shape) * noise for _ in range(2))
     noisy = replace(windows, measured=windows.measured + start[:, None])
     disturbed = predicted(problem, noisy, model.hypothesis, model.extra)[:, -1]
