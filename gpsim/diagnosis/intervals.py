@@ -15,7 +15,7 @@ from scipy.stats import t as student
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import correlation_time
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.shooting import Fit, gradient_at
+from gpsim.diagnosis.shooting import Curvature, Fit, curvature
 from gpsim.diagnosis.shooting import fit as shoot
 
 LEVEL = 0.90
@@ -29,8 +29,9 @@ def intervals(problem: Problem, fit: Fit) -> FloatArray:
     theta = fit.hypothesis.theta
     if not theta.size:
         return np.empty((0, 2))
-    covariance = covariance_of(problem, fit)
-    shift = _numerical_shift(problem, fit)
+    around = curvature(problem, fit)
+    covariance = _covariance(problem, fit, around)
+    shift = _numerical_shift(problem, fit, around)
     freedom = max(len(problem.windows) - len(theta), 2)
     half = student.ppf(0.5 + LEVEL / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
     low, high = theta - half, theta + half
@@ -44,12 +45,11 @@ def intervals(problem: Problem, fit: Fit) -> FloatArray:
     return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
 
 
-def covariance_of(problem: Problem, fit: Fit) -> FloatArray:
+def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
-    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)
-    count, size = fit.gradients.shape
-    centred = fit.gradients - fit.gradients.mean(axis=0)
+    inverse = _inverse(around.information)
+    count, size = around.gradients.shape
+    centred = around.gradients - around.gradients.mean(axis=0)
     scatter = centred.T @ centred * count / max(count - size, 1)
     sandwich = inverse @ scatter @ inverse
     model = inverse * _correlated(problem, fit)
@@ -63,15 +63,21 @@ def _correlated(problem: Problem, fit: Fit) -> float:
     return tau if tau > CHANCE else 1.0
 
 
-def _numerical_shift(problem: Problem, fit: Fit) -> FloatArray:
+def _inverse(information: FloatArray) -> FloatArray:
+    """Of parameters in whatever units: scaled to a unit diagonal before."""
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return np.asarray(
+        np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)
+    )
+
+
+def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     """(P,) how far one Gauss-Newton step moves on a grid twice as fine."""
     if fit.hypothesis.scheme != "fine":
         return np.zeros(len(fit.hypothesis.theta))
     finer = replace(problem, substeps=2 * problem.substeps)
-    before, after = gradient_at(problem, fit), gradient_at(finer, fit)
-    scale = np.sqrt(np.maximum(np.diag(fit.information), 1e-300))
-    inverse = np.linalg.pinv(fit.information / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)
-    return np.asarray(inverse @ (after - before))
+    moved = curvature(finer, fit).gradients.sum(axis=0) - around.gradients.sum(axis=0)
+    return np.asarray(_inverse(around.information) @ moved)
 
 
 def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:

@@ -31,8 +31,7 @@ class Fit:
     """A fitted hypothesis.
 
     residuals: (W, L + 1, S); starts: (W, S); variance: (S,) of the residual, floor included; objective: negative log
-    likelihood in nats, up to a constant of the data. information (P, P) and the gradients (W, P) of each window, start
-    states projected out; converged: whether it stood still.
+    likelihood in nats, up to a constant of the data; converged: whether it stood still.
     """
 
     hypothesis: Hypothesis
@@ -40,9 +39,15 @@ class Fit:
     residuals: FloatArray
     variance: FloatArray
     objective: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """The log likelihood around a fit, start states projected out: information (P, P), gradients (W, P) by window."""
+
     information: FloatArray
     gradients: FloatArray
-    converged: bool
 
 
 def fit(
@@ -81,28 +86,18 @@ def fit(
         if (moved and still >= 1) or still >= (PATIENCE if theta.size else 2):
             converged = True
             break
-    by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
-    variance, small = variance_of(problem, at.residual), np.full(len(starts), LEAST_DAMPING)
-    informations, gradients = projected(problem, at.residual, by_state, by_theta, variance, small)
-    return Fit(
-        hypothesis.having(at.theta),
-        at.starts,
-        at.residual,
-        variance,
-        at.value,
-        informations.sum(axis=0),
-        gradients,
-        converged,
-    )
+    variance = variance_of(problem, at.residual)
+    return Fit(hypothesis.having(at.theta), at.starts, at.residual, variance, at.value, converged)
 
 
-def gradient_at(problem: Problem, fit: Fit) -> FloatArray:
-    """(P,) the log likelihood's gradient at a fit made on another grid, the noise model standing."""
+def curvature(problem: Problem, fit: Fit) -> Curvature:
+    """Around a fit to the problem's windows, or to the same windows on another grid; the noise model stands."""
     theta = fit.hypothesis.theta
     residual = problem.residuals(fit.hypothesis, theta[None], fit.starts[None])[0]
     by_state, by_theta = jacobians(problem, fit.hypothesis, theta, fit.starts, residual)
     small = np.full(len(fit.starts), LEAST_DAMPING)
-    return np.asarray(projected(problem, residual, by_state, by_theta, fit.variance, small)[1].sum(axis=0))
+    informations, gradients = projected(problem, residual, by_state, by_theta, fit.variance, small)
+    return Curvature(informations.sum(axis=0), gradients)
 
 
 @dataclass(frozen=True)
