@@ -131,9 +131,12 @@ def _stepped(
         thetas.insert(0, np.clip(at.theta + step.theta, low, high))
     # What was measured is always worth a try: a start state that a worse theta led astray may be stuck there.
     anchor = problem.windows.measured[:, 0]
-    follows = [at.starts + step.starts_by_theta @ (theta - at.theta) for theta in thetas]
+    follows = [at.starts + step.starts_by_theta @ (theta - at.theta) for theta in thetas[:-1]] + [at.starts]
     copies = np.stack([c for follow in follows for c in (follow + step.starts_alone, follow, anchor)])
-    got = problem.residuals(hypothesis, np.repeat(np.stack(thetas), 3, axis=0), copies)
+    got = np.empty((len(copies), *at.residual.shape))
+    new = np.arange(len(copies)) != len(copies) - 2  # where it stands is known
+    got[~new] = at.residual
+    got[new] = problem.residuals(hypothesis, np.repeat(np.stack(thetas), 3, axis=0)[new], copies[new])
     costs = window_costs(problem, got, variance_of(problem, at.residual))
     every, options = np.arange(len(at.starts)), []
     for i, theta in enumerate(thetas):
