@@ -16,8 +16,6 @@ from typing import Any
 
 from gpsim.errors import UsageError
 
-LEAVE = 5.0  # s, in which a worker that was told to go tidies up
-
 
 @contextmanager
 def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iterator[ProcessPoolExecutor]:
@@ -37,13 +35,8 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
         ) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        left = multiprocessing.active_children()
-        for process in left:
+        for process in multiprocessing.active_children():
             process.terminate()
-        for process in left:  # a pool's worker survives an exit within a task and takes the next one
-            process.join(LEAVE)
-            if process.is_alive():
-                process.terminate()
 
 
 def begin_worker(parent: int) -> None:
@@ -52,14 +45,8 @@ def begin_worker(parent: int) -> None:
     Who is ended by the parent leaves as after an exception, so that temporary folders go with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))
     threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
-
-
-def _leave(number: int, frame: object) -> None:
-    """The second time at once."""
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    sys.exit(1)
 
 
 def _leave_with(parent: int) -> None:
