@@ -2,12 +2,7 @@
 
 import numpy as np
 
-from gpsim.diagnosis.windows import LONGEST_GAP
-from gpsim.gaps import LONGEST_STEP, gaps, steps_to_next
-
-
-def test_the_loop_and_the_diagnosis_call_the_same_steps_gaps():
-    assert LONGEST_STEP == LONGEST_GAP
+from gpsim.gaps import gaps, steps_to_next
 
 
 def test_a_jittering_clock_has_none_and_lost_rows_are_counted():

@@ -10,11 +10,11 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.evenly import evenly
+from gpsim.gaps import gaps
 from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST = 100  # transitions a window at most, where a clock is fast
-LONGEST_GAP = 1.8  # in steps: a longer one may hide commands, no window crosses it
 PRE_ROLL = 80  # transitions before a window that an actuator may remember
 
 
@@ -102,7 +102,7 @@ def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
 
 def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
     """First and last sample of every stretch without a gap; sample `held` begins one."""
-    breaks = set(np.flatnonzero(np.diff(episode.t) > LONGEST_GAP * dt).tolist())
+    breaks = set(np.flatnonzero(gaps(episode.t, dt)).tolist())
     ends = sorted((breaks | {held - 1}) & set(range(len(episode.t) - 1)))
     return list(zip([0, *(end + 1 for end in ends)], [*ends, len(episode.t) - 1], strict=True))
 
