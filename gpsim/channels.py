@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class Channels:
         angles = set(wraps)
         return cls(tuple(Channel(name, unit, name in angles) for name, unit in units.items()))
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The channels' names in column order."""
         return tuple(channel.name for channel in self.items)
@@ -50,10 +51,12 @@ class Channels:
         """Name to unit, in column order."""
         return {channel.name: channel.unit for channel in self.items}
 
-    @property
+    @cached_property
     def wraps(self) -> BoolArray:
-        """Boolean (C,): which columns are angles modulo 2 pi."""
-        return np.array([channel.wraps for channel in self.items], dtype=np.bool_)
+        """Boolean (C,), not writable: which columns are angles modulo 2 pi."""
+        wraps = np.array([channel.wraps for channel in self.items], dtype=np.bool_)
+        wraps.setflags(write=False)
+        return wraps
 
     def index(self, name: str) -> int:
         """Column of the channel `name`; raises UsageError with the alternatives."""

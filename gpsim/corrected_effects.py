@@ -28,7 +28,10 @@ class EffectsPlant:
     """Base simulator plus terms: every episode of the batch has its own memory (delays, lags, late sensors, its age).
 
     States are the true ones; `measure` says what the corrected sensors make of them, as late as they are. Terms that
-    began inside the recording (`since`) act from the start: they describe the system as it is now.
+    began inside the recording (`since`) act from the start, whether its clock ran on over the episodes or began anew in
+    each: they describe the system as it is now. Onsets and ages are moments of the clock that the diagnosis looked at,
+    0 at the start of a recording whose own was set long before; an episode that is driven shares nothing with it but
+    its age.
 
     ages: s. What changes with time by itself, a battery, goes by an episode's age: drawn anew for every episode,
     uniformly from these, the first and the last moment at which an episode of the recording began.
@@ -85,7 +88,7 @@ class EffectsPlant:
             command = self.chain.command(action, state, values, effects, step, now)
             state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step
-            self.chain.watch(state, seen)
+            self.chain.watch(state, seen, step)
         return state
 
     def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:

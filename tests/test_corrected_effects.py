@@ -119,8 +119,9 @@ def test_nothing_is_drawn_where_nothing_drifts():
     assert rng.uniform() == untouched.uniform()
 
 
-def test_an_effect_that_began_in_the_recording_acts_from_an_episodes_start():
-    _, true = pushed(slider(Term("constant_force", "q", {"force": 1.0}, Gate(since=40.0))), 10)
+@pytest.mark.parametrize("since", [0.1, 40.0])  # of a clock that begins anew in every episode, or runs on
+def test_an_effect_that_began_in_the_recording_acts_from_an_episodes_start(since):
+    _, true = pushed(slider(Term("constant_force", "q", {"force": 1.0}, Gate(since=since))), 10)
     np.testing.assert_allclose(true[:, 0, 1], 2.0 * DT * np.arange(11), atol=1e-12)
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.hidden import smoothed
+from gpsim.diagnosis.hidden import Completions
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.predicting import predicted, traced
+from gpsim.diagnosis.predicting import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ratios import MODELS, over_before, rms, typical
@@ -24,6 +24,7 @@ from gpsim.diagnosis.windows import Windows, cut, held_out_mask
 from gpsim.evenly import evenly
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
+from gpsim.recordings import Recording
 
 MOST, GP_ROWS = 3000, 250
 LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
@@ -65,25 +66,31 @@ def compare(
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
-    steps = _steps_of(question, hypotheses)
+    completions = Completions(problem, question.recording, question.hidden)
+    steps = _steps_of(question, hypotheses, completions)
     rates = {kind: _residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
     features = _features(problem)
     gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
     gps["after_gp"] = _gp(problem, steps["after"].train, after, features, rng) if after.terms else gps["gp"]
     rates["gp"] = rates["before"] - gps["gp"].mean(features(_inputs(steps["before"].test)))
-    rates["after_gp"] = rates["after"] - gps["after_gp"].mean(features(_inputs(steps["after"].test)))
+    both = _added(gps["after_gp"], features)
+    rates["after_gp"] = (
+        _residual_rates(problem, steps["after"].test, after, both)
+        if has_sensors(after)  # the process knows the true states, which the simulation has
+        else rates["after"] - both(*_state_and_action(steps["after"].test))
+    )
     noise = _sensor_noise(question, judgement)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
     models = {
         "before": Model(base),
         "tuned": Model(hypotheses["tuned"]),
         "gp": Model(base, _added(gps["gp"], features)),
-        "after_gp": Model(after, _added(gps["after_gp"], features)),
+        "after_gp": Model(after, both),
         "after": Model(after),
     }
     return Comparison(
         _one_step(question, rates, _measured_rates(problem, steps["after"].test), rng),
-        rollouts(question, models, noise, rng),
+        rollouts(question, models, noise, rng, completions),
         {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
         gps["after_gp"],
         features.names,
@@ -94,15 +101,16 @@ def compare(
     )
 
 
-def _steps_of(question: Question, hypotheses: Mapping[str, Hypothesis]) -> dict[str, _Steps]:
+def _steps_of(
+    question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
+) -> dict[str, _Steps]:
     """Where nothing is hidden all hypotheses start from what was measured."""
     if not question.hidden:
-        return dict.fromkeys(hypotheses, _steps(question, hypotheses["before"]))
-    return {kind: _steps(question, h) for kind, h in hypotheses.items()}
+        return dict.fromkeys(hypotheses, _steps(question.recording))
+    return {kind: _steps(completions.by(h)) for kind, h in hypotheses.items()}
 
 
-def _steps(question: Question, hypothesis: Hypothesis) -> _Steps:
-    recording = smoothed(question.everything, question.recording, hypothesis, question.hidden)
+def _steps(recording: Recording) -> _Steps:
     windows = cut(recording, 1, most=LOOKED_AT)
     held = held_out_mask(recording, windows)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
@@ -128,9 +136,11 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     return found.hypothesis if bool((share[problem.observed] > LEAST_SHARE).any()) else base
 
 
-def _residual_rates(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
-    """(W, R) measured minus simulated rates of single transitions."""
-    said = predicted(problem, windows, hypothesis)
+def _residual_rates(
+    problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None = None
+) -> FloatArray:
+    """(W, R) measured minus simulated rates of single transitions; `extra` rates are added to the simulation's."""
+    said = predicted(problem, windows, hypothesis, extra)
     dt = np.diff(windows.t, axis=1)[:, 0]
     simulated = problem.simulator.measured_rates(windows.measured[:, 0], said[:, 1], dt)
     return np.asarray(_measured_rates(problem, windows) - simulated)
@@ -180,15 +190,26 @@ def _features(problem: Problem) -> Features:
 
 
 def _inputs(windows: Windows) -> FloatArray:
-    return np.hstack([windows.measured[:, 0], windows.actions[:, 0]])
+    return np.hstack(_state_and_action(windows))
+
+
+def _state_and_action(windows: Windows) -> tuple[FloatArray, FloatArray]:
+    return windows.measured[:, 0], windows.actions[:, 0]
 
 
 def _gp(
     problem: Problem, train: Windows, hypothesis: Hypothesis, features: Features, rng: np.random.Generator
 ) -> Predictor:
-    """A Gaussian process on what the hypothesis leaves of the rates."""
+    """A Gaussian process on what the hypothesis leaves of the rates, as it will be asked: in true states.
+
+    What the hypothesis's sensors make of them the corrected simulator says by itself.
+    """
+    if has_sensors(hypothesis) and not train.fresh.all():
+        train = train.take(~train.fresh)
     rows: IntArray = rng.permutation(len(train))[:GP_ROWS]
     chosen = train.take(np.sort(rows))
+    if has_sensors(hypothesis):
+        chosen, hypothesis = as_it_was(problem, chosen, hypothesis), without_sensors(hypothesis)
     targets = _residual_rates(problem, chosen, hypothesis)
     settings = FitSettings(restarts=1, screening_iterations=5, max_iterations=60)
     return Predictor(fit_outputs(features(_inputs(chosen)), targets, settings, rng))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from gpsim.corrected_effects import EffectsPlant
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.comparing import Comparison, compare
 from gpsim.diagnosis.evidence import gain
+from gpsim.diagnosis.holding_out import held_out_names
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.judging import Judgement, judge
@@ -53,6 +55,7 @@ def diagnose(
     """Locate, name, model and judge; raises UsageError where nothing can be said."""
     note(0, 100, "cutting windows")
     question = prepare(recording, simulator, parameters)
+    simulator = question.everything.simulator  # in which the recording's angles wrap
     offers = [
         c
         for c in candidates(question.recording, simulator, parameters)
@@ -72,7 +75,7 @@ def diagnose(
         dict(parameters),
         leader.terms,
         leader.scheme if leader.terms else base,
-        question.everything.substeps,
+        math.ceil(question.everything.substeps / question.thinned),  # those are of a thinned transition
         recording.dt,
     )
     note(100, 100, "done")
@@ -81,11 +84,8 @@ def diagnose(
 
 def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
     problem = question.everything
-    leader, lack = judgement.leader, judgement.lack
-    structured = judgement.p_value < STRUCTURED or (lack is not None and lack.significant)
-    held = sorted(
-        {question.recording.episodes[i].name for i in question.held_out.windows.episode}, key=_natural
-    )
+    leader = judgement.leader
+    structured = _structured(judgement)
     return {
         "schema": SCHEMA,
         "verdict": judgement.verdict,
@@ -96,7 +96,11 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
         ],
         "tell_apart": tell_apart(problem, judgement),
-        "fit": {"held_out": held, "one_step": comparison.one_step, "rollout": comparison.rollout},
+        "fit": {
+            "held_out": held_out_names(question.recording),
+            "one_step": comparison.one_step,
+            "rollout": comparison.rollout,
+        },
         "remainder": {
             "structured": structured,
             "depends_on": _remaining(problem, comparison) if structured else [],
@@ -105,10 +109,19 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
         },
         "integration": leader.hypothesis.scheme,
         "tuned": comparison.tuned,
+        "dt": question.recording.dt,
         "thinned": question.thinned,
         "not_measured": list(question.hidden),
         "ranking": [ranked.entry for ranked in judgement.ranking],
     }
+
+
+def _structured(judgement: Judgement) -> bool:
+    """Whether something is left over; where nothing was named, the verdict has said so already."""
+    if not judgement.leader.hypothesis.terms:
+        return judgement.verdict == "unknown"
+    lack = judgement.lack
+    return judgement.p_value < STRUCTURED or (lack is not None and lack.significant)
 
 
 def _lack_of_fit(judgement: Judgement) -> dict[str, Any] | None:
@@ -163,9 +176,19 @@ def _effects(
 
 
 def _without(question: Question, judgement: Judgement, found: Fit, index: int) -> Fit:
-    if len(found.hypothesis.terms) == 1 and found.hypothesis.scheme == judgement.null.hypothesis.scheme:
+    """The fit with one term less, integrated by the same scheme on as fine a grid, which a region makes finer."""
+    problem, less = question.everything, found.hypothesis.without(index)
+    finer = 1
+    if less.scheme == "fine":
+        chains = (
+            h.chain(problem.simulator, problem.parameters, problem.dt) for h in (found.hypothesis, less)
+        )
+        whole, rest = (chain.refinement for chain in chains)
+        finer = whole // rest
+    if finer == 1 and not less.terms and less.scheme == judgement.null.hypothesis.scheme:
         return judgement.null
-    return fit(question.everything, found.hypothesis.without(index), found.starts, iterations=12)
+    grid = replace(problem, substeps=finer * problem.substeps)
+    return fit(grid, less, found.starts, iterations=12)
 
 
 def _share(
@@ -215,7 +238,3 @@ def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str) -> float | Non
 
 def _arrays(values: Mapping[str, float]) -> dict[str, FloatArray]:
     return {name: np.array([value]) for name, value in values.items()}
-
-
-def _natural(name: str) -> tuple[int, str]:
-    return (int(name), "") if name.isdigit() else (10**9, name)

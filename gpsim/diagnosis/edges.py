@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import FloatArray, wrap_angle
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
@@ -20,7 +20,8 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import EffectParameter, Gate
 from gpsim.effects.term import FROM, TO
 
-BINS = 24
+BINS, MARGIN = 24, 0.05  # and how far the outer edges lie beyond what was visited, of its range
+TURN = 2.0 * np.pi
 SCANNED = 8  # places on each side of an edge
 JOINT = 8  # iterations of a joint fit
 NARROWS = 5.0  # the next scan's reach is so much shorter
@@ -32,7 +33,10 @@ EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name i
 
 
 def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
-    """Edges of BINS bins of a channel, or of time where it is None: outer ones open, inner ones quantiles."""
+    """Edges of BINS bins of a channel, or of time where it is None: outer ones open, inner ones quantiles.
+
+    Those of an angle that wraps go round the circle once at most, from where it was not visited.
+    """
     windows = problem.windows
     if channel is None:
         values = windows.t[windows.valid]
@@ -40,15 +44,36 @@ def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
         names = problem.simulator.state.names
         if channel in names:
             values = windows.measured[..., names.index(channel)][windows.valid]
+            if (
+                problem.simulator.state.wraps[names.index(channel)]
+                and (1 + 2 * MARGIN) * np.ptp(values) > TURN
+            ):
+                return _round_bins(values)
         else:
             values = windows.actions[..., problem.simulator.action.index(channel)].ravel()
+    return _bins(values)
+
+
+def _bins(values: FloatArray, least: float = -np.inf, most: float = np.inf) -> FloatArray:
+    """Edges of bins that hold equally many values, the outer ones no further out than least and most."""
     inner = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
     if len(inner) < 2:
         return inner
-    margin = 0.05 * (inner[-1] - inner[0])
-    inner[0] -= margin
-    inner[-1] += margin
+    margin = MARGIN * (inner[-1] - inner[0])
+    inner[0] = max(inner[0] - margin, least)
+    inner[-1] = min(inner[-1] + margin, most)
     return inner
+
+
+def _round_bins(angles: FloatArray) -> FloatArray:
+    """The same of angles all round: the circle is cut in the middle of its widest gap, at pi where it has none."""
+    visited = np.sort(wrap_angle(angles))
+    gaps = np.diff(visited, append=visited[0] + TURN)
+    widest = int(np.argmax(gaps))
+    cut = float(visited[widest] + gaps[widest] / 2) if gaps[widest] > TURN / BINS else np.pi
+    cut -= TURN * round((cut - np.pi) / TURN)  # what lies opposite is in the usual turn
+    first = cut - TURN
+    return _bins(first + np.mod(angles - first, TURN), first, cut)
 
 
 def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Gate:
@@ -88,10 +113,16 @@ def placed(problem: Problem, at: Fit, index: int, share: float, finest: float) -
     spread = float(outer[-1] - outer[0])
     reach, stays = share * spread, 0
     sides, most = {0, 1}, spent() + MOST_EFFORT
+    around: Directions | None = None
     while sides and reach / SCANNED > finest * spread and spent() < most:
         moved, before = False, at
         for side in sorted(sides):
-            at, step, tells = _scanned(problem, at, index, outer, side, reach)
+            if _Span.of(at, index, outer).stays(side):
+                sides.discard(side)
+                continue
+            if around is None or around.parent is not at:
+                around = Directions(problem, at)
+            at, step, tells = _scanned(around, index, outer, side, reach)
             moved |= step > reach / SCANNED
             if not tells:
                 sides.discard(side)
@@ -129,6 +160,10 @@ class _Span:
         """Whether a place lies inside the range."""
         return self.outer[0] < place < self.outer[1]
 
+    def stays(self, side: int) -> bool:
+        """Whether an edge is none: what acts from the start on, or to the end, goes on doing so."""
+        return self.channel is None and not self.inside((self.low, self.high)[side])
+
     @property
     def gate(self) -> Gate:
         """The gate."""
@@ -142,16 +177,15 @@ class _Span:
 
 
 def _scanned(
-    problem: Problem, at: Fit, index: int, outer: FloatArray, side: int, reach: float
+    around: Directions, index: int, outer: FloatArray, side: int, reach: float
 ) -> tuple[Fit, float, bool]:
-    """The fit with one edge at the best of many places, all parameters fitted anew there.
+    """The fit in the middle of the directions, one edge at the best of many places, all parameters fitted anew there.
 
     With how far that is, and whether the likelihood tells these places apart.
     """
+    problem, at = around.problem, around.parent
     span = _Span.of(at, index, outer)
     edges = np.array([span.low, span.high])
-    if span.channel is None and not span.inside(edges[side]):
-        return at, 0.0, False  # what acts from the start on, or to the end, goes on doing so
     places = edges[side] + reach * np.linspace(-1, 1, 2 * SCANNED + 1)
     kept = (places > outer[0]) & (places < outer[-1])
     kept &= (places < edges[1]) if side == 0 else (places > edges[0])
@@ -162,7 +196,7 @@ def _scanned(
     split = sum(len(group) for group in at.hypothesis.declared[: index + 1])
     theta = np.tile(at.hypothesis.theta, (len(places), 1))
     thetas = np.hstack([theta[:, :split], both, theta[:, split:]])
-    costs = Directions(problem, at).objectives(span.declared(at.hypothesis, index), thetas)
+    costs = around.objectives(span.declared(at.hypothesis, index), thetas)
     place = _middle(places, costs)
     here = float(costs[np.argmin(np.abs(places - edges[side]))])
     tells = bool(costs.max() > costs.min() + FLAT)

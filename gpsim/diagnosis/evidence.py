@@ -8,7 +8,7 @@ structure, and earns little. The price of a parameter is the BIC's (Schwarz 1978
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.linearised import state_jacobian
@@ -91,8 +91,9 @@ def _gates(fit: Fit) -> int:
 def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
     """(p_value, size): is the residual white, beyond its floor? size: the autocorrelation where it is least so.
 
-    A one-sided test for positive correlation at short lags, each window one independent draw. Start states were fitted
-    to the same samples, which correlates even white noise; that share is known exactly and taken off.
+    A one-sided test for positive correlation at short lags, each window one independent draw (Student 1908: their
+    scatter is estimated from as many). Start states were fitted to the same samples, which correlates even white
+    noise; that share is known exactly and taken off.
     """
     windows = problem.windows
     if len(windows) < 2:
@@ -111,8 +112,8 @@ def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
         own = np.maximum(own, max(float(problem.floor[channel]) ** 2, 1e-300))
         for lag in range(lags):
             products = _lag_products(fit.residuals[..., channel], lag + 1) / own + expected[place, lag]
-            z = float(products.mean()) / max(float(products.std()) / np.sqrt(len(products)), 1e-300)
-            p = float(norm.sf(z))
+            scatter = float(products.std(ddof=1)) / np.sqrt(len(products))
+            p = float(student.sf(float(products.mean()) / max(scatter, 1e-300), len(products) - 1))
             if p < worst:
                 worst, size = p, float(rho[channel, lag])
     return min(1.0, worst * lags * len(seen)), size

@@ -16,7 +16,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.edges import FAR, NEAR, bin_edges, declared_edges, gate_between, placed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.screening import Directions, screened, starts_of
+from gpsim.diagnosis.screening import Directions, screened, starts_of, stronger
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import effect_of, has_patch
@@ -60,7 +60,8 @@ def gated_children(
 
     channels: where gates may look, None among them for time; `region_channels` unless given. few: directions around
     the same parent on a few windows, to look at all other terms, too; some show behind a gate only. Where these are all
-    windows, thresholds are looked at from all their starting values: acting everywhere dilutes one that began late.
+    windows, thresholds are looked at from all their starting values and limits from the lowest, too: acting everywhere
+    dilutes one that began late.
     """
     looked_at = region_channels(problem) if channels is None else channels
     promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
@@ -81,6 +82,11 @@ def gated_children(
             continue
         if few is directions and any(p.step for p in candidate.declared):
             begun = list(dict.fromkeys([*begun, *starts_of(candidate)]))  # a threshold cannot be stretched
+        elif few is directions and any(p.falls for p in candidate.declared):
+            begun = [
+                *begun,
+                tuple(min(p.starts) for p in candidate.declared),
+            ]  # a limit out of reach shows nothing
         channels_of = [channel for channel in looked_at if makes_sense(candidate, channel)]
         looks += [(seen, candidate, v, c, len(problem.windows)) for c in channels_of for v in begun]
     proposals = _best_starts([p for p in side_by_side(_best_gate, looks) if p is not None])
@@ -148,10 +154,9 @@ def _best_gate(
     more = count_windows / len(directions.problem.windows)
     if more * (gain - whole) < WORTH:
         return None
-    if len(values) == 1:  # a law that grows with its only parameter, which acting everywhere diluted
-        share = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
-        p = candidate.declared[0]
-        values = (float(np.clip(p.none + share * (values[0] - p.none), p.low, p.high)),)
+    if len(values) == 1:  # acting everywhere diluted it
+        times = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
+        values = (stronger(candidate.declared[0], values[0], times),)
     return Proposal(more * gain, candidate, values, channel, edges[first], edges[last + 1], last < count - 1)
 
 

@@ -17,7 +17,7 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import traced
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import fit
-from gpsim.diagnosis.windows import cut
+from gpsim.diagnosis.windows import Windows, cut
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import Simulator
 
@@ -52,18 +52,44 @@ def smoothed(
     """The completed recording with its hidden channels as the hypothesis's own windows say."""
     if not hidden:
         return recording
-    windows = cut(recording)
-    part = problem.on(windows)
-    said = traced(part, fit(part, hypothesis.frozen(), windows.measured[:, 0], iterations=SMOOTHING_ROUNDS))
+    windows = completed(problem.on(cut(recording)), hypothesis, hidden)
     columns = [recording.state.index(name) for name in hidden]
     episodes = []
     for index, episode in enumerate(recording.episodes):
         rows = windows.episode == index
         valid = windows.valid[rows]
-        episodes.append(
-            _filled(episode, columns, windows.t[rows][valid], said[rows][valid]) if rows.any() else episode
-        )
+        t, said = windows.t[rows][valid], windows.measured[rows][valid]
+        episodes.append(_filled(episode, columns, t, said) if rows.any() else episode)
     return replace(recording, episodes=tuple(episodes))
+
+
+def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -> Windows:
+    """The problem's windows with their hidden channels as the hypothesis says, its start states fitted."""
+    windows = problem.windows
+    if not hidden:
+        return windows
+    found = fit(problem, hypothesis.frozen(), windows.measured[:, 0], iterations=SMOOTHING_ROUNDS)
+    columns = [problem.simulator.state.index(name) for name in hidden]
+    measured = np.array(windows.measured)
+    measured[..., columns] = traced(problem, found)[..., columns]
+    return replace(windows, measured=measured)
+
+
+class Completions:
+    """A recording as each hypothesis completes it: worked out once for each, whoever asks."""
+
+    def __init__(self, problem: Problem, recording: Recording, hidden: Sequence[str]) -> None:
+        self._asked = problem, recording, hidden
+        self._known: list[tuple[Hypothesis, Recording]] = []
+
+    def by(self, hypothesis: Hypothesis) -> Recording:
+        """The recording with its hidden channels as the hypothesis's own windows say."""
+        for known, recording in self._known:
+            if known == hypothesis:
+                return recording
+        problem, recording, hidden = self._asked
+        self._known.append((hypothesis, smoothed(problem, recording, hypothesis, hidden)))
+        return self._known[-1][1]
 
 
 def _filled(episode: Episode, columns: Sequence[int], t: FloatArray, said: FloatArray) -> Episode:

@@ -25,3 +25,13 @@ def first_held_out(recording: Recording) -> IntArray:
         return np.where(order >= len(sizes) - len(sizes) // ONE_IN, 0, sizes).astype(np.int64)
     before = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     return np.asarray(np.clip(int(sizes.sum()) * (ONE_IN - 1) // ONE_IN - before, 0, sizes), dtype=np.int64)
+
+
+def held_out_names(recording: Recording) -> list[str]:
+    """Names of the episodes of which a transition is held out, numbers in their order before other names."""
+    held = zip(recording.episodes, first_held_out(recording), strict=True)
+    return sorted((e.name for e, first in held if first < len(e)), key=_natural)
+
+
+def _natural(name: str) -> tuple[int, str]:
+    return (int(name), "") if name.isdigit() else (10**9, name)

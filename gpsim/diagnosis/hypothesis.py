@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from gpsim.effects.chain import Chain, Scheme
 from gpsim.effects.effect import ActuatorEffect, ForceEffect
 from gpsim.simulators import Simulator
 
+SAME = (
+    0.05  # of a region's width, itself a bin of 24 at least: edges are placed and known no better than that
+)
 SLIVER = 0.15  # of the largest command that is followed: a smaller range is none
 
 
@@ -59,11 +63,13 @@ class Hypothesis:
     def patchwork(self) -> bool:
         """Whether laws are put together from what there is.
 
-        Terms that act in different regions of one channel are; and terms that together leave an actuator hardly any
-        commands to follow: a dead zone as wide as a limit is high makes coarse levels.
+        Terms that act in different regions of one channel are, where these differ by more than the edges of one region
+        that were placed twice; and terms that together leave an actuator hardly any commands to follow: a dead zone as
+        wide as a limit is high makes coarse levels.
         """
-        regions = {(channel, region) for t in self.terms for channel, region in t.gate.region.items()}
-        return len({channel for channel, _ in regions}) < len(regions) or self._in_levels
+        regions = [item for t in self.terms for item in t.gate.region.items()]
+        apart = any(a == b and not _same(one, other) for (a, one), (b, other) in combinations(regions, 2))
+        return apart or self._in_levels
 
     @property
     def _in_levels(self) -> bool:
@@ -128,6 +134,12 @@ class Hypothesis:
             out.append(held | {p.name: columns[:, at + i] for i, p in enumerate(group)})
             at += len(group)
         return out
+
+
+def _same(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two regions are one as far as anybody can tell."""
+    width = max(one[1] - one[0], other[1] - other[0])
+    return all(a == b or abs(a - b) <= SAME * width for a, b in zip(one, other, strict=True))
 
 
 @dataclass(frozen=True)

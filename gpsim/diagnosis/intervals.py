@@ -21,6 +21,8 @@ from gpsim.diagnosis.shooting import fit as shoot
 LEVEL = 0.90
 LIKELIHOOD_DROP = 1.353  # half the 90 % quantile of chi squared with one degree of freedom
 WALK = 14
+UNDETERMINED = 1e-13  # of the largest eigenvalue: what the windows know of a direction is at least as much,
+LEAST_INFORMATION = 1e-100  # and of a parameter that moves nothing
 CHANCE = 1.5  # correlation times up to here are white noise's
 
 
@@ -64,11 +66,14 @@ def _correlated(problem: Problem, fit: Fit) -> float:
 
 
 def _inverse(information: FloatArray) -> FloatArray:
-    """Of parameters in whatever units: scaled to a unit diagonal before."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    return np.asarray(
-        np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-13) / np.outer(scale, scale)
-    )
+    """Of parameters in whatever units: scaled to a unit diagonal before.
+
+    A direction of which the windows say nothing keeps a little information: a pseudo-inverse would call it certain.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), LEAST_INFORMATION))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    values = np.maximum(values, UNDETERMINED * max(float(values[-1]), 1.0))
+    return np.asarray((vectors / values) @ vectors.T / np.outer(scale, scale))
 
 
 def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:

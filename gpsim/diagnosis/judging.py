@@ -20,6 +20,7 @@ from gpsim.diagnosis.ranking import Ranked, ranked
 from gpsim.diagnosis.search import Found, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
+from gpsim.effects.chain import Scheme
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
 REFITTED, WITHIN = (
@@ -64,14 +65,14 @@ def judge(
     """Refit the best on all training windows, go on from there with all data, and decide."""
     problem = question.everything
     near = _near(question.searched, found)
-    null = fit(problem, Hypothesis(scheme=found.scheme), problem.windows.measured[:, 0], iterations=12)
+    null = _null_of(problem, found.scheme)
     fits = _again(problem, [f.hypothesis for f in near if f.hypothesis.terms])
     leader = _leader(question, [null, *fits], null)
     leader, tried = improved(problem, leader, offers, tell)
     leader = _pruned(question, leader)
     fits += tried
-    nulls = [f for f in (null, _null_of(problem, leader)) if f.hypothesis.scheme == leader.hypothesis.scheme]
-    null = nulls[-1] if nulls else null
+    if leader.hypothesis.scheme != null.hypothesis.scheme:
+        null = _null_of(problem, leader.hypothesis.scheme)
     rivals, probabilities = _rivals(question, leader, fits)
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
@@ -142,14 +143,14 @@ def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     return [*ended, *(f for f in begun if f.objective >= least)]
 
 
-def _null_of(problem: Problem, leader: Fit) -> Fit:
-    scheme = leader.hypothesis.scheme
+def _null_of(problem: Problem, scheme: Scheme) -> Fit:
     return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=12)
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
     """The best by evidence that also does better than nothing on held-out windows."""
-    problem = question.everything
+    problem, held_out = question.everything, question.held_out
+    before: float | None = None
     nats = scores(problem, list(fits))
     for i in np.argsort(-nats):
         chosen = fits[int(i)]
@@ -157,13 +158,10 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
             return null
         if not pays(problem, chosen, null):
             continue
-        before = held_out_objective(question.held_out, Hypothesis(scheme=null.hypothesis.scheme))
-        if (
-            len(question.held_out.windows)
-            and held_out_objective(question.held_out, chosen.hypothesis) >= before
-        ):
-            continue
-        return chosen
+        if before is None:
+            before = held_out_objective(held_out, Hypothesis(scheme=null.hypothesis.scheme))
+        if not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
+            return chosen
     return null
 
 
@@ -203,20 +201,22 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
     later = _later_nats(question, leader)
     rivals: list[Fit] = []
     counted: list[Fit] = []
-    weights, behind = [1.0], []
+    weights, of_rivals = [1.0], []
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        near = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals)
+        near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
         if near and _earned(question.everything, leader, rival):
             worse = later(rival)
             by += worse
-            if worse < TIE and by < TIE:
-                rivals.append(rival)
-                behind.append(by)
-        if _fresh(rival, counted):
+            said = worse < TIE and by < TIE
+        weight = float(np.exp(-max(by, -FAR_AHEAD)))
+        if said:
+            rivals.append(rival)
+            of_rivals.append(weight)
+        if said or _fresh(rival, counted):  # what is reported is part of the whole
             counted.append(rival)
-            weights.append(float(np.exp(-max(by, -FAR_AHEAD))))
-    return rivals, [float(np.exp(-by)) / sum(weights) for by in (0.0, *behind)]
+            weights.append(weight)
+    return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)]
 
 
 def _fresh(rival: Fit, said: Sequence[Fit]) -> bool:

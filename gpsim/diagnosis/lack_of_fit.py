@@ -9,7 +9,7 @@ the catalogue does, and on what it depends.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -17,17 +17,21 @@ import numpy as np
 from scipy.stats import ncx2
 
 from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.leaning import sampled
 from gpsim.diagnosis.numerics import numerical_error
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.simulate import Extra, simulate
+from gpsim.diagnosis.workers import side_by_side
 
 KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input
 WINDOWS = 240  # evenly spread ones are looked at
 STEP = 1e-3  # of a rate's typical size
 BATCH = 24  # functions that are simulated at once
+MOST_INPUTS = 7  # of which every two are looked at: pairs of many would take longer than all the rest
+CHUNK = 4  # groups that one process looks at in a row
 SIGNIFICANT = 1e-6  # p-value, corrected for the number of groups
 LEAST = 1e-6  # nats
 NEGLIGIBLE = 1e-6  # of the largest singular value: directions that are the same
@@ -62,6 +66,7 @@ class _Group:
         return int(self.knots.shape[1] ** len(self.inputs))
 
 
+@kept
 def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
     """The group of functions with the smallest p-value; None where there is nothing to look at.
 
@@ -69,19 +74,39 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
     """
     some, part = sampled(problem, at, WINDOWS)
     more = len(problem.windows) / len(some.windows)
-    directions = Directions(some, part)
-    groups, best = list(_groups(some)), None
-    own = _numerical(some, part)
-    for group in groups:
-        changes = _changes(some, part, directions, group)
-        nats, freedom = _explained(changes, directions.rest.ravel())
+    single = _single(some)
+    if not single:
+        return None
+    shared = (some, part, Directions(some, part))
+    found = _all_tested(*shared, single)
+    double = _double(some, single, [nats for nats, _ in found])
+    found += _all_tested(*shared, double)
+    groups = [*single, *double]
+    names = problem.simulator.state.names + problem.simulator.action.names
+    own, best = _numerical(some, part), None
+    for group, (nats, freedom) in zip(groups, found, strict=True):
         p_value = min(1.0, len(groups) * float(ncx2.sf(2 * nats, freedom, 2 * own))) if freedom else 1.0
         if best is None or (p_value, -nats) < (best.p_value, -best.nats):
-            names = problem.simulator.state.names + problem.simulator.action.names
-            rate = problem.simulator.rate.names[group.rate]
             on = tuple(names[i] for i in group.inputs)
-            best = LackOfFit(rate, on, nats * more, p_value)
+            best = LackOfFit(problem.simulator.rate.names[group.rate], on, nats * more, p_value)
     return best
+
+
+def _all_tested(
+    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
+) -> list[tuple[float, int]]:
+    """`_tested` on all cores, a few groups at a time: what they share is sent along with each chunk."""
+    chunks = [groups[i : i + CHUNK] for i in range(0, len(groups), CHUNK)]
+    every = side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
+    return [found for chunk in every for found in chunk]
+
+
+def _tested(
+    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
+) -> list[tuple[float, int]]:
+    """Of each group the nats that it explains, and with how many functions that differ."""
+    rest = directions.rest.ravel()
+    return [_explained(_changes(problem, at, directions, group), rest) for group in groups]
 
 
 def _numerical(problem: Problem, at: Fit) -> float:
@@ -93,16 +118,34 @@ def _numerical(problem: Problem, at: Fit) -> float:
     return LEAST + 0.5 * float(nats[problem.observed].sum())
 
 
-def _groups(problem: Problem) -> Iterator[_Group]:
-    """Every rate as a function of every input, and of every two."""
-    inputs = _inputs(problem, problem.windows.measured[:, :-1], problem.windows.actions)
-    flat = inputs[problem.windows.valid[:, 1:]]
+def _single(problem: Problem) -> list[_Group]:
+    """Every rate as a function of every input that moves."""
+    flat = _visited(problem)
     moving = [i for i in range(flat.shape[1]) if np.ptp(flat[:, i]) > 0]
+    rates = range(len(problem.simulator.rate))
+    return [_group(flat, rate, (i,), KNOTS_OF_ONE) for rate in rates for i in moving]
+
+
+def _double(problem: Problem, single: Sequence[_Group], nats: Sequence[float]) -> list[_Group]:
+    """Every rate as a function of every two inputs; of many inputs those that explain most of it alone."""
+    flat, out = _visited(problem), []
     for rate in range(len(problem.simulator.rate)):
-        for size, knots in ((1, KNOTS_OF_ONE), (2, KNOTS_OF_TWO)):
-            for chosen in combinations(moving, size):
-                places = [np.quantile(flat[:, i], np.linspace(0, 1, knots)) for i in chosen]
-                yield _Group(rate, chosen, np.array(places))
+        of_rate = [(n, group.inputs[0]) for group, n in zip(single, nats, strict=True) if group.rate == rate]
+        most = sorted(of_rate, key=lambda one: -one[0])[:MOST_INPUTS]
+        chosen = combinations(sorted(i for _, i in most), 2)
+        out += [_group(flat, rate, inputs, KNOTS_OF_TWO) for inputs in chosen]
+    return out
+
+
+def _group(flat: FloatArray, rate: int, inputs: tuple[int, ...], knots: int) -> _Group:
+    places = [np.quantile(flat[:, i], np.linspace(0, 1, knots)) for i in inputs]
+    return _Group(rate, inputs, np.array(places))
+
+
+def _visited(problem: Problem) -> FloatArray:
+    """(N, S + A) all inputs that the windows hold."""
+    inputs = _inputs(problem, problem.windows.measured[:, :-1], problem.windows.actions)
+    return np.asarray(inputs[problem.windows.valid[:, 1:]])
 
 
 def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatArray:
@@ -164,9 +207,9 @@ def _hat(x: FloatArray, knots: FloatArray, place: IntArray) -> FloatArray:
 def _explained(changes: FloatArray, rest: FloatArray) -> tuple[float, int]:
     """Nats that the best combination of the directions (F, N) takes off, and how many of them differ."""
     size = np.sqrt((changes**2).sum(axis=1))
-    kept: Sequence[int] = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300)).tolist()
-    if not kept:
+    moving: Sequence[int] = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300)).tolist()
+    if not moving:
         return 0.0, 0
-    basis, values, _ = np.linalg.svd((changes[kept] / size[kept, None]).T, full_matrices=False)
+    basis, values, _ = np.linalg.svd((changes[moving] / size[moving, None]).T, full_matrices=False)
     basis = basis[:, values > NEGLIGIBLE * values[0]]
     return 0.5 * float(((basis.T @ rest) ** 2).sum()), basis.shape[1]

@@ -25,7 +25,7 @@ def predicted(
 ) -> FloatArray:
     """(W, L + 1, S) what the sensors would say, from the measured start; `extra` rates are added."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    starts = _starts(problem, windows, hypothesis)[None]
+    starts = true_starts(problem, windows, hypothesis)[None]
     theta = hypothesis.theta[None]
     said = simulate(chain, windows, starts, hypothesis.spread, theta, problem.steps(chain), extra)
     return np.asarray(said[0])
@@ -41,7 +41,47 @@ def traced(problem: Problem, found: Fit) -> FloatArray:
     )
 
 
-def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+def has_sensors(hypothesis: Hypothesis) -> bool:
+    """Whether it says that a sensor reads something else than the true state."""
+    return any(term.effect.site == "sensor" for term in hypothesis.terms)
+
+
+def without_sensors(hypothesis: Hypothesis) -> Hypothesis:
+    """The hypothesis about what happened, whatever the sensors said of it."""
+    for index in reversed(range(len(hypothesis.terms))):
+        if hypothesis.terms[index].effect.site == "sensor":
+            hypothesis = hypothesis.without(index)
+    return hypothesis
+
+
+def as_it_was(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Windows:
+    """Single transitions with the true states at both ends, as far as the hypothesis's sensors tell, for measured ones.
+
+    Of a late sensor's first readings in an episode it takes the second to be one of a motion that went on before.
+    """
+    ends = [true_starts(problem, part, hypothesis) for part in (windows, _next(windows))]
+    return replace(windows, measured=np.stack(ends, axis=1))
+
+
+def _next(windows: Windows) -> Windows:
+    """Single transitions that begin where those of `windows` end; what happens in them nobody knows."""
+    t = windows.t[:, 1:]
+
+    def later(before: FloatArray, now: FloatArray) -> FloatArray:
+        return np.concatenate([before[:, 1:], now], axis=1)
+
+    return replace(
+        windows,
+        measured=np.repeat(windows.measured[:, 1:], 2, axis=1),
+        t=np.concatenate([t, t + np.diff(windows.t, axis=1)], axis=1),
+        before_states=later(windows.before_states, windows.measured[:, :1]),
+        before_actions=later(windows.before_actions, windows.actions),
+        before_t=later(windows.before_t, t),
+        fresh=np.zeros_like(windows.fresh),
+    )
+
+
+def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
     """(W, S) true states whose measurement is what was measured: Newton's steps with each sensor's own gain."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     measured = windows.measured[:, 0]
@@ -52,7 +92,7 @@ def _starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> Float
         t=windows.t[:, :2],
         valid=windows.valid[:, :2],
     )
-    if not any(t.effect.site == "sensor" for t in hypothesis.terms):
+    if not has_sensors(hypothesis):
         return measured
 
     def said(state: FloatArray) -> FloatArray:

@@ -18,9 +18,10 @@ from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut, held_out_mask
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
 from gpsim.recordings import Recording
-from gpsim.residuals import check_match, check_varies
+from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
 from gpsim.simulators import Simulator
 from gpsim.simulators.simulator import INTEGRATORS
+from gpsim.simulators.wrapping import wrapping
 
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
@@ -51,14 +52,19 @@ class Question:
 
 
 def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> Question:
-    """Thin, complete, cut, split and measure; raises UsageError when it does not match or is too short."""
+    """Thin, complete, cut, split and measure; raises UsageError when it does not match or is too short.
+
+    The problem's simulator is one in which every angle wraps that does so in the simulator or in the recording.
+    """
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)
+    check_clock(recording)
     check_varies(recording)
     if recording.integrator not in INTEGRATORS:
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
+    simulator = wrapping(simulator, either_wraps(simulator.state, recording.state))
     seen, origin = rebased(recording)
     seen, every = thinned(seen)
     seen = guessed(seen, simulator)

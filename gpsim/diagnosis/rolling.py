@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import FloatArray, difference
-from gpsim.diagnosis.hidden import smoothed
+from gpsim.diagnosis.hidden import Completions
 from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
@@ -32,7 +32,11 @@ class Model:
 
 
 def rollouts(
-    question: Question, models: Mapping[str, Model], noise: FloatArray, rng: np.random.Generator
+    question: Question,
+    models: Mapping[str, Model],
+    noise: FloatArray,
+    rng: np.random.Generator,
+    completions: Completions,
 ) -> dict[str, Any]:
     """The contract's `rollout`: root mean square error of every measured channel after the horizon.
 
@@ -44,7 +48,7 @@ def rollouts(
     errors, last, windows = {}, None, None
     for kind, model in models.items():
         if windows is None or question.hidden:  # what is hidden each model guesses for itself
-            windows = _held_out(question, model.hypothesis, length)
+            windows = _held_out(completions.by(model.hypothesis), length)
         if not len(windows):
             return {"horizon_s": length * dt}
         last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
@@ -73,9 +77,8 @@ def _longest(recording: Recording) -> int:
     return max((span for span, out in spans if out), default=max((span for span, _ in spans), default=0))
 
 
-def _held_out(question: Question, hypothesis: Hypothesis, length: int) -> Windows:
+def _held_out(recording: Recording, length: int) -> Windows:
     """Whole windows of the held-out part (of everything where nothing is held out), evenly spread."""
-    recording = smoothed(question.everything, question.recording, hypothesis, question.hidden)
     windows = cut(recording, length, most=10 * MOST)
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() else ~held)

@@ -13,10 +13,13 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.linearised import jacobians
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
-from gpsim.effects import Gate
+from gpsim.diagnosis.workers import side_by_side
+from gpsim.effects import EffectParameter, Gate
 
 NO_GATE = Gate()
 SCANNED, STEPS = (0.5, 0.05, 0.005), 25  # of a value, to either side, and places that are looked at
+LEAST_TIMES = 1e-9  # as much of a limit, which grows with that
+CHUNK = 8  # offers that one process screens in a row
 MOST = 1e4  # standard deviations that a direction is clipped to
 
 
@@ -92,6 +95,14 @@ def screened(
     directions: Directions, offers: Sequence[Candidate], gate: Gate = NO_GATE
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
     """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test."""
+    chunks = [offers[i : i + CHUNK] for i in range(0, len(offers), CHUNK)]
+    looks = side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
+    return sorted((found for look in looks for found in look), key=lambda item: -item[0])
+
+
+def _screened(
+    directions: Directions, offers: Sequence[Candidate], gate: Gate
+) -> list[tuple[float, Candidate, tuple[float, ...]]]:
     parent = directions.parent.hypothesis
     out = []
     for candidate in offers:
@@ -101,7 +112,7 @@ def screened(
         gains = directions.gains(child, thetas)
         best = int(np.argmax(gains))
         out.append((float(gains[best]), candidate, starts[best]))
-    return sorted(out, key=lambda item: -item[0])
+    return out
 
 
 def stretched(
@@ -117,12 +128,18 @@ def stretched(
     child = child_of(parent, candidate, start).gated(len(parent.terms), gate)
     change = directions.of(child, np.array([[*parent.theta, *start]]))[0].ravel()
     size = float(change @ change)
-    value = start[0] * (float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)
+    value = stronger(p, start[0], float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)
     for reach in SCANNED:
         values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, STEPS), p.low, p.high)
         thetas = np.array([[*parent.theta, v] for v in values])
         value = float(values[np.argmin(directions.objectives(child, thetas))])
     return (value,)
+
+
+def stronger(p: EffectParameter, value: float, times: float) -> float:
+    """The value of a law's only parameter at which it does about so many times as much, within its bounds."""
+    stretched = value / max(times, LEAST_TIMES) if p.falls else p.none + times * (value - p.none)
+    return float(np.clip(stretched, p.low, p.high))
 
 
 def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:

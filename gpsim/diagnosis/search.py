@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import PER_TERM, gain, price, scores, whiteness
 from gpsim.diagnosis.gates import gated_children
@@ -181,8 +182,14 @@ def _on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
     finer = [any(t.gate.region for t in f.hypothesis.terms) for f in (poorer, richer)]
     if finer[0] or not finer[1] or poorer.hypothesis.scheme != "fine":
         return poorer
+    return _finer(problem, poorer)
+
+
+@kept
+def _finer(problem: Problem, at: Fit) -> Fit:
+    """The fit on a grid twice as fine."""
     grid = replace(problem, substeps=2 * problem.substeps)
-    return fit(grid, poorer.hypothesis, poorer.starts, iterations=5, near=True)
+    return fit(grid, at.hypothesis, at.starts, iterations=5, near=True)
 
 
 def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
@@ -194,10 +201,10 @@ def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     worst = int(np.argmax(costs[0] - costs[1]))
     if costs[1][worst] < ORDINARY * float(np.median(costs[1])):
         return False
-    kept = np.arange(len(problem.windows)) != worst
-    rest = problem.on(problem.windows.take(kept))
+    others = np.arange(len(problem.windows)) != worst
+    rest = problem.on(problem.windows.take(others))
     left = [
-        rescored(rest, replace(f, residuals=f.residuals[kept], starts=f.starts[kept]))
+        rescored(rest, replace(f, residuals=f.residuals[others], starts=f.starts[others]))
         for f in (richer, poorer)
     ]
     return gain(rest, *left) + price(rest, *left) < PER_TERM

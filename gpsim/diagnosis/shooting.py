@@ -7,7 +7,7 @@ must not hold up all others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,21 +67,23 @@ def fit(
     theta = np.clip(hypothesis.theta, low, high)
     at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
     damping, per_window = 1e-3, np.full(len(starts), 1e-3)
-    converged, still = False, 0
+    converged, still, seen_from = False, 0, None
     for round_ in range(iterations):
         if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
             pattern = np.array(FIRST_PATTERN if round_ == PATTERN_ROUNDS[0] else PATTERN)
             at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
-        by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+        if seen_from is not at.residual:  # after a rejected step it stands where it stood
+            by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+            seen_from = at.residual
         variance = variance_of(problem, at.residual)
         step = damped_step(
             problem, at.residual, by_state, by_theta, variance, damping, per_window, at.theta, low, high
         )
-        new, moved, stepped = _stepped(problem, hypothesis, at, step, low, high)
+        new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high)
         gain = at.value - new.value
         per_window = np.clip(np.where(stepped, per_window / 5, per_window * 8), LEAST_DAMPING, 1e6)
         damping = float(np.clip(damping / 5 if moved else damping * 8, LEAST_DAMPING, 1e6))
-        at = new if gain > 0 else at
+        at = new if gain > 0 else replace(at, anchored=anchored)
         still = 0 if gain >= tolerance else still + 1
         if (moved and still >= 1) or still >= (PATIENCE if theta.size else 2):
             converged = True
@@ -102,16 +104,26 @@ def curvature(problem: Problem, fit: Fit) -> Curvature:
 
 @dataclass(frozen=True)
 class _Point:
-    """Where a fit stands: theta (P,), starts (W, S), residual (W, L + 1, S) and the objective there."""
+    """Where a fit stands: theta (P,), starts (W, S), residual (W, L + 1, S) and the objective there.
+
+    anchored: (W, L + 1, S) the residual from the measured start states with this theta, where it is known.
+    """
 
     theta: FloatArray
     starts: FloatArray
     residual: FloatArray
     value: float
+    anchored: FloatArray | None = None
 
 
-def _point(problem: Problem, theta: FloatArray, starts: FloatArray, residual: FloatArray) -> _Point:
-    return _Point(theta, starts, residual, objective(problem, residual))
+def _point(
+    problem: Problem,
+    theta: FloatArray,
+    starts: FloatArray,
+    residual: FloatArray,
+    anchored: FloatArray | None = None,
+) -> _Point:
+    return _Point(theta, starts, residual, objective(problem, residual), anchored)
 
 
 def _bounds(hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
@@ -121,10 +133,11 @@ def _bounds(hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
 
 def _stepped(
     problem: Problem, hypothesis: Hypothesis, at: _Point, step: Step, low: FloatArray, high: FloatArray
-) -> tuple[_Point, bool, BoolArray]:
+) -> tuple[_Point, bool, BoolArray, FloatArray]:
     """The better of the step and theta standing still; every window keeps the start state that suits it best.
 
-    Returns the point, whether theta moved, and (W,) whose start state took its own step.
+    Returns the point, whether theta moved, (W,) whose start state took its own step, and the residual `anchored` of the
+    theta that it began with.
     """
     thetas = [at.theta]
     if at.theta.size and np.isfinite(step.theta).all():  # a window that flies off may leave no direction
@@ -134,16 +147,19 @@ def _stepped(
     follows = [at.starts + step.starts_by_theta @ (theta - at.theta) for theta in thetas[:-1]] + [at.starts]
     copies = np.stack([c for follow in follows for c in (follow + step.starts_alone, follow, anchor)])
     got = np.empty((len(copies), *at.residual.shape))
-    new = np.arange(len(copies)) != len(copies) - 2  # where it stands is known
-    got[~new] = at.residual
+    new = np.ones(len(copies), dtype=np.bool_)
+    new[-2], got[-2] = False, at.residual  # where it stands is known,
+    if at.anchored is not None:
+        new[-1], got[-1] = False, at.anchored  # and what was measured, since theta was tried
     got[new] = problem.residuals(hypothesis, np.repeat(np.stack(thetas), 3, axis=0)[new], copies[new])
     costs = window_costs(problem, got, variance_of(problem, at.residual))
     every, options = np.arange(len(at.starts)), []
     for i, theta in enumerate(thetas):
         pick = 3 * i + np.argmin(costs[3 * i : 3 * i + 3], axis=0)
-        options.append((_point(problem, theta, copies[pick, every], got[pick, every]), pick == 3 * i))
+        point = _point(problem, theta, copies[pick, every], got[pick, every], got[3 * i + 2])
+        options.append((point, pick == 3 * i))
     best = int(np.argmin([point.value for point, _ in options]))
-    return options[best][0], best + 1 < len(thetas), options[best][1]
+    return options[best][0], best + 1 < len(thetas), options[best][1], got[-1]
 
 
 def _searched_pattern(
@@ -219,4 +235,4 @@ def _best_starts(
     tried = np.concatenate([residual[None], others])
     pick = np.argmin(window_costs(problem, tried, variance), axis=0)
     every = np.arange(len(at.starts))
-    return _point(problem, theta, copies[pick, every], tried[pick, every])
+    return _point(problem, theta, copies[pick, every], tried[pick, every], tried[-1])

@@ -11,6 +11,7 @@ from gpsim.diagnosis.effort import spend, spend_on_commands
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
+from gpsim.effects.elapsed import even, last_at_most
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
 Drive = Callable[[int, int, FloatArray], FloatArray]
@@ -21,6 +22,7 @@ Transitions before the window are -1, -2, ..., their commands are known whatever
 Extra = Callable[[FloatArray, FloatArray], FloatArray]
 """State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
+DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
 
 
 def simulate(
@@ -76,7 +78,8 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
     t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
     spend_on_commands(len(rows), n * actions.shape[1], chain.actuators)
-    memory = chain.rest(len(rows), float(np.median(steps)))
+    usual = float(np.median(steps))
+    memory = chain.rest(len(rows), usual / DENSER if chain.looks and not _even(windows) else usual)
     step = np.repeat(steps, n, axis=1)[:, :end]
     states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
     if chain.looks:
@@ -110,7 +113,7 @@ def _what_matters(
     commands = chain.remembers(values) / max(shortest, 1e-12)
     if not np.isfinite(commands):
         return windows
-    sensors = chain.reach(every, (windows.t[:, 1] - windows.t[:, 0]) / n) / n
+    sensors = _slots(chain, windows, every, n) / n
     return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
 
 
@@ -139,7 +142,7 @@ def _run(
     watching = chain.watches
     seen = {}
     if watching:
-        seen = chain.watchers(_history(chain, windows, rows, starts, values, n, drive))
+        seen = chain.watchers(*_history(chain, windows, rows, starts, values, n, drive))
     out[:, 0] = chain.measure(state, values, seen, step)
     for k in range(windows.length):
         t = clock[k]
@@ -148,7 +151,7 @@ def _run(
         for j in range(n):
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
             if watching:
-                chain.watch(state, seen)
+                chain.watch(state, seen, step)
         state = _tamed(state)
         out[:, k + 1] = chain.measure(state, values, seen, step)
     return out
@@ -162,20 +165,43 @@ def _history(
     values: Sequence[Values],
     n: int,
     drive: Drive,
-) -> FloatArray:
-    """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began."""
-    # The window's own step, at which `measure` looks it up: before the window the log may have a gap.
-    step = (windows.t[rows, 1] - windows.t[rows, 0]) / n
-    fresh, state = windows.fresh[rows, None], starts
-    past = [starts]
-    for back in range(1, min(chain.reach(values, step), n * windows.before_actions.shape[1] + 1)):
+) -> tuple[FloatArray, FloatArray | None]:
+    """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began.
+
+    And how long after the one before each of them is, (B, K) s, where the clock is uneven.
+    """
+    own = (windows.t[rows, 1] - windows.t[rows, 0]) / n
+    regular = _even(windows)
+    lengths = np.diff(windows.before_t, axis=1) / n
+    still, state = windows.rested[rows, None], starts
+    past, steps = [starts], []
+    for back in range(1, min(_slots(chain, windows, values, n), n * windows.before_actions.shape[1] + 1)):
         k, j = divmod(-back, n)
-        state = chain.advance(
-            state, drive(k, j, state), values, -step, windows.t[rows, 0] - (back - 1) * step
-        )
-        state = np.where(fresh, starts, _tamed(state))
+        step, end = own, windows.t[rows, 0] - (back - 1) * own
+        if not regular:
+            step = lengths[rows, k]
+            end = windows.before_t[rows, k] - (n - 1 - j) * step
+        state = chain.advance(state, drive(k, j, state), values, -step, end)
+        state = np.where(still, starts, _tamed(state))
         past.append(state)
-    return np.stack(past[::-1], axis=1)
+        steps.append(step)
+    return np.stack(past[::-1], axis=1), None if regular else np.stack([*steps, own][::-1], axis=1)
+
+
+def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> int:
+    """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
+    if _even(windows):
+        return chain.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
+    clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
+    rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
+    first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.looks_back(values))
+    return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
+
+
+def _even(windows: Windows) -> bool:
+    """Whether every step in the windows and before them is as long as the others."""
+    steps = np.diff(windows.t, axis=1)
+    return even(steps, steps[:, 0]) and even(np.diff(windows.before_t, axis=1), steps[:, 0])
 
 
 def _tamed(state: FloatArray) -> FloatArray:

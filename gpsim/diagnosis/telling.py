@@ -44,9 +44,9 @@ def _where(report: Report) -> str:
     if location["depends_on"]:
         text += f"; it depends on {', '.join(location['depends_on'][:3])}"
     for name, (low, high) in location["region"].items():
-        text += f"; it acts for {name} in [{low:.3g}, {high:.3g}]"
+        text += f"; it acts for {name} in {_between(low, high)}"
     if location["since"] is not None:
-        text += f"; since t = {location['since']:.3g} s"
+        text += f"; since t = {_moment(location['since'], report.get('dt'))} s"
     return f"{text}{_part(report)}.{_looked_at(report)}"
 
 
@@ -58,8 +58,23 @@ def _part(report: Report) -> str:
     (low, high), name = part["interval"], part["channel"]
     return (
         f"; {100 * part['share_of_mismatch']:.0f} % of {part['rate']}'s lies {part['where']} {name} = "
-        f"[{low:.3g}, {high:.3g}], in {100 * part['share_of_samples']:.0f} % of the samples"
+        f"{_between(low, high)}, in {100 * part['share_of_samples']:.0f} % of the samples"
     )
+
+
+def _between(low: float, high: float) -> str:
+    """An interval: three digits of its ends, more where they share the first ones."""
+    size, width = max(abs(low), abs(high)), abs(high - low)
+    shared = math.floor(math.log10(size / width)) if 0 < width < math.inf else 0
+    digits = 3 + max(shared, 0)
+    return f"[{low:.{digits}g}, {high:.{digits}g}]"
+
+
+def _moment(t: float, dt: float | None) -> str:
+    """A moment [s] to a step of its clock, dt [s]; three digits where nobody knows that step."""
+    if dt is None:
+        return f"{t:.3g}"
+    return f"{t:.{max(0, math.ceil(-math.log10(dt)))}f}"
 
 
 def _looked_at(report: Report) -> str:

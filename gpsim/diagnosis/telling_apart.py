@@ -16,6 +16,8 @@ from gpsim.diagnosis.windows import PRE_ROLL, Windows
 
 SECONDS, FEWEST, MOST = 3.0, 20, 150
 LEVELS = (0.25, 1.0, 1.5)
+LARGE = 0.95  # quantile of an action's sizes that is taken for a large command,
+RESTS = 0.01  # unless it is no more than this share of the largest one
 VISIBLE = 1.0  # standard deviations below which nobody could see a difference
 
 
@@ -23,7 +25,7 @@ def tell_apart(problem: Problem, judgement: Judgement) -> str | None:
     """One sentence, or None when nothing has to be told apart."""
     if judgement.verdict != "ambiguous":
         return None
-    hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals[:3])]
+    hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
     names, actions = _excitations(problem)
     windows = _windows(problem, actions, _latest(hypotheses))
     said = [_said(problem, windows, h) for h in hypotheses]
@@ -67,7 +69,7 @@ def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
     """Names, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
     steps = int(np.clip(SECONDS / problem.dt, FEWEST, MOST))
     t = problem.dt * np.arange(steps)
-    span = np.quantile(np.abs(problem.windows.actions), 0.95, axis=(0, 1))
+    span = _amplitudes(problem.windows)
     offset = np.median(problem.windows.actions, axis=(0, 1))
     rng = np.random.default_rng(0)
     shapes = {
@@ -86,6 +88,17 @@ def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
                 actions[:, i] = level * span[i] * shape
                 out.append(actions)
     return names, np.stack(out)
+
+
+def _amplitudes(windows: Windows) -> FloatArray:
+    """(A,) the size of each action's large commands; where it rests most of the time, of those that it was given."""
+    sizes = np.abs(windows.actions).reshape(-1, windows.actions.shape[2])
+    usual, largest = np.quantile(sizes, LARGE, axis=0), sizes.max(axis=0)
+    given = [
+        np.quantile(column[column > RESTS * most], LARGE) if most > 0.0 else 0.0
+        for column, most in zip(sizes.T, largest, strict=True)
+    ]
+    return np.asarray(np.where(usual > RESTS * largest, usual, given))
 
 
 def _latest(hypotheses: Sequence[Hypothesis]) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, difference
-from gpsim.diagnosis.hidden import smoothed
+from gpsim.diagnosis.hidden import completed, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import CUT, Question
@@ -115,7 +115,10 @@ def course(question: Question, leader: Hypothesis) -> Course:
     """Where in the recording the base is off, in the channel in which that stands out most from the noise."""
     problem = question.everything
     models = models_of(question, leader)
-    sizes = {kind: _sizes(problem, problem.windows, model) for kind, model in models.items()}
+    sizes = {  # what is hidden each model guesses for itself
+        kind: _sizes(problem, completed(problem, model, question.hidden), model)
+        for kind, model in models.items()
+    }
     ratio = np.sqrt(np.mean(sizes[BASE] ** 2, axis=0)) / problem.floor
     channel = int(np.argmax(np.where(problem.observed, ratio, -1.0)))
     begin = problem.windows.t[:, 0]

@@ -16,6 +16,7 @@ from gpsim.recordings import Episode, Recording
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST = 100  # transitions a window at most, where a clock is fast
 PRE_ROLL = 80  # transitions before a window that an actuator may remember
+HIDING = 3.5  # control steps: a longer gap hides commands; over a row or two the last one is nearly right
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,9 @@ class Windows:
 
     measured: (W, L + 1, S); actions: (W, L, A); t: (W, L + 1) s; valid: (W, L + 1); episode: (W,) index.
     The last M transitions before each window: before_states (W, M, S), before_actions (W, M, A), before_t (W, M + 1);
-    where the episode has none, nothing is commanded. fresh: (W,) the window begins its episode.
+    where the episode has none, nothing is commanded. What lies before a gap is read on an even clock that runs through
+    the gap: what was commanded last is held in it. fresh: (W,) what was commanded before the window is not known: it
+    begins its episode, or rows were `lost` (W,) before it (None: nowhere).
     """
 
     measured: FloatArray
@@ -36,6 +39,7 @@ class Windows:
     before_t: FloatArray
     episode: IntArray
     fresh: BoolArray
+    lost: BoolArray | None = None
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -44,6 +48,11 @@ class Windows:
     def length(self) -> int:
         """Transitions a window."""
         return int(self.actions.shape[1])
+
+    @property
+    def rested(self) -> BoolArray:
+        """(W,) whether the window begins its episode, before which the system stood still."""
+        return self.fresh if self.lost is None else self.fresh & ~self.lost
 
     def remembering(self, samples: int) -> Windows:
         """The windows with so many transitions before them, or as many as there are."""
@@ -57,7 +66,8 @@ class Windows:
 
     def take(self, rows: IntArray | BoolArray) -> Windows:
         """The windows at `rows`."""
-        return Windows(*(getattr(self, f.name)[rows] for f in fields(self)))
+        known = (f.name for f in fields(self) if getattr(self, f.name) is not None)
+        return replace(self, **{name: getattr(self, name)[rows] for name in known})
 
 
 def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> Windows:
@@ -129,15 +139,9 @@ def _window(
     )
     t = np.concatenate([episode.t[low : high + 1], episode.t[high] + dt * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
-    back = max(0, low - PRE_ROLL)
-    missing = PRE_ROLL - (low - back)
-    before_states = np.concatenate([np.repeat(episode.states[:1], missing, axis=0), episode.states[back:low]])
+    before_states, before_actions, before_t = _before(episode, low, dt)
     _unwrap(recording, before_states, measured)
-    before_actions = np.concatenate(
-        [np.zeros((missing, episode.actions.shape[1])), episode.actions[back:low]]
-    )
-    early = episode.t[back] - dt * np.arange(missing, 0, -1)
-    before_t = np.concatenate([early, episode.t[back : low + 1]])
+    lost = low > 0 and bool(episode.t[low] - episode.t[low - 1] > HIDING * dt)
     return (
         measured,
         actions,
@@ -147,7 +151,30 @@ def _window(
         before_actions,
         before_t,
         np.int64(index),
-        np.bool_(low == 0),
+        np.bool_(low == 0 or lost),
+        np.bool_(lost),
+    )
+
+
+def _before(episode: Episode, low: int, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """States (M, S), actions (M, A) and t (M + 1,) s of the last transitions before sample `low`."""
+    back = max(0, low - PRE_ROLL)
+    broken = np.flatnonzero(gaps(episode.t[back : low + 1], dt))
+    if len(broken):  # the rows before it are of another time than their number says
+        back += int(broken[-1]) + 1
+    missing = PRE_ROLL - (low - back)
+    if not missing:
+        return np.array(episode.states[back:low]), episode.actions[back:low], episode.t[back : low + 1]
+    early = episode.t[back] - dt * np.arange(missing, 0, -1)
+    row = (
+        np.searchsorted(episode.t[:back], early + dt / 2, side="right") - 1
+    )  # in force halfway through a step
+    states = np.where(row[:, None] >= 0, episode.states[row], episode.states[0])
+    actions = np.where(row[:, None] >= 0, episode.actions[np.maximum(row, 0)], 0.0)
+    return (
+        np.concatenate([states, episode.states[back:low]]),
+        np.concatenate([actions, episode.actions[back:low]]),
+        np.concatenate([early, episode.t[back : low + 1]]),
     )
 
 
@@ -171,5 +198,6 @@ def _none(recording: Recording, length: int) -> Windows:
         np.empty((0, PRE_ROLL, a)),
         np.empty((0, PRE_ROLL + 1)),
         np.empty(0, dtype=np.int64),
+        np.empty(0, dtype=np.bool_),
         np.empty(0, dtype=np.bool_),
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.elapsed import even, last_at_most
 from gpsim.simulators.plant import Memory
 
 FAR = 13.0  # steps: delays beyond are not reached from the shorter starts
@@ -33,8 +34,9 @@ class ActuatorDelay(ActuatorEffect):
         return (EffectParameter("delay", "s", 0.0, place.longest_delay, starts, dt),)
 
     def begin(self, count: int, longest: float, step: float) -> Memory:
-        """The commands of the last `longest` seconds, the newest last: none yet."""
-        return {"past": np.zeros((count, max(int(np.ceil(longest / step)) + 2, 2)))}
+        """The commands of the last `longest` seconds, the newest last: none yet; and how long each one lasted [s]."""
+        past = np.zeros((count, max(int(np.ceil(longest / step)) + 2, 2)))
+        return {"past": past, "length": np.full_like(past, step), "uneven": np.zeros(count)}
 
     def remembers(self, values: Values) -> float:
         """The longest delay [s]."""
@@ -43,14 +45,19 @@ class ActuatorDelay(ActuatorEffect):
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
-        """What was commanded a delay ago, between two substeps their weighted mean."""
+        """What was commanded a delay ago, between substeps their weighted mean."""
+        if _uneven(memory, step):
+            acted, shares = _met(commands, values["delay"], memory, step)
+            return np.asarray((acted * shares).sum(axis=2))
         earlier, recent, share = self._neighbours(commands, values, memory, step)
         return np.asarray(recent + share * (earlier - recent))
 
     def pieces(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The earlier of two neighbouring commands, then the later one."""
+        """The earlier of two neighbouring commands, then the later one; on an uneven clock there may be more."""
+        if _uneven(memory, step):
+            return _met(commands, values["delay"], memory, step)
         earlier, recent, share = self._neighbours(commands, values, memory, step)
         return np.stack([earlier, recent], axis=2), np.stack([share, 1.0 - share], axis=2)
 
@@ -70,3 +77,39 @@ class ActuatorDelay(ActuatorEffect):
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
         return f"{on} acts {values['delay']} late"
+
+
+def _uneven(memory: Memory, step: FloatArray) -> bool:
+    """Whether substeps differ, or have differed; while they do not, what the memory says of their lengths stands."""
+    if not memory["uneven"].any() and even(step, memory["length"][:, -1]):
+        return False
+    memory["uneven"][:] = 1.0
+    return True
+
+
+def _met(
+    commands: FloatArray, delay: FloatArray, memory: Memory, step: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(B, K, P) each: the commands given a delay (B, 1) before each substep, and which shares of it they last."""
+    past, length, (count, steps) = memory["past"], memory["length"], commands.shape
+    line, lengths = np.concatenate([past, commands], axis=1), np.concatenate([length, step], axis=1)
+    depth, width = past.shape[1], line.shape[1]
+    past[:], length[:] = line[:, steps:], lengths[:, steps:]
+    ends = np.cumsum(lengths, axis=1)
+    begins = ends - lengths
+    row, own = np.arange(count)[:, None], np.arange(depth, width)
+    low = np.maximum(
+        begins[:, depth:] - delay, 0.0
+    )  # the oldest command is all that is known of what was before
+    high = np.maximum(ends[:, depth:] - delay, 0.0)
+    first = np.minimum(last_at_most(lambda place: begins[row, place], width, low), own)
+    last = np.minimum(last_at_most(lambda place: begins[row, place], width, high), own)
+    pieces = int((last - first).max(initial=0)) + 1
+    place = np.minimum(first[:, :, None] + np.arange(pieces), own[:, None])
+    rows = row[:, :, None]
+    met = np.minimum(ends[rows, place], high[:, :, None]) - np.maximum(begins[rows, place], low[:, :, None])
+    met = np.maximum(met, 0.0)
+    met[:, :, 1:][place[:, :, 1:] == place[:, :, :-1]] = 0.0  # the newest one counts once
+    whole = met.sum(axis=2, keepdims=True)
+    met[:, :, :1] += whole <= 0.0  # a substep of no length meets one command
+    return line[rows, place], met / np.where(whole > 0.0, whole, 1.0)

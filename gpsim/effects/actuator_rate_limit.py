@@ -27,7 +27,9 @@ class ActuatorRateLimit(ActuatorEffect):
         typical = place.span / place.dt
         starts = (0.5 * typical, 0.15 * typical, 0.04 * typical)
         unit = f"{place.unit}/s"
-        return (EffectParameter("rate", unit, 1e-4 * typical, 4 * typical, starts, 0.1 * typical),)
+        return (
+            EffectParameter("rate", unit, 1e-4 * typical, 4 * typical, starts, 0.1 * typical, falls=True),
+        )
 
     def begin(self, count: int, longest: float, step: float) -> Memory:
         """The actuator at rest."""

@@ -26,7 +26,13 @@ class ActuatorSaturation(ActuatorEffect):
         span = place.span
         return (
             EffectParameter(
-                "limit", place.unit, 0.0, 3 * span, (0.8 * span, 0.5 * span, 0.25 * span), 0.1 * span
+                "limit",
+                place.unit,
+                0.0,
+                3 * span,
+                (0.8 * span, 0.5 * span, 0.25 * span),
+                0.1 * span,
+                falls=True,
             ),
         )
 

@@ -166,21 +166,27 @@ class Chain:
 
     def reach(self, values: Sequence[Values], step: FloatArray) -> int:
         """How many substeps of `step` (B,) [s] back the sensors look."""
-        longest = max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
         shortest = max(float(np.min(step)), SHORTEST)
-        return int(np.ceil(longest / shortest)) + 2
+        return int(np.ceil(self.looks_back(values) / shortest)) + 2
 
-    def watchers(self, history: FloatArray) -> Memory:
-        """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last."""
+    def looks_back(self, values: Sequence[Values]) -> float:
+        """How far back [s] the sensors look."""
+        return max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
+
+    def watchers(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
+        """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last.
+
+        steps: (B, K) s, how long after the one before each state is; only where the clock is uneven.
+        """
         memory: Memory = {}
         for i, effect, _ in self._sensors:
-            memory |= {f"{i}/{key}": values for key, values in effect.begin(history).items()}
+            memory |= {f"{i}/{key}": values for key, values in effect.begin(history, steps).items()}
         return memory
 
-    def watch(self, state: FloatArray, memory: Memory) -> None:
-        """Let sensors that remember see the newest state."""
+    def watch(self, state: FloatArray, memory: Memory, step: FloatArray) -> None:
+        """Let sensors that remember see the state at the end of a substep (B,) [s]."""
         for i, effect, columns in self._sensors:
-            effect.watch(state, columns[0], _part(memory, i))
+            effect.watch(state, columns[0], _part(memory, i), step)
 
     def measure(
         self, state: FloatArray, values: Sequence[Values], memory: Memory, step: FloatArray

@@ -30,7 +30,7 @@ class EffectParameter:
     """One parameter of an effect at a place: unit, bounds, values to start a fit from, its typical size.
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
-    law jumps and only a coarse difference sees a slope.
+    law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
     """
 
     name: str
@@ -41,6 +41,7 @@ class EffectParameter:
     scale: float
     none: float = 0.0
     step: float | None = None
+    falls: bool = False
 
 
 def longest_delay(dt: float) -> float:
@@ -235,12 +236,15 @@ class SensorEffect(Effect):
         """How far back [s] it looks."""
         return 0.0
 
-    def begin(self, history: FloatArray) -> Memory:
-        """Memory of a batch with the true states of the last substeps (B, K, S), the newest last."""
+    def begin(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
+        """Memory of a batch with the true states of the last substeps (B, K, S), the newest last.
+
+        steps: (B, K) s, how long after the one before each state is, where the clock is uneven.
+        """
         return {}
 
-    def watch(self, state: FloatArray, column: int, memory: Memory) -> None:
-        """Called once a substep with the true state (B, S)."""
+    def watch(self, state: FloatArray, column: int, memory: Memory, step: FloatArray) -> None:
+        """Called once a substep of `step` (B,) s with the true state (B, S) at its end."""
         return
 
     @abstractmethod

@@ -145,15 +145,22 @@ class Forces:
         as far as the grip allows, or starts the other way.
         """
         _, velocity, rate = self._columns[coordinate]
-        speed = at.state[:, velocity] if at.substep is None else at.substep[0][:, velocity]
-        free = -rates[:, rate] / mobility[:, rate]  # the force that would leave no acceleration
-        sign = np.where(speed != 0, -np.sign(speed), np.sign(free) if at.substep is not None else 0.0)
-        most = self._most(coordinate, at, values, rates, mobility, sign)
-        sliding = sign * most
+        own, reacts = rates[:, rate], mobility[:, rate]
         if at.substep is None:
-            return np.asarray(sliding)
-        after = speed + at.substep[1] * (rates[:, rate] + mobility[:, rate] * sliding)
-        crosses = speed * after <= 0
-        gap = np.where(speed == after, 1.0, speed - after)
-        share = np.where(crosses, speed / gap, 1.0)
-        return np.asarray(share * sliding + (1.0 - share) * np.clip(free, -most, most))
+            sign = -np.sign(at.state[:, velocity])
+            return sign * self._most(coordinate, at, values, rates, mobility, sign)
+        speed, step = at.substep[0][:, velocity], at.substep[1]
+        sign = -np.sign(speed)
+        rests = np.flatnonzero(speed == 0)
+        sign[rests] = -np.sign(own[rests] / reacts[rests])
+        most = self._most(coordinate, at, values, rates, mobility, sign)
+        friction = sign * most
+        after = speed + step * (own + reacts * friction)
+        stops = np.flatnonzero(speed * after <= 0)  # few do
+        if len(stops):
+            free = -own[stops] / reacts[stops]  # the force that would leave no acceleration
+            held = np.clip(free, -most[stops], most[stops])
+            begun, ended = speed[stops], after[stops]
+            share = begun / np.where(begun == ended, 1.0, begun - ended)
+            friction[stops] = share * friction[stops] + (1.0 - share) * held
+        return np.asarray(friction)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Json, Recipe, file_digest, plain, read_artifact, write_json
+from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
@@ -20,6 +22,7 @@ from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page
 from gpsim.residuals import check_match, check_rates
 from gpsim.simulators import Simulator, make_simulator, source_file
+from gpsim.simulators.wrapping import wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator
@@ -67,12 +70,24 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
     data: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
     _check_file(artifact, str(data["simulator"]))
     simulator = make_simulator(str(data["simulator"]))
+    simulator = wrapping(simulator, _wrapped(simulator.state, data.get("wraps", ())))
     correction = None
     if gp:
         predictor, inputs = read_gp(artifact.path)
         channels = simulator.state + simulator.action
         correction = GpCorrection(predictor, Features.of(inputs, channels), "mean", sample_noise=False)
     return plant_from(data, simulator, correction)
+
+
+def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
+    """A simulator's state channels, wrapping where they do and where their recording said so."""
+    return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))
+
+
+def _described(plant: EffectsPlant, own: Channels) -> Json:
+    """corrected.json, and which channels wrap though the simulator's own state channels do not."""
+    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
+    return describe(plant, gp=True) | ({"wraps": wraps} if wraps else {})
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:
@@ -162,7 +177,7 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     report = plain(found.report)
     write_json(folder / "diagnosis.json", report)
     plant = replace(found.plant, ages=ages_of(found.question.recording))
-    write_json(folder / "corrected.json", describe(plant, gp=True))
+    write_json(folder / "corrected.json", _described(plant, simulator.state))
     write_gp(folder, found.comparison.gp, found.comparison.features)
     (folder / "figures").mkdir()
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]

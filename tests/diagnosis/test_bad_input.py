@@ -56,6 +56,16 @@ def test_a_wrong_recording_yaml_is_one_line(folder, key, value, message):
     assert message in said(lambda: read_recording(folder))
 
 
+def test_a_dt_that_is_not_the_clocks_is_refused(folder, tmp_path):
+    """Before anything is diagnosed: windows, gaps and delays are counted in it."""
+    meta = yaml.safe_load((folder / "recording.yaml").read_text())
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta | {"dt": 0.05}))
+    result = CliRunner().invoke(app, ["diagnose", str(folder), "--out", str(tmp_path / "out")])
+    assert isinstance(result.exception, UsageError)
+    assert "says dt 0.05 s, but the median step of its t is 0.02 s: write dt: 0.02" in str(result.exception)
+    assert not (tmp_path / "out").exists()
+
+
 def test_blank_entries_of_recording_yaml_are_absent_ones(folder):
     meta = yaml.safe_load((folder / "recording.yaml").read_text())
     blank = dict.fromkeys(("wraps", "noise", "held_out", "provenance", "parameters"))

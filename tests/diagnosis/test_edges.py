@@ -1,19 +1,26 @@
 """Edges of gates, and the limits of a search: what it may spend, and what passes for a law patched together."""
 
 from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 
+from gpsim.channels import wrap_angle
+from gpsim.diagnosis import edges as edges_module
 from gpsim.diagnosis import effort
 from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.edges import FAR, placed
+from gpsim.diagnosis.edges import FAR, bin_edges, placed
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.telling import paragraphs
 from gpsim.diagnosis.workers import Order, cores, fit_all
 from gpsim.effects import Gate, Term
-from gpsim.simulators import make_simulator
+from gpsim.simulators import Simulator, make_simulator
 
 from .worlds import World, record
 
@@ -89,7 +96,71 @@ def test_terms_in_two_regions_of_a_channel_are_a_patchwork():
     same = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (0.0, 1.0)}))
     assert Hypothesis((a, b), ((), ())).patchwork
     assert not Hypothesis((a, same), ((), ())).patchwork
+    nearly = replace(same, gate=Gate(region={"q": (-1e-4, 1.02)}))  # its edges were placed by another fit
+    assert not Hypothesis((a, nearly), ((), ())).patchwork
+    assert Hypothesis((a, replace(same, gate=Gate(region={"q": (0.0, 1.2)}))), ((), ())).patchwork
     assert not Hypothesis((a,), ((),)).patchwork
+
+
+class Circling(NamedTuple):
+    """As much of a problem as bins look at."""
+
+    windows: SimpleNamespace
+    simulator: Simulator = make_simulator("unicycle")
+
+    @classmethod
+    def of(cls, yaw):
+        measured = np.zeros((1, len(yaw), 3))
+        measured[0, :, 2] = yaw
+        return cls(SimpleNamespace(measured=measured, valid=np.ones((1, len(yaw)), dtype=np.bool_)))
+
+    def bins_with(self, yaw):
+        """In how many bins an angle lies, as gates see it."""
+        channels, edges = self.simulator.state + self.simulator.action, bin_edges(self, "yaw")
+        states, zero = np.stack([0 * yaw, 0 * yaw, yaw], axis=1), np.zeros(len(yaw))
+        shares = [
+            Gate(region={"yaw": (low, high)}).share(
+                (states, states), np.zeros((len(yaw), 2)), zero, zero, channels, {}
+            )
+            for low, high in pairwise(edges)
+        ]
+        return np.sum(shares, axis=0)
+
+
+def test_bins_of_an_angle_go_once_round_the_circle():
+    """A window's angle runs on beyond pi: bins of all that was seen lay two deep around the seam."""
+    rng = np.random.default_rng(0)
+    yaw = rng.uniform(-np.pi, np.pi, 500) + rng.uniform(-1.0, 1.0, 500)
+    round_ = Circling.of(yaw)
+    assert bin_edges(round_, "yaw")[[0, -1]] == pytest.approx([-np.pi, np.pi])
+    np.testing.assert_array_equal(round_.bins_with(rng.uniform(-4.0, 4.0, 300)), 1.0)
+
+
+def test_bins_of_an_angle_run_on_over_the_seam_where_it_was_visited():
+    rng = np.random.default_rng(0)
+    yaw = wrap_angle(rng.uniform(np.pi - 0.6, np.pi + 0.5, 400))
+    across = Circling.of(yaw)
+    edges = bin_edges(across, "yaw")
+    assert edges[-1] - edges[0] == pytest.approx(1.21, abs=0.02)
+    np.testing.assert_array_equal(across.bins_with(rng.uniform(np.pi - 0.55, np.pi + 0.45, 300)), 1.0)
+    ahead = Circling.of(rng.uniform(-0.5, 0.5, 400))
+    assert np.abs(bin_edges(ahead, "yaw")).max() < 0.6
+
+
+def test_an_edge_that_stays_is_not_looked_at_and_a_fit_that_stands_is_looked_from_once(monkeypatch):
+    _, simulator, question = braked(since=1.4567)
+    problem, at = started(question, simulator, "constant_force", {"force": 1.0}, Gate(since=1.4567))
+    seen = []
+
+    class Noted(Directions):
+        def __init__(self, problem, parent):
+            seen.append(parent)
+            super().__init__(problem, parent)
+
+    monkeypatch.setattr(edges_module, "Directions", Noted)
+    placed(problem, at, 0, FAR, 1e-4)
+    assert seen
+    assert len({id(parent) for parent in seen}) == len(seen)
 
 
 def _report(**changes):

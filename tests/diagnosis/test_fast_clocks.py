@@ -51,6 +51,9 @@ def test_friction_is_named_from_a_recording_at_1_khz():
     assert report["thinned"] == 10
     assert "every 10th sample" in paragraphs(report)[0]
     assert found.plant.dt == pytest.approx(0.001)  # the corrected simulator keeps the command's pace
+    assert (
+        found.plant.substeps == 1
+    )  # and steps no finer than it was found with: 2 substeps of 10 ms, 1 of 1 ms
     assert report["verdict"] == "named"
     (effect,) = report["effects"]
     assert (effect["family"], effect["on"]) == ("coulomb_friction", "q")

@@ -1,14 +1,16 @@
 """Whether a term could act in a region only, told before anything is fitted."""
 
 import numpy as np
+import pytest
 
 from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.gates import may_be_limited
+from gpsim.diagnosis.gates import gated_children, may_be_limited
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.replacing import left_open
-from gpsim.diagnosis.screening import Directions
+from gpsim.diagnosis.screening import Directions, screened, stronger
 from gpsim.diagnosis.shooting import fit
+from gpsim.effects import Place, effect_of
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -28,6 +30,34 @@ def limited(force) -> list[str | None]:
     shared = type(without)(**{**vars(without), "variance": leader.variance})
     values = tuple(leader.hypothesis.theta)
     return may_be_limited(Directions(problem, leader), Directions(problem, shared), drag, values)
+
+
+@pytest.mark.parametrize(
+    ("family", "value", "expected"),
+    [("actuator_saturation", 3.0, 1.5), ("actuator_rate_limit", 3.0, 1.5), ("actuator_gain", 0.9, 0.8)],
+)
+def test_twice_as_much_of_a_law_is_half_of_a_limit(family, value, expected):
+    (parameter,) = effect_of(family).parameters(Place("force", "N", span=5.0, dt=0.5))
+    assert stronger(parameter, value, 2.0) == pytest.approx(expected)
+    assert parameter.low <= stronger(parameter, value, 1e9) <= parameter.high
+
+
+@pytest.mark.parametrize("since", [16.0, 21.0])
+def test_a_limit_that_began_late_is_found_from_what_acting_everywhere_made_of_it(since):
+    """Diluted, the limit is far too high: stretched like a force it went out of reach, and the fit did not move it."""
+    limits = [lambda u, t, h, m: np.where(np.asarray(t)[:, None] >= since, np.clip(u, -1.0, 1.0), u)]
+    recording = record(World("slider", filters=limits), seed=2, episodes=10, steps=155, session=True)
+    problem = prepare(recording, SLIDER, recording.parameters).everything
+    offers = candidates(recording, SLIDER, recording.parameters)
+    offer = next(c for c in offers if c.family == "actuator_saturation")
+    nothing = fit(problem, Hypothesis(), problem.windows.measured[:, 0])
+    directions = Directions(problem, nothing)
+    (_, _, start), *_ = screened(directions, [offer])
+    plain = fit(problem, Hypothesis().plus(offer.term(start), offer.declared), nothing.starts)
+    assert plain.hypothesis.theta[0] > 3.5
+    found = gated_children(problem, directions, [plain], [offer], [None], few=directions)[0]
+    assert found.hypothesis.theta[0] == pytest.approx(1.0, abs=0.05)
+    assert found.hypothesis.terms[0].gate.since == pytest.approx(since, abs=0.5)
 
 
 def test_a_law_that_acts_everywhere_is_missed_wherever_it_is_taken_away():

@@ -32,3 +32,34 @@ def test_a_law_is_lacking_if_it_is_large_or_if_the_residual_is_not_white(nats, p
     lack = SimpleNamespace(significant=True, nats=nats)
     assert judging._lacking(problem, leader, null, lack, p_value) == lacking
     assert not judging._lacking(problem, leader, null, SimpleNamespace(significant=False), p_value)
+
+
+def stub(name, objective=0.0, count=1):
+    claims = frozenset({(name, "x")})
+    hypothesis = SimpleNamespace(claims=claims, idle=False, scheme="fine", terms=[name] * count)
+    return SimpleNamespace(hypothesis=hypothesis, name=name)
+
+
+def rivals_of(monkeypatch, nats, later):
+    """Those of a leader, with nats of each fit on training windows and by how much it is behind on held-out ones."""
+    leader, *others = [stub(name) for name in nats]
+    monkeypatch.setattr(judging, "scores", lambda _, fits: np.array([nats[f.name] for f in fits]))
+    monkeypatch.setattr(judging, "_later_nats", lambda *_: lambda fit: later.get(fit.name, 0.0))
+    monkeypatch.setattr(judging, "_earned", lambda *_: True)
+    return judging._rivals(SimpleNamespace(everything=None), leader, others)
+
+
+@pytest.mark.parametrize(
+    ("nats", "later"),
+    [
+        ({"a": 0.0, "b": 130.0, "c": -1.0}, {}),
+        ({"a": 0.0, "b": 5.0, "c": 1.0}, {"b": 4.0}),
+        ({"a": 0.0, "b": 130.0, "c": -1.0}, {"b": 200.0}),
+        ({"a": 0.0, "b": -500.0}, {}),
+    ],
+)
+def test_probabilities_are_parts_of_one_whole(monkeypatch, nats, later):
+    rivals, probabilities = rivals_of(monkeypatch, nats, later)
+    assert len(probabilities) == len(rivals) + 1
+    assert all(0.0 < p <= 1.0 for p in probabilities)
+    assert sum(probabilities) <= 1.0 + 1e-12

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gpsim.diagnosis import lack_of_fit as module
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.lack_of_fit import lack_of_fit
@@ -52,3 +53,19 @@ def test_nothing_is_found_beside_the_right_law():
     named = fit(problem, Hypothesis().plus(drag.term([1.0]), drag.declared), problem.windows.measured[:, 0])
     assert lack_of_fit(problem, without_a_name(problem)).significant
     assert not lack_of_fit(problem, named).significant
+
+
+def test_of_many_inputs_only_the_most_telling_ones_are_paired(monkeypatch):
+    problem, _ = posed(World("cartpole", forces={0: lambda q, v, t: 0.5 * np.sin(9 * q)}), noise=1.0)
+    monkeypatch.setattr(module, "MOST_INPUTS", 2)
+    single = module._single(problem)
+    nats = [10.0 if group.inputs[0] in (0, 4) else 1.0 for group in single]
+    assert [g.inputs for g in module._double(problem, single, nats)] == [(0, 4), (0, 4)]
+
+
+def test_the_same_question_is_answered_once(monkeypatch):
+    problem, _ = posed(World("slider"))
+    at = without_a_name(problem)
+    first = lack_of_fit(problem, at)
+    monkeypatch.setattr(module, "_single", lambda *_: pytest.fail("looked again"))
+    assert lack_of_fit(problem, at) is first

@@ -1,5 +1,7 @@
 """What was commanded before a window is simulated as far as an actuator remembers it, and no further."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,9 @@ from gpsim.diagnosis import shooting, simulate
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.windows import cut
+from gpsim.effects import Gate, Term
+from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -50,6 +55,37 @@ def test_the_rest_of_the_past_does_not_matter(monkeypatch, terms):
     assert np.isfinite(short).all()
 
 
+@pytest.mark.parametrize(("jitter", "gated"), [(0.0, False), (0.6, False), (0.6, True)])
+def test_what_came_before_a_window_is_as_late_as_in_one_long_simulation(jitter, gated):
+    """With the true start states, windows cut from what one run over a whole episode says leave nothing."""
+    rng, slider, dt, count = np.random.default_rng(4), make_simulator("slider"), 0.02, 90
+    t = np.concatenate([[0.0], np.cumsum(dt * rng.uniform(1 - jitter, 1 + jitter, count))])
+    actions = rng.normal(size=(count, 1))
+    gate = Gate(region={"q": (-9.0, 9.0)}) if gated else Gate()  # open, but commands are taken step by step
+    moved = (Term("actuator_delay", "force", {"delay": 0.053}, gate),)
+    read = (Term("sensor_delay", "q", {"delay": 0.047}), *moved)
+
+    def said(terms, windows, starts):
+        hypothesis = Hypothesis(terms, tuple(() for _ in terms))
+        chain = hypothesis.chain(slider, {"mass": 1.0}, dt)
+        thetas = np.empty((1, 0))
+        return simulate.simulate(chain, windows, starts[None], hypothesis.spread, thetas, 4)[0]
+
+    def recorded(states):
+        episode = Episode("0", t, states, actions)
+        recording = Recording("slider", slider.state, slider.action, (episode,), dt, {"mass": 1.0})
+        return replace(recording, held_out=HeldOut(episodes_from=1))  # in one piece
+
+    whole = cut(recorded(np.zeros((count + 1, 2))), count)
+    true, heard = (said(terms, whole, np.zeros((1, 2)))[0] for terms in (moved, read))
+    windows = cut(recorded(heard), 9)
+    windows = windows.take(windows.t[:, 0] > 0.3)  # a start states nothing of what was before an episode
+    starts = true[np.searchsorted(t, windows.t[:, 0])]
+    left = np.where(windows.valid[..., None], said(read, windows, starts) - windows.measured, 0.0)
+    assert len(windows) >= 5
+    assert np.abs(left).max() < 2e-5
+
+
 def test_two_samples_may_bear_one_stamp():
     """A log of the cart-pole rig has such pairs; how far back to look was once not a number there."""
     slider = make_simulator("slider")
@@ -67,7 +103,7 @@ def test_a_step_that_is_no_number_is_not_taken():
     residual = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
     here = shooting._point(problem, hypothesis.theta, starts, residual)
     nowhere = shooting.Step(np.full(1, np.nan), np.zeros((*starts.shape, 1)), np.zeros_like(starts))
-    new, moved, _ = shooting._stepped(problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1))
+    new, moved, *_ = shooting._stepped(problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1))
     assert not moved
     assert (new.theta == here.theta).all()
     assert np.isfinite(new.value)

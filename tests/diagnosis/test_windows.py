@@ -78,6 +78,27 @@ def test_no_sample_is_both_learned_from_and_held_out(episodes, steps, rule, sess
     assert len(learned | judged) >= total - len(recording.episodes) - 1  # one sample alone says nothing
 
 
+@pytest.mark.parametrize("lost", [1, 7, 4000])
+def test_what_lies_before_a_gap_is_of_another_time(lost):
+    """A window looks back in seconds: over lost rows, in which the last known command is held."""
+    recording = record(World("slider"), episodes=1, steps=100)
+    (whole,) = recording.episodes
+    late = np.concatenate([whole.t[:51], whole.t[51:] + lost * recording.dt])
+    windows = cut(replace(recording, episodes=(replace(whole, t=late),)), 20)
+    assert windows.lost is not None
+    for index in np.flatnonzero(windows.t[:, 0] > late[50]):
+        begun = (windows.before_t[index, :-1] + windows.before_t[index, 1:]) / 2
+        held = np.searchsorted(late, begun, side="right") - 1
+        expected = np.where(held >= 0, whole.actions[np.maximum(held, 0), 0], 0.0)
+        np.testing.assert_array_equal(windows.before_actions[index, :, 0], expected)
+        np.testing.assert_allclose(np.diff(windows.before_t[index]), recording.dt, rtol=1e-6)
+    after = np.isclose(windows.t[:, 0], late[51])
+    assert after.sum() == 1
+    np.testing.assert_array_equal(windows.lost, after & (lost > 2))
+    np.testing.assert_array_equal(windows.rested, windows.t[:, 0] == 0.0)
+    np.testing.assert_array_equal(windows.fresh, windows.lost | windows.rested)
+
+
 @pytest.mark.parametrize(("episodes", "steps"), [(1, 200), (2, 100), (4, 75)])
 def test_short_held_out_stretches_are_rolled_out_as_far_as_they_go(episodes, steps):
     recording = replace(record(World("slider"), episodes=episodes, steps=steps), held_out=None)

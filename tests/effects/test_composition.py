@@ -103,6 +103,26 @@ def test_a_late_sensor_reads_between_substeps_to_fourth_order():
     assert read(0.005) < read(0.01)
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.0111, 0.0337])
+def test_a_late_sensor_reads_a_time_ago_on_an_uneven_clock(delay):
+    slider = make_simulator("slider")
+    chain = Chain(slider, {}, (Term("sensor_delay", "q", {"delay": delay}),), "fine", 0.02)
+    values = [{"delay": np.full(2, delay)}]
+    steps = np.random.default_rng(1).uniform(0.002, 0.015, (2, 40))
+    steps[1, 10:] = 0.005
+    steps[1, 25] = 0.0  # two samples that bear one stamp
+    t = np.cumsum(steps, axis=1)
+    states = np.stack([np.sin(3 * t), 3 * np.cos(3 * t)], axis=2)
+    memory = chain.watchers(states[:, :20], steps[:, :20])
+    for k in range(20, 40):
+        chain.watch(states[:, k], memory, steps[:, k])
+        said = chain.measure(states[:, k], values, memory, steps[:, k])
+        np.testing.assert_allclose(said[0, 0], np.sin(3 * (t[0, k] - delay)), atol=2e-6)
+        np.testing.assert_allclose(
+            said[1, 0], np.sin(3 * (t[1, k] - delay)), atol=5e-5
+        )  # straight between some
+
+
 @pytest.mark.parametrize("coordinate", [0, 1])
 def test_a_cart_poles_mobility_is_what_a_unit_force_changes(coordinate):
     system = make_simulator("cartpole")

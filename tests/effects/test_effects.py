@@ -48,6 +48,32 @@ def test_delay_shifts_and_splits_between_substeps():
     np.testing.assert_allclose(actuate("actuator_delay", u, delay=0.25 * H)[:3], [0, 0.75, 1])
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.0373, 0.2])
+def test_a_delay_is_a_time_on_an_uneven_clock_too(delay):
+    """Means over the substeps of what was commanded a delay ago, against sums over very short ones."""
+    rng, effect = np.random.default_rng(5), FAMILIES["actuator_delay"]
+    step = rng.uniform(0.3, 1.7, (1, 60)) * H
+    step[0, [7, 8, 31]] = 0.0  # samples that bear one stamp
+    commands, values = rng.normal(size=(1, 60)), {"delay": np.array([[delay]])}
+    ends = np.cumsum(step[0])
+    begins = ends - step[0]
+    fine = begins[:, None] + step[0, :, None] * (np.arange(2000) + 0.5) / 2000 - delay
+    given = np.where(fine < 0, 0.0, commands[0][np.searchsorted(ends, fine, side="right").clip(max=59)])
+    expected, lasting = given.mean(axis=1), step[0] > 0
+    at_once = effect.actuate(commands, values, effect.begin(1, 0.5, H), step, begins[None])[0]
+    np.testing.assert_allclose(at_once[lasting], expected[lasting], atol=5e-3)
+    assert np.isfinite(at_once).all()
+    memory = effect.begin(1, 0.5, H)
+    one_by_one = [
+        effect.actuate(commands[:, [i]], values, memory, step[:, [i]], begins[None, [i]])[0, 0]
+        for i in range(60)
+    ]
+    np.testing.assert_allclose(one_by_one, at_once, rtol=0, atol=1e-9)
+    pieces, shares = effect.pieces(commands, values, effect.begin(1, 0.5, H), step)
+    np.testing.assert_allclose(shares.sum(axis=2), 1.0)
+    np.testing.assert_allclose((pieces * shares).sum(axis=2)[0], at_once, atol=1e-12)
+
+
 def test_lag_is_the_exact_mean_of_the_exponential():
     tau, n = 0.03, 200
     out = actuate("actuator_lag", np.ones(n), time_constant=tau)

@@ -1,0 +1,92 @@
+"""What the report states beside the effects: what was held out, what is left over, what a term is worth."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis import diagnosis
+from gpsim.diagnosis.diagnosis import _structured, _without
+from gpsim.diagnosis.holding_out import held_out_names
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.shooting import fit
+from gpsim.effects import Gate, Term
+from gpsim.recordings import Episode, HeldOut
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return record(World("slider"), episodes=12, steps=60)
+
+
+def test_every_held_out_episode_is_listed_in_the_order_of_its_number(recording):
+    late = replace(recording, held_out=HeldOut(episodes_from=8))
+    assert held_out_names(late) == ["8", "9", "10", "11"]
+    assert held_out_names(replace(recording, held_out=None)) == ["10", "11"]
+    whole = recording.episodes[0]
+    brief = Episode("brief", whole.t[:3], whole.states[:3], whole.actions[:2])
+    short = replace(late, episodes=(*late.episodes, brief))  # too short for a window, not for a single step
+    assert held_out_names(short) == ["8", "9", "10", "11", "brief"]
+    last = replace(recording, episodes=recording.episodes[:2], held_out=None)
+    assert held_out_names(last) == ["1"]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "terms", "p_value", "significant", "structured"),
+    [
+        ("none", (), 5e-3, False, False),  # below what makes a residual white, not below what makes a verdict
+        ("none", (), 0.5, True, False),
+        ("unknown", (), 1e-6, False, True),
+        ("unknown", (), 0.5, True, True),
+        ("named", ("a term",), 0.5, False, False),
+        ("named", ("a term",), 5e-3, False, True),
+        ("unknown", ("a term",), 0.5, True, True),
+    ],
+)
+def test_where_nothing_is_missing_nothing_is_left_over(verdict, terms, p_value, significant, structured):
+    judgement = SimpleNamespace(
+        verdict=verdict,
+        leader=SimpleNamespace(hypothesis=SimpleNamespace(terms=terms)),
+        p_value=p_value,
+        lack=SimpleNamespace(significant=significant),
+    )
+    assert _structured(judgement) is structured
+
+
+def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recording, monkeypatch):
+    simulator = make_simulator("slider")
+    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+    problem, starts = question.everything, question.everything.windows.measured[:, 0]
+    null = fit(problem, Hypothesis(), starts, iterations=1)
+    plain = Term("constant_force", "q", {"force": 0.1})
+    regional = replace(plain, gate=Gate(region={"q": (-1.0, 1.0)}))
+    asked = []
+
+    def noted(grid, hypothesis, *given, **named):
+        asked.append((grid.substeps, len(hypothesis.terms)))
+        return null
+
+    monkeypatch.setattr(diagnosis, "fit", noted)
+    judgement = SimpleNamespace(null=null)
+
+    def without(*terms, scheme="fine"):
+        asked.clear()
+        hypothesis = Hypothesis(terms, ((),) * len(terms), scheme)
+        found = replace(null, hypothesis=hypothesis, starts=np.array(starts))
+        return _without(question, judgement, found, 0)
+
+    assert without(plain) is null  # fitted already
+    assert asked == []
+    without(regional)
+    assert asked == [(2 * problem.substeps, 0)]
+    without(regional, plain)
+    assert asked == [(2 * problem.substeps, 1)]
+    without(plain, regional)  # which makes it finer with and without the first one
+    assert asked == [(problem.substeps, 1)]
+    without(plain, scheme="euler")  # the null was fitted finely
+    assert asked == [(problem.substeps, 0)]

@@ -1,0 +1,47 @@
+"""Moments and regions in words: as many digits as say something."""
+
+import pytest
+
+from gpsim.diagnosis.telling import _between, _moment, paragraphs
+
+from .test_edges import _report
+
+
+@pytest.mark.parametrize(
+    ("t", "dt", "said"),
+    [
+        (1234.5, 0.02, "1234.50"),
+        (1234.5, 0.1, "1234.5"),
+        (1.7e9 + 6.25, 0.01, "1700000006.25"),
+        (86400.0, 4.0, "86400"),
+        (6.0, None, "6"),
+    ],
+)
+def test_a_moment_is_told_to_a_step_of_its_clock(t, dt, said):
+    assert _moment(t, dt) == said
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (-1.1, -0.4, "[-1.1, -0.4]"),
+        (100.123, 100.987, "[100.12, 100.99]"),
+        (1200.52, 1260.81, "[1201, 1261]"),
+        (0.5, 0.5, "[0.5, 0.5]"),
+        (0.0, 0.0, "[0, 0]"),
+    ],
+)
+def test_an_interval_is_told_to_a_part_of_its_width(low, high, said):
+    assert _between(low, high) == said
+
+
+def test_the_first_paragraph_says_when_and_where():
+    location = {
+        "channels": {"q_acc": 0.9},
+        "region": {"q": [100.123, 100.987]},
+        "since": 1234.5,
+        "depends_on": [],
+    }
+    effect = {"family": "spring", "on": "q", "sentence": "a spring", "parameters": {}, "evidence_gain": 9.0}
+    told = paragraphs(_report(verdict="named", effects=[effect], location=location, dt=0.02))[0]
+    assert "q in [100.12, 100.99]; since t = 1234.50 s" in told
