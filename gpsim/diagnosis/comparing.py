@@ -69,6 +69,8 @@ def compare(
     completions = Completions(problem, question.recording, question.hidden)
     steps = _steps_of(question, hypotheses, completions)
     rates = {kind: _residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
+    if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
+        rates["finely"] = _residual_rates(problem, steps["before"].test, Hypothesis())
     features = _features(problem)
     gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
     gps["after_gp"] = _gp(problem, steps["after"].train, after, features, rng) if after.terms else gps["gp"]
@@ -223,7 +225,10 @@ def _added(gp: Predictor, features: Features) -> Extra:
 def _one_step(
     question: Question, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
 ) -> dict[str, dict[str, Any]]:
-    """The contract's `one_step` of every rate that was measured; `typical` from the median beside the RMS."""
+    """The contract's `one_step` of every rate that was measured; `typical` from the median beside the RMS.
+
+    `finely` where nothing is missing but a finer step: the base simulator's error with that.
+    """
     out: dict[str, dict[str, Any]] = {}
     shown = _shown_rates(question)
     for i, channel in enumerate(question.everything.simulator.rate):
@@ -238,6 +243,8 @@ def _one_step(
             "typical": {kind: typical(rates[kind][:, i]) for kind in KINDS},
             **over_before({kind: rates[kind][:, i] for kind in MODELS}, rng),
         }
+        if "finely" in rates:
+            out[channel.name]["finely"] = rms(rates["finely"][:, i])
     return out
 
 

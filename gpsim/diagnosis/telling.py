@@ -13,6 +13,7 @@ Report = Mapping[str, Any]
 NOTHING = "nothing missing"
 RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
 MANY = 1e6  # odds beyond which nobody counts
+COARSE = 0.7  # of the base simulator's error, that finer steps leave: what they take away is worth a word
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
 
 
@@ -37,6 +38,7 @@ def _where(report: Report) -> str:
     if report["verdict"] == "none":
         return (
             "Where: nowhere. Simulator and recording differ by no more than noise and numerical error."
+            + _own_step(report)
             + _looked_at(report)
         )
     parts = ", ".join(f"{100 * share:.0f} % of {name}'s residual" for name, share in shares if share > 0.01)
@@ -48,6 +50,18 @@ def _where(report: Report) -> str:
     if location["since"] is not None:
         text += f"; since t = {_moment(location['since'], report.get('dt'))} s"
     return f"{text}{_part(report)}.{_looked_at(report)}"
+
+
+def _own_step(report: Report) -> str:
+    """What of the residual the base simulator's own step makes, where that is much."""
+    errors = [(name, e) for name, e in report["fit"]["one_step"].items() if e.get("finely") is not None]
+    coarse = [(n, e) for n, e in errors if e["before"] is not None and e["finely"] < COARSE * e["before"]]
+    if not coarse:
+        return ""
+    left = ", ".join(
+        f"{number(e['finely'])} of {name}'s {number(e['before'])} {e['unit']}" for name, e in coarse
+    )
+    return f" The simulator's own step is coarse: integrated finely, {left} is left one step ahead."
 
 
 def _part(report: Report) -> str:

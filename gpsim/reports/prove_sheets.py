@@ -252,7 +252,7 @@ def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
 def _told(effect: Json) -> str:
     numbers = ", ".join(f"{k} {v:.4g}" for k, v in effect["parameters"].items())
     where = "".join(f", {k} in [{low:.3g}, {high:.3g}]" for k, (low, high) in effect["region"].items())
-    when = f", since {effect['since']:.4g} s" if effect["since"] is not None else ""
+    when = f", since {effect['since']:.6g} s" if effect["since"] is not None else ""
     return f"{effect['family']} on {effect['on']} ({numbers}{where}{when})"
 
 

@@ -45,3 +45,17 @@ def test_the_first_paragraph_says_when_and_where():
     effect = {"family": "spring", "on": "q", "sentence": "a spring", "parameters": {}, "evidence_gain": 9.0}
     told = paragraphs(_report(verdict="named", effects=[effect], location=location, dt=0.02))[0]
     assert "q in [100.12, 100.99]; since t = 1234.50 s" in told
+
+
+@pytest.mark.parametrize(
+    ("finely", "said"),
+    [(0.36, "integrated finely, 0.36 of q_acc's 3.4 m is left"), (3.0, None), (None, None)],
+)
+def test_a_coarse_step_of_the_simulators_own_is_told_where_nothing_is_missing(finely, said):
+    report = _report()
+    report["fit"]["one_step"] = {
+        "q_acc": {**report["fit"]["one_step"]["q_acc"], "before": 3.4, "finely": finely}
+    }
+    told = paragraphs(report)[0]
+    assert ("own step" in told) == (said is not None)
+    assert said is None or said in told
