@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,12 @@ from gpsim.diagnosis.holding_out import held_out_names
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.judging import Judgement, judge
+from gpsim.diagnosis.leaning import lean
 from gpsim.diagnosis.locating import depends_on, locate
 from gpsim.diagnosis.odds import odds_against
 from gpsim.diagnosis.preparing import Question, prepare, settled_question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.search import STRUCTURED, Note, search
+from gpsim.diagnosis.search import STRUCTURED, Found, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
 from gpsim.effects import Term, effect_of
@@ -64,7 +65,7 @@ def diagnose(
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
     note(65, 100, "fitting the best on all windows")
-    question = settled_question(question, found.fits[0])
+    question = settled_question(question, _best(found))
     judgement = judge(question, found, offers, lambda text: note(70, 100, text))
     note(80, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
@@ -80,6 +81,12 @@ def diagnose(
     )
     note(100, 100, "done")
     return Diagnosis(report, plant, judgement, comparison, question)
+
+
+def _best(found: Found) -> Fit:
+    """The best of the search, without a region that only made its grid finer: what is left then asks for that grid."""
+    best = found.fits[0]
+    return lean(found.problem, best) if any(t.gate.region for t in best.hypothesis.terms) else best
 
 
 def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
@@ -176,18 +183,11 @@ def _effects(
 
 
 def _without(question: Question, judgement: Judgement, found: Fit, index: int) -> Fit:
-    """The fit with one term less, integrated by the same scheme on as fine a grid, which a region makes finer."""
+    """The fit with one term less, integrated by the same scheme on as fine a grid."""
     problem, less = question.everything, found.hypothesis.without(index)
-    finer = 1
-    if less.scheme == "fine":
-        chains = (
-            h.chain(problem.simulator, problem.parameters, problem.dt) for h in (found.hypothesis, less)
-        )
-        whole, rest = (chain.refinement for chain in chains)
-        finer = whole // rest
-    if finer == 1 and not less.terms and less.scheme == judgement.null.hypothesis.scheme:
+    grid = problem.as_finely(less, found.hypothesis)
+    if grid is problem and not less.terms and less.scheme == judgement.null.hypothesis.scheme:
         return judgement.null
-    grid = replace(problem, substeps=finer * problem.substeps)
     return fit(grid, less, found.starts, iterations=12)
 
 

@@ -13,7 +13,7 @@ from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import pays
 from gpsim.diagnosis.shooting import Fit
-from gpsim.diagnosis.workers import Order, fit_all, side_by_side
+from gpsim.diagnosis.workers import Order, fit_all, fit_order, side_by_side
 from gpsim.effects import Gate
 from gpsim.evenly import evenly
 
@@ -77,15 +77,26 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
     if len(problem.windows) > 2 * LOOKED_AT:
         some, seen = sampled(problem, leader)
         seen = rescored(some, seen)
-        looks = fit_all(some, [Order(part, seen.starts, 12) for part in parts])
+        looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
         looks = side_by_side(_moved, [(some, look, seen) for look in looks])
         parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
-    begun = fit_all(problem, [Order(part, leader.starts, 6, 0.1) for part in parts])
+    begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
     begun = [f for f in begun if not _hopeless(problem, f, leader)]
-    unfinished = [f for f in begun if not f.converged]
+    unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
     fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1) for f in unfinished])
-    return side_by_side(_moved, [(problem, f, leader) for f in (*fits, *(f for f in begun if f.converged))])
+    ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
+    return side_by_side(_moved, [(problem, f, leader) for f in ended])
+
+
+def _finer(problem: Problem, less: Fit, leader: Fit) -> bool:
+    """Whether the leader's grid is finer than the one that a hypothesis with one term less calls for."""
+    return problem.as_finely(less.hypothesis, leader.hypothesis) is not problem
+
+
+def _all_as_finely(problem: Problem, leader: Fit, orders: Sequence[Order]) -> list[Fit]:
+    """`fit_all`, each on a grid as fine as the leader's: what its region's finer grid gains is no merit of a term."""
+    return side_by_side(fit_order, [(problem.as_finely(o.hypothesis, leader.hypothesis), o) for o in orders])
 
 
 def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:

@@ -54,6 +54,17 @@ class Problem:
         """Steps of a transition."""
         return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
 
+    def as_finely(self, hypothesis: Hypothesis, other: Hypothesis) -> Problem:
+        """The same question, in which `hypothesis` steps as finely as `other` does here: a region makes a grid finer.
+
+        That alone may gain nats.
+        """
+        if hypothesis.scheme != "fine" or other.scheme != "fine":
+            return self
+        chains = [h.chain(self.simulator, self.parameters, self.dt) for h in (hypothesis, other)]
+        own, theirs = (chain.refinement for chain in chains)
+        return self if theirs <= own else replace(self, substeps=self.substeps * theirs // own)
+
     def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
         """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S); 0 where nothing was seen."""
         chain = hypothesis.chain(self.simulator, self.parameters, self.dt)

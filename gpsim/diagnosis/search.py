@@ -178,11 +178,9 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
 
 
 def _on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
-    """The poorer fit on as fine a grid as the richer one has, which a region makes finer: that alone may gain nats."""
-    finer = [any(t.gate.region for t in f.hypothesis.terms) for f in (poorer, richer)]
-    if finer[0] or not finer[1] or poorer.hypothesis.scheme != "fine":
-        return poorer
-    return _finer(problem, poorer)
+    """The poorer fit on as fine a grid as the richer one has."""
+    same = problem.as_finely(poorer.hypothesis, richer.hypothesis) is problem
+    return poorer if same else _finer(problem, poorer)
 
 
 @kept

@@ -47,7 +47,7 @@ def cores(count: int) -> Iterator[None]:
 
 def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
     """The fits of all orders, in their order; raises what a fit raises."""
-    return side_by_side(_fit, [(problem, order) for order in orders])
+    return side_by_side(fit_order, [(problem, order) for order in orders])
 
 
 def side_by_side(function: Callable[..., Result], calls: Sequence[tuple[Any, ...]]) -> list[Result]:
@@ -66,7 +66,8 @@ def _counted(function: Callable[..., Result], call: tuple[Any, ...]) -> tuple[Re
     return function(*call), spent() - before
 
 
-def _fit(problem: Problem, order: Order) -> Fit:
+def fit_order(problem: Problem, order: Order) -> Fit:
+    """The fit of one order."""
     return fit(
         problem, order.hypothesis, order.starts, iterations=order.iterations, tolerance=order.tolerance
     )
