@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gpsim.channels import BoolArray
 from gpsim.diagnosis.clock import rebased
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
@@ -26,6 +27,9 @@ from gpsim.simulators.wrapping import wrapping
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
 FEWEST_WINDOWS = 4
+NOISY, LONGER = 0.02, 2  # noise, in parts of what moves within a window, that makes windows so much longer,
+ENOUGH_WINDOWS = 40  # unless fewer than these are left,
+SEARCHED_LONGER = 50  # and as many of those for the search
 SAMPLED = 40  # windows on which the base simulator's own errors are measured
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
 USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
@@ -68,17 +72,19 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
     seen, origin = rebased(recording)
     seen, every = thinned(seen)
     seen = guessed(seen, simulator)
-    training, held = _split(seen)
+    observed = _observed(seen, simulator, hidden)
+    training, held = _split(seen, observed)
     problem = _problem(seen, simulator, parameters, training, hidden)
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
-        training, held = _split(seen)
+        training, held = _split(seen, observed)
         problem = _problem(seen, simulator, parameters, training, hidden)
+    searched = SEARCHED if training.length == _length(seen) else SEARCHED_LONGER
     problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
         seen,
         problem.on(spread_out(training, FITTED)),
-        problem.on(spread_out(training, SEARCHED)),
+        problem.on(spread_out(training, searched)),
         problem.on(spread_out(held, FITTED)),
         every,
         hidden,
@@ -86,9 +92,11 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
     )
 
 
-def _split(recording: Recording) -> tuple[Windows, Windows]:
+def _split(recording: Recording, observed: BoolArray) -> tuple[Windows, Windows]:
     """Windows to learn from and held-out ones."""
     windows = cut(recording, _length(recording), most=CUT)
+    if _noisy(recording, windows, observed):
+        windows = cut(recording, LONGER * windows.length, most=CUT)
     held = held_out_mask(recording, windows)
     if recording.held_out is not None and not held.any():
         raise UsageError(
@@ -113,7 +121,7 @@ def _problem(
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
     names = simulator.state.names
-    observed = np.array([name not in hidden and _observed(recording, simulator, name) for name in names])
+    observed = _observed(recording, simulator, hidden)
     guess = np.array([abs(simulator.start.get(n, 0.0)) or 1.0 if n in hidden else 0.0 for n in names])
     scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(0.1 * guess, 1e-9))
     known = np.array([recording.noise.get(name, 0.0) for name in names])
@@ -172,7 +180,26 @@ def _length(recording: Recording) -> int:
     return min(usual, max(longest, 3))
 
 
-def _observed(recording: Recording, simulator: Simulator, name: str) -> bool:
-    """Differentiated velocities carry the smoothing's errors and no news: positions are observed only."""
+def _noisy(recording: Recording, windows: Windows, observed: BoolArray) -> bool:
+    """Whether noise hides what happens within a window, and there are enough of them to make them longer.
+
+    What a lasting effect adds up to within a window grows with its length, at least linearly; noise does not. Unstable
+    systems forbid more than twice the usual length.
+    """
+    if len(windows) < LONGER * ENOUGH_WINDOWS or LONGER * windows.length > LONGEST:
+        return False
+    noise = np.array([recording.noise.get(name, 0.0) for name in recording.state.names])
+    whole = windows.measured[windows.valid.all(axis=1)]
+    motion = np.sqrt(np.mean(whole.var(axis=1), axis=0)) if len(whole) else np.zeros_like(noise)
+    known = observed & (noise > 0) & (motion > 0)
+    return bool(known.any() and (noise[known] > NOISY * motion[known]).all())
+
+
+def _observed(recording: Recording, simulator: Simulator, hidden: Sequence[str]) -> BoolArray:
+    """(S,) what was measured.
+
+    Differentiated velocities carry the smoothing's errors and no news: positions are observed only.
+    """
     velocities = {coordinate.velocity for coordinate in simulator.coordinates}
-    return not (recording.velocities == "differentiated" and name in velocities)
+    unseen = {*hidden, *(velocities if recording.velocities == "differentiated" else ())}
+    return np.array([name not in unseen for name in simulator.state.names])

@@ -8,6 +8,7 @@ import pytest
 from gpsim.channels import Channel, Channels
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.preparing import prepare
 from gpsim.effects import Place, effect_of
 from gpsim.features import Features
 from gpsim.simulators import make_simulator
@@ -57,3 +58,13 @@ def test_features_take_angles_that_run_on_back_into_their_range():
     assert later[0] == pytest.approx(first[0])
     assert later[1] == pytest.approx(0.5 + 6 * np.pi)
     assert later[2] == pytest.approx(first[2])
+
+
+@pytest.mark.parametrize(("noise", "episodes", "length"), [(1.0, 16, 25), (60.0, 16, 50), (60.0, 4, 25)])
+def test_windows_are_longer_where_noise_hides_what_happens_in_one(noise, episodes, length):
+    """Noise in units of the worlds' decent sensors; too few windows are not made fewer still."""
+    recording = record(World("slider"), seed=3, noise=noise, episodes=episodes, steps=160)
+    simulator = make_simulator("slider")
+    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+    assert question.everything.windows.length == length
+    assert question.held_out.windows.length == length
