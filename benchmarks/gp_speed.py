@@ -34,8 +34,8 @@ from gp_rivals import HAS_GPYTORCH, sklearn_fit, sklearn_predictor, torch_fit, t
 from gpsim.cli.configuration import resolve
 from numpy.typing import NDArray
 
-from gpsim.artifacts import plain
 from gpsim.features import Features
+from gpsim.files import plain
 from gpsim.gp import (
     HyperParameters,
     NotPositiveDefiniteError,

@@ -35,8 +35,9 @@ LEVELS = [
         "settings",
         "command_filter",
     },
-    {"evenly", "gaps"},
+    {"evenly", "gaps", "store"},
     {"channels", "artifacts", "provenance", "workers"},
+    {"files"},
     {"errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
@@ -81,7 +82,6 @@ def test_imports_point_one_way(path):
 
 
 SIDEWAYS = {
-    ("artifacts", "provenance"),
     ("collecting", "envs"),  # drives episodes
     ("collecting", "policy"),
     ("command_filter", "simulators"),  # has a memory, as a plant has

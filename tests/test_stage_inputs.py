@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Artifact, Recipe, Store, file_digest
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.corrected_effects import EffectsPlant, describe
 from gpsim.errors import UsageError
+from gpsim.files import file_digest
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.recordings.bag_writing import Topics
@@ -22,6 +23,7 @@ from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose import read_corrected
 from gpsim.stages.evaluate_recording import judged_episodes
 from gpsim.stages.stage import Request
+from gpsim.store import Store
 
 
 def request(*words: str) -> Request:

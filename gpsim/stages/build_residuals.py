@@ -10,9 +10,10 @@ from typing import Any
 
 import pandas as pd
 
-from gpsim.artifacts import MANIFEST, Artifact, Json, Recipe, file_digest, read_artifact, write_json
+from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
+from gpsim.files import Json, file_digest, write_json
 from gpsim.gaps import LONGEST_STEP
 from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import Residuals, build_residuals, check_clock, from_table, to_table

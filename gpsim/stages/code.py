@@ -15,7 +15,7 @@ import hashlib
 from pathlib import Path
 
 import gpsim
-from gpsim.artifacts import file_digest
+from gpsim.files import file_digest
 
 APART = ("cli", "conf", "trials")
 """Folders that no diagnosis rests on."""

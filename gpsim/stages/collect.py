@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import Json, Recipe
+from gpsim.artifacts import Recipe
 from gpsim.collecting import Act, collect_episodes, dithered_actor, policy_actor, random_actor
 from gpsim.errors import UsageError
+from gpsim.files import Json
 from gpsim.recordings import Recording, write_recording
 from gpsim.recordings.import_report import ImportReport
 from gpsim.settings import choice, number, positive

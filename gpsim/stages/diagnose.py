@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Json, Recipe, file_digest, plain, read_artifact, write_json
+from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
@@ -17,6 +17,7 @@ from gpsim.diagnosis.traces import course, traces
 from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
+from gpsim.files import Json, file_digest, plain, write_json
 from gpsim.recordings import Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Json, Recipe, read_artifact
+from gpsim.artifacts import Artifact, Recipe, read_artifact
+from gpsim.files import Json
 from gpsim.stages import collect, diagnose
 from gpsim.stages.code import SOURCES
 from gpsim.stages.stage import Request, Stage

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Json, Recipe, plain, write_json
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
@@ -19,6 +19,7 @@ from gpsim.evaluation.returns import episode_returns, summarise_all
 from gpsim.evaluation.rollout import compare, roll_out
 from gpsim.evaluation.summary import start_sets
 from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
+from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive, texts, truth

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import Json, Recipe, plain, write_json
+from gpsim.artifacts import Recipe
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.rollout import compare
+from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.residuals import Residuals, either_wraps
 from gpsim.settings import positive

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import read_artifact, write_json, written_whole
+from gpsim.artifacts import read_artifact
 from gpsim.errors import UsageError
+from gpsim.files import write_json, written_whole
 from gpsim.policy import Policy
 from gpsim.policy_export import ros_node, to_onnx
 from gpsim.settings import build

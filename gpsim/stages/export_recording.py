@@ -7,9 +7,9 @@ from typing import cast
 
 import numpy as np
 
-from gpsim.artifacts import written_whole
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.errors import UsageError
+from gpsim.files import written_whole
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.recordings.export import Predictions, write_mcap, write_table
 from gpsim.simulators.registry import SIMULATORS, make_simulator

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gpsim.artifacts import Artifact, Json, Recipe, write_json
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray, IntArray
 from gpsim.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
 from gpsim.features import Features
+from gpsim.files import Json, write_json
 from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
 from gpsim.residuals import Residuals
 from gpsim.settings import build, number, positive, texts, truth, whole

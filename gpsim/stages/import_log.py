@@ -13,8 +13,9 @@ import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gpsim.artifacts import Artifact, Json, Recipe, Store, file_digest
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError
+from gpsim.files import Json, file_digest
 from gpsim.recordings import Recording, write_recording
 from gpsim.recordings.import_report import ImportReport, as_text
 from gpsim.recordings.importing import import_logs
@@ -28,6 +29,7 @@ from gpsim.recordings.sources import FolderLog, find_logs
 from gpsim.reports.import_figure import draw_channels
 from gpsim.settings import texts, truth
 from gpsim.simulators.registry import SIMULATORS
+from gpsim.store import Store
 
 STAGE_NAME = "import"
 

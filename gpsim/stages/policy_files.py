@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
-from gpsim.artifacts import write_json
 from gpsim.channels import Channels
 from gpsim.command_filter import CommandFilter
 from gpsim.corrected import GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.features import Features
+from gpsim.files import write_json
 from gpsim.gp import Predictor, from_arrays, to_arrays
 from gpsim.learning import Checkpoints, LearningCurve
 from gpsim.policy import Policy

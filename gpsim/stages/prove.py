@@ -9,8 +9,8 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import plain, write_json, written_whole
 from gpsim.errors import UsageError
+from gpsim.files import plain, write_json, written_whole
 from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
 from gpsim.stages.trial_jobs import Progress, run_trials

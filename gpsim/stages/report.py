@@ -12,11 +12,12 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts import MANIFEST, Artifact, Json, Recipe, plain, read_artifact, write_json
+from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
 from gpsim.evaluation.trips import success_by_set
+from gpsim.files import Json, plain, write_json
 from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
 from gpsim.reports.page import render
 from gpsim.reports.slices import residual_slices

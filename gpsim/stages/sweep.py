@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Json, written_whole
 from gpsim.channels import FloatArray
 from gpsim.driving import Sweep, drive_plan
 from gpsim.errors import UsageError
+from gpsim.files import Json, written_whole
 from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.recordings.mapping import ChannelSource
 from gpsim.recordings.mapping_files import parse_mapping

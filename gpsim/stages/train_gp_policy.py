@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Json, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.corrected import PREDICTIONS, CorrectedPlant, GpCorrection
 from gpsim.corrected_effects import EffectsPlant
 from gpsim.errors import UsageError
+from gpsim.files import Json
 from gpsim.learning import TRAINING_FORMAT
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant, SimulatorPlant

@@ -8,9 +8,10 @@ from typing import Any
 
 from gymnasium.spaces import Discrete
 
-from gpsim.artifacts import Json, Recipe
+from gpsim.artifacts import Recipe
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
+from gpsim.files import Json
 from gpsim.learning import TRAINING_FORMAT, PpoSettings
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant

@@ -12,8 +12,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import file_digest, written_whole
 from gpsim.errors import UsageError
+from gpsim.files import file_digest, written_whole
 from gpsim.provenance import git_commit
 from gpsim.trials import concealing
 from gpsim.trials.concealing import HASHES, PUBLIC

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
-from gpsim.artifacts import file_digest, written_whole
 from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
+from gpsim.files import file_digest, written_whole
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.trials.drawing import draw

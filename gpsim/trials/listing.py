@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import plain, write_json, written_whole
+from gpsim.files import plain, write_json, written_whole
 from gpsim.recordings import read_recording
 from gpsim.trials import sindy
 from gpsim.trials.concealing import PUBLIC

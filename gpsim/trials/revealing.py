@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import file_digest
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
+from gpsim.files import file_digest
 from gpsim.trials.blind import published, read_outcome, recording_digests
 from gpsim.trials.concealing import ANSWER, PUBLIC, SCHEMA, TRUTH
 from gpsim.trials.worlds import World, world_from_json

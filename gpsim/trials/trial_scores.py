@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import plain, written_whole
+from gpsim.files import plain, written_whole
 from gpsim.trials.blind import diagnosis_digest, read_outcome, read_report
 from gpsim.trials.listing import Listing, listing
 from gpsim.trials.revealing import Answer, reveal

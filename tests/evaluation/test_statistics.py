@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gpsim.artifacts import plain
 from gpsim.channels import Channels
 from gpsim.evaluation.one_step import OneStep, outside_range
 from gpsim.evaluation.returns import summarise
 from gpsim.evaluation.rollout import bands, compare, divergence, roll_out
 from gpsim.evaluation.statistics import bootstrap_interval, interquartile_mean, nrmse, r2
 from gpsim.evaluation.summary import start_sets, summarise_seeds
+from gpsim.files import plain
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 

@@ -11,7 +11,7 @@ from gpsim.cli.configuration import resolve
 from gpsim.cli.main import main
 
 from gpsim import policies
-from gpsim.artifacts import Recipe, Store
+from gpsim.artifacts import Recipe
 from gpsim.driving import Sweep, drive_plan, drive_policy
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
@@ -27,6 +27,7 @@ from gpsim.stages.building import make_task, target_plant
 from gpsim.stages.export_policy import export_policy
 from gpsim.stages.import_log import read_logs
 from gpsim.stages.policy_files import write_policy
+from gpsim.store import Store
 from gpsim.tasks import Balance, GoalReaching, Start
 
 CONFIG = resolve(["experiment=limo"], None)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Artifact, Recipe, Store
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.corrected_effects import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
@@ -17,6 +17,7 @@ from gpsim.simulators import make_simulator
 from gpsim.stages import full_loop, report
 from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, Stage
+from gpsim.store import Store
 
 CAR = base_plant(resolve(["experiment=limo"], None))
 

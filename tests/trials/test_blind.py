@@ -14,8 +14,8 @@ import pytest
 from gpsim.cli.main import app
 from typer.testing import CliRunner
 
-from gpsim.artifacts import file_digest
 from gpsim.errors import UsageError
+from gpsim.files import file_digest
 from gpsim.recordings import read_recording
 from gpsim.recordings.files import write_recording
 from gpsim.recordings.recording import Recording

@@ -1,0 +1,91 @@
+"""Files: JSON with a stable byte order, digests, and what is written whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from gpsim.errors import UsageError
+
+Json = dict[str, Any]
+
+
+def canonical(content: Any) -> bytes:
+    """JSON bytes that are equal for equal content; NaN and infinity are refused."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Readable JSON with a stable byte order."""
+    path.write_text(json.dumps(content, indent=2, sort_keys=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def plain(content: Any) -> Any:
+    """JSON without NumPy's numbers; what is not finite is null."""
+    if isinstance(content, Mapping):
+        return {str(k): plain(v) for k, v in content.items()}
+    if isinstance(content, list | tuple):
+        return [plain(v) for v in content]
+    if hasattr(content, "item"):  # a NumPy scalar
+        content = content.item()
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+@contextmanager
+def written_whole(path: Path, ending: str = "") -> Iterator[Path]:
+    """A name beside `path`, to make a file or a folder there: renamed to `path` if the block ends well, else removed.
+
+    A file that is there is replaced; a folder that holds something is not: remove it as the block's last act. ending:
+    of the name, where a writer chooses its format by that.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}{ending}")
+    _remove(temporary)
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        _remove(temporary)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def file_digest(path: Path) -> str:
+    """sha256 of a file, read in chunks; raises UsageError where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Every file below a folder; raises UsageError where one of its folders cannot be read."""
+    try:
+        for root, _, names in os.walk(folder, onerror=_raise):
+            yield from (path for name in names if (path := Path(root, name)).is_file())
+    except OSError as error:
+        raise unreadable(folder, error) from error
+
+
+def _raise(error: OSError) -> None:
+    raise error
+
+
+def unreadable(path: Path, error: OSError) -> UsageError:
+    """The one line about a file or a folder that cannot be read."""
+    where = path if error.filename is None else error.filename
+    return UsageError(
+        f"{where}: cannot be read ({error.strerror or error}); make it readable, or name another"
+    )
