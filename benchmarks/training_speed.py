@@ -1,5 +1,7 @@
 """Is the correction free? PPO in the GP environment beside PPO in the plain one, alternating in one process.
 
+PPO, the Gaussian processes' inputs and their number of rows are what `gpsim train-gp-policy experiment=cartpole` takes.
+
 python benchmarks/training_speed.py [--steps 20480] [--repeats 5]
 """
 
@@ -12,25 +14,29 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import argparse
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from gpsim.cli.configuration import resolve
 
 from gpsim.collecting import collect_episodes, random_actor
 from gpsim.corrected import CorrectedPlant, GpCorrection
 from gpsim.envs import BatchedEnv
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.learning import PpoSettings
 from gpsim.policies import train_ppo
 from gpsim.recordings import Recording
 from gpsim.residuals import build_residuals
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, SimulatorPlant
+from gpsim.stages.building import training_settings
+from gpsim.stages.fit_gp import input_names
+from gpsim.stages.stage import Request
 from gpsim.targets import FrictionCartPole
 from gpsim.tasks import Balance
 
-INPUTS = ("x", "x_dot", "theta", "theta_dot", "force", "sign(x_dot)")
+REQUEST = Request(resolve(["experiment=cartpole"], None))
 
 
 def plants(n_train: int) -> dict[str, Plant]:
@@ -41,7 +47,7 @@ def plants(n_train: int) -> dict[str, Plant]:
     )
     recording = Recording("cartpole", simulator.state, simulator.action, episodes, 0.02)
     data = build_residuals(recording, simulator, parameters, "euler", test_fraction=0.0, rng=rng)
-    features, rows = Features.of(INPUTS, data.channels), data.training_rows(n_train)
+    features, rows = Features.of(input_names(REQUEST), data.channels), data.training_rows(n_train)
     gps = fit_outputs(features(data.inputs[rows]), data.values[rows], FitSettings(restarts=0), rng)
     predictor = Predictor(gps)
     found: dict[str, Plant] = {"plain": SimulatorPlant(simulator, parameters, "euler", 0.02)}
@@ -57,15 +63,15 @@ def main() -> None:
     )
     parser.add_argument("--steps", type=int, default=20_480)
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--n-train", type=int, default=250)
+    parser.add_argument("--n-train", type=int, default=int(REQUEST.config["gp"]["n_train"]))
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     candidates = plants(arguments.n_train)
+    settings = replace(training_settings(REQUEST.config), total_steps=arguments.steps)
     seconds: dict[str, list[float]] = {name: [] for name in candidates}
     for repeat in range(arguments.repeats + 1):  # the first round warms up
         for name, plant in candidates.items():
             env = BatchedEnv(plant, Balance(), 10, seed=repeat)
-            settings = PpoSettings(total_steps=arguments.steps)
             started = time.perf_counter()
             train_ppo(env, settings, repeat, lambda done, total, note: None)
             if repeat:

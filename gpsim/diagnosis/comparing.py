@@ -21,6 +21,7 @@ from gpsim.diagnosis.search import LEAST_SHARE
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import Windows, cut, held_out_mask
+from gpsim.effects import effect_of
 from gpsim.evenly import evenly
 from gpsim.features import Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
@@ -127,7 +128,7 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     """What a system identification tool would do: the base simulator's own parameters fitted, nothing added."""
     tuned = base
     for candidate in offers:
-        if candidate.family == "parameter_offset":
+        if effect_of(candidate.family).site == "parameter":
             tuned = tuned.plus(candidate.term([1.0]), candidate.declared)
     if not tuned.terms:
         return base

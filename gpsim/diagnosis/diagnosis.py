@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from gpsim.channels import FloatArray
 from gpsim.corrected_effects import EffectsPlant
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.comparing import Comparison, compare
+from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import gain
 from gpsim.diagnosis.holding_out import held_out_names
 from gpsim.diagnosis.hypothesis import Hypothesis
@@ -33,6 +34,7 @@ from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
 SCHEMA = "gpsim.diagnosis/1"
+USUAL_EFFORT = 1e8  # simulated rows that a judgement takes: a scale for its progress
 
 
 @dataclass(frozen=True)
@@ -63,11 +65,11 @@ def diagnose(
         if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
     ]
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
-    found = search(question.searched, offers, base, lambda d, t, text: note(5 + 60 * d // t, 100, text))
-    note(65, 100, "fitting the best on all windows")
+    found = search(question.searched, offers, base, lambda d, t, text: note(5 + 35 * d // t, 100, text))
+    note(40, 100, "fitting the best on all windows")
     question = settled_question(question, _best(found))
-    judgement = judge(question, found, offers, lambda text: note(70, 100, text))
-    note(80, 100, "comparing on held-out data")
+    judgement = judge(question, found, offers, _by_effort(note, 40, 90))
+    note(90, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
     report = _report(question, judgement, comparison)
     leader = judgement.leader.hypothesis
@@ -81,6 +83,16 @@ def diagnose(
     )
     note(100, 100, "done")
     return Diagnosis(report, plant, judgement, comparison, question)
+
+
+def _by_effort(note: Note, first: int, last: int) -> Callable[[str], None]:
+    """Progress from `first` on, the slower the nearer to `last`: how many rounds there will be nobody knows."""
+    begun = spent()
+
+    def tell(text: str) -> None:
+        note(last - round((last - first) * math.exp(-(spent() - begun) / USUAL_EFFORT)), 100, text)
+
+    return tell
 
 
 def _best(found: Found) -> Fit:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
@@ -19,15 +20,14 @@ from gpsim.diagnosis.shooting import Curvature, Fit, curvature
 from gpsim.diagnosis.shooting import fit as shoot
 
 LEVEL = 0.90
-LIKELIHOOD_DROP = 1.353  # half the 90 % quantile of chi squared with one degree of freedom
 WALK = 14
 UNDETERMINED = 1e-13  # of the largest eigenvalue: what the windows know of a direction is at least as much,
 LEAST_INFORMATION = 1e-100  # and of a parameter that moves nothing
 CHANCE = 1.5  # correlation times up to here are white noise's
 
 
-def intervals(problem: Problem, fit: Fit) -> FloatArray:
-    """(P, 2): the 90 % interval of each parameter."""
+def intervals(problem: Problem, fit: Fit, level: float = LEVEL) -> FloatArray:
+    """(P, 2): the interval of each parameter that holds it with a probability `level`."""
     theta = fit.hypothesis.theta
     if not theta.size:
         return np.empty((0, 2))
@@ -35,13 +35,13 @@ def intervals(problem: Problem, fit: Fit) -> FloatArray:
     covariance = _covariance(problem, fit, around)
     shift = _numerical_shift(problem, fit, around)
     freedom = max(len(problem.windows) - len(theta), 2)
-    half = student.ppf(0.5 + LEVEL / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
+    half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
     low, high = theta - half, theta + half
     for j, parameter in enumerate(fit.hypothesis.parameters):
         if parameter.step is not None:
             low[j], high[j] = (
-                _profile(problem, fit, j, -parameter.step),
-                _profile(problem, fit, j, parameter.step),
+                _profile(problem, fit, j, -parameter.step, level),
+                _profile(problem, fit, j, parameter.step, level),
             )
     bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])
     return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
@@ -85,7 +85,7 @@ def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArra
     return np.asarray(_inverse(around.information) @ moved)
 
 
-def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:
+def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) -> float:
     """Walk from the estimate until the likelihood has dropped by the interval's share, as far as its samples count.
 
     At every place start states and all other parameters are fitted anew: one that gives way widens the interval.
@@ -93,7 +93,7 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float) -> float:
     theta = fit.hypothesis.theta
     parameter = fit.hypothesis.parameters[index]
     inside, pace = 0.0, step / 16
-    best, drop = fit.objective, LIKELIHOOD_DROP * _correlated(problem, fit)
+    best, drop = fit.objective, 0.5 * float(chi2.ppf(level, 1)) * _correlated(problem, fit)
     for _ in range(WALK):
         at = theta.copy()
         at[index] = np.clip(theta[index] + inside + pace, parameter.low, parameter.high)

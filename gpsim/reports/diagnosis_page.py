@@ -38,6 +38,8 @@ img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: 
 {% for kind in kinds %}<td>{{ number(errors[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
 <tr class="typical"><td>typical (from the median)</td>
 {% for kind in kinds %}<td>{{ number(errors.typical[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+<tr class="typical"><td>of the base's, 90 % interval</td>
+{% for kind in kinds %}<td>{{ share(errors, kind) }}</td>{% endfor %}<td>%</td></tr>
 {% endfor %}</table>
 {% endfor %}
 {% for picture in pictures %}<h2>{{ picture.title }}</h2><img alt="{{ picture.title }}" src="{{ picture.source }}">
@@ -83,11 +85,22 @@ def page(report: Mapping[str, Any], pictures: Mapping[str, Picture], name: str) 
         paragraphs=paragraphs(report),
         kinds=KINDS,
         number=number,
+        share=_share,
         tables=_tables(report["fit"]),
         pictures=list(pictures.values()),
         ranking="\n".join(ranking(report)),
         text=json.dumps(short, indent=2),
     )
+
+
+def _share(errors: Mapping[str, Any], kind: str) -> str:
+    """What is left of the base's error, in per cent, with its paired interval where there are enough samples."""
+    left = errors.get("over_before", {}).get(kind)
+    if left is None or left["value"] is None:
+        return ""
+    text = f"{100 * left['value']:.3g}"
+    known = left["low"] is not None and left["high"] is not None
+    return f"{text} ({100 * left['low']:.3g} to {100 * left['high']:.3g})" if known else text
 
 
 def _tables(fit: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:

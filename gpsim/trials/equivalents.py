@@ -120,10 +120,7 @@ class _Judge:
         return [f for f in found if not any(_a_patch(t.family, t.on, t.gate) for t in f.hypothesis.terms)]
 
     def _hypothesis(self, effects: Sequence[TrueEffect]) -> Hypothesis:
-        out = Hypothesis(scheme="fine")
-        for effect in effects:
-            out = self._plus(out, effect)
-        return out
+        return as_hypothesis(effects, self._offers)
 
     def _explains(self, truth: Fit) -> bool:
         """Whether the answer explains its own recording; of one that does not nothing can be said."""
@@ -178,20 +175,6 @@ class _Judge:
                 out.append(self._fitted(parent.hypothesis.plus(gated, candidate.declared)))
         return out
 
-    def _plus(self, hypothesis: Hypothesis, effect: TrueEffect) -> Hypothesis:
-        variant = "coefficient" if "coefficient" in effect.values else ""
-        candidate = next(
-            c for c in self._offers if c.identity == (effect.family, effect.on) and c.variant == variant
-        )
-        values = [effect.values[p.name] for p in candidate.declared]
-        term = replace(candidate.term(values), gate=Gate(effect.region, effect.since))
-        # The truth may lie where the catalogue would not search.
-        wide = [
-            replace(p, low=min(p.low, v), high=max(p.high, v))
-            for p, v in zip(candidate.declared, values, strict=True)
-        ]
-        return hypothesis.plus(term, tuple(wide))
-
     def _fitted(self, hypothesis: Hypothesis) -> Fit:
         starts: FloatArray = self._problem.windows.measured[:, 0]
         return fit(self._problem, hypothesis, starts, iterations=14, tolerance=0.05)
@@ -200,6 +183,25 @@ class _Judge:
         """Half the sum of squares in standard deviations of the world's noise."""
         seen = self._problem.observed
         return float(0.5 * ((found.residuals[..., seen] / self._problem.floor[seen]) ** 2).sum())
+
+
+def as_hypothesis(effects: Sequence[TrueEffect], offers: Sequence[Candidate]) -> Hypothesis:
+    """Effects of the catalogue with their true values and gates, finely integrated; offers hold their places."""
+    out = Hypothesis(scheme="fine")
+    for effect in effects:
+        variant = "coefficient" if "coefficient" in effect.values else ""
+        candidate = next(
+            c for c in offers if c.identity == (effect.family, effect.on) and c.variant == variant
+        )
+        values = [effect.values[p.name] for p in candidate.declared]
+        term = replace(candidate.term(values), gate=Gate(effect.region, effect.since))
+        # The truth may lie where the catalogue would not search.
+        wide = [
+            replace(p, low=min(p.low, v), high=max(p.high, v))
+            for p, v in zip(candidate.declared, values, strict=True)
+        ]
+        out = out.plus(term, tuple(wide))
+    return out
 
 
 def _a_patch(family: str, on: str, gate: Gate) -> bool:
