@@ -14,6 +14,7 @@ from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.shooting import fit
 from gpsim.effects import Gate, Term
 from gpsim.recordings import Episode, HeldOut
+from gpsim.reports import diagnosis_page
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -90,3 +91,28 @@ def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recordin
     assert asked == [(problem.substeps, 1)]
     without(plain, scheme="euler")  # the null was fitted finely
     assert asked == [(problem.substeps, 0)]
+
+
+@pytest.mark.parametrize(
+    ("left", "said"),
+    [
+        ({"value": 0.5, "low": 0.41, "high": 0.6}, "50 (41 to 60)"),
+        ({"value": 0.5, "low": None, "high": None}, "50"),
+        ({"value": None, "low": None, "high": None}, ""),
+    ],
+)
+def test_the_page_gives_every_models_share_of_the_bases_error(left, said):
+    assert diagnosis_page._share({"over_before": {"gp": left}}, "gp") == said
+    assert diagnosis_page._share({"over_before": {"gp": left}}, "noise_floor") == ""
+
+
+def test_progress_never_stands_still_nor_goes_back(monkeypatch):
+    efforts = iter([0.0, 0.0, 3e7, 1e8, 4e8, 1e12])
+    monkeypatch.setattr(diagnosis, "spent", lambda: next(efforts))
+    told = []
+    tell = diagnosis._by_effort(lambda done, total, text: told.append(done), 40, 90)
+    for _ in range(5):
+        tell("")
+    assert told[0] == 40
+    assert told[-1] == 90
+    assert told == sorted(set(told))
