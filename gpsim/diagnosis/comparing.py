@@ -74,7 +74,8 @@ def compare(
         rates["finely"] = _residual_rates(problem, steps["before"].test, Hypothesis())
     features = _features(problem)
     gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
-    gps["after_gp"] = _gp(problem, steps["after"].train, after, features, rng) if after.terms else gps["gp"]
+    seen = _with_a_past(question, steps["after"].train, after)
+    gps["after_gp"] = _gp(problem, seen, after, features, rng) if after.terms else gps["gp"]
     rates["gp"] = rates["before"] - gps["gp"].mean(features(_inputs(steps["before"].test)))
     both = _added(gps["after_gp"], features)
     rates["after_gp"] = (
@@ -200,6 +201,18 @@ def _state_and_action(windows: Windows) -> tuple[FloatArray, FloatArray]:
     return windows.measured[:, 0], windows.actions[:, 0]
 
 
+def _with_a_past(question: Question, train: Windows, hypothesis: Hypothesis) -> Windows:
+    """The transitions of which the sensors saw all that they remember: nobody knows what was before an episode."""
+    if not has_sensors(hypothesis):
+        return train
+    problem = question.everything
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    late = chain.looks_back(hypothesis.spread(hypothesis.theta[None], 1))
+    begun = np.array([episode.t[0] for episode in question.recording.episodes])
+    known = ~train.fresh & (train.t[:, 0] - begun[train.episode] > late)
+    return train.take(known) if known.any() else train
+
+
 def _gp(
     problem: Problem, train: Windows, hypothesis: Hypothesis, features: Features, rng: np.random.Generator
 ) -> Predictor:
@@ -207,8 +220,6 @@ def _gp(
 
     What the hypothesis's sensors make of them the corrected simulator says by itself.
     """
-    if has_sensors(hypothesis) and not train.fresh.all():
-        train = train.take(~train.fresh)
     rows: IntArray = rng.permutation(len(train))[:GP_ROWS]
     chosen = train.take(np.sort(rows))
     if has_sensors(hypothesis):

@@ -17,7 +17,7 @@ from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
-from gpsim.diagnosis.search import Found, pays
+from gpsim.diagnosis.search import Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
@@ -182,10 +182,11 @@ def _needed(question: Question, leader: Fit, without: Fit) -> bool:
         return False
     if not len(question.held_out.windows):
         return True
-    worse = held_out_objective(question.held_out, leader.hypothesis) - held_out_objective(
-        question.held_out, without.hypothesis
-    )
-    return worse < CONTRADICTS * gain(question.everything, leader, without)
+    grid = question.held_out.as_finely(without.hypothesis, leader.hypothesis)
+    worse = held_out_objective(question.held_out, leader.hypothesis)
+    worse -= held_out_objective(grid, without.hypothesis)
+    less = on_its_grid(question.everything, without, leader)
+    return worse < CONTRADICTS * gain(question.everything, leader, less)
 
 
 def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[Fit], list[float]]:

@@ -78,7 +78,8 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
         some, seen = sampled(problem, leader)
         seen = rescored(some, seen)
         looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
-        looks = side_by_side(_moved, [(some, look, seen) for look in looks])
+        grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
+        looks = side_by_side(_moved, [(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
         parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
     begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])

@@ -11,7 +11,7 @@ from gpsim.channels import BoolArray
 from gpsim.diagnosis.clock import rebased
 from gpsim.diagnosis.hidden import guessed, hidden_channels, smoothed
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.numerics import enough_substeps, numerical_error, settled
+from gpsim.diagnosis.numerics import enough_substeps, numerical_error, rescored, settled
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.thinning import PACE, thinned
@@ -28,7 +28,7 @@ SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the fin
 CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
 FEWEST_WINDOWS = 4
 NOISY, LONGER = 0.02, 2  # noise, in parts of what moves within a window, that makes windows so much longer,
-ENOUGH_WINDOWS = 40  # unless fewer than these are left,
+ENOUGH_WINDOWS, FILLED = 40, 0.9  # if as many are left to learn from, and so much of them holds samples,
 SEARCHED_LONGER = 50  # and as many of those for the search
 SAMPLED = 40  # windows on which the base simulator's own errors are measured
 SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
@@ -94,22 +94,35 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
 
 def _split(recording: Recording, observed: BoolArray) -> tuple[Windows, Windows]:
     """Windows to learn from and held-out ones."""
-    windows = cut(recording, _length(recording), most=CUT)
-    if _noisy(recording, windows, observed):
-        windows = cut(recording, LONGER * windows.length, most=CUT)
-    held = held_out_mask(recording, windows)
-    if recording.held_out is not None and not held.any():
+    length = _length(recording)
+    training, held = _parted(recording, length)
+    if recording.held_out is not None and not len(held):
         raise UsageError(
             "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
             "or take it out to hold out the last fifth"
         )
-    training = windows.take(~held)
     if len(training) < FEWEST_WINDOWS:
         raise UsageError(
             f"too short to judge: {recording.transition_count} transitions make {len(training)} windows of "
-            f"{windows.length} to learn from, {FEWEST_WINDOWS} are needed; record more, or hold out less"
+            f"{training.length} to learn from, {FEWEST_WINDOWS} are needed; record more, or hold out less"
         )
-    return training, windows.take(held)
+    if LONGER * length <= LONGEST and _noisy(recording, training, observed):
+        longer, later = _parted(recording, LONGER * length)
+        if len(longer) >= ENOUGH_WINDOWS and bool(len(later)) == bool(len(held)) and _filled(longer):
+            return longer, later
+    return training, held
+
+
+def _parted(recording: Recording, length: int) -> tuple[Windows, Windows]:
+    """Windows of a length, to learn from and held-out ones."""
+    windows = cut(recording, length, most=CUT)
+    held = held_out_mask(recording, windows)
+    return windows.take(~held), windows.take(held)
+
+
+def _filled(windows: Windows) -> bool:
+    """Whether they hold samples, not what pads the ends of episodes that are shorter."""
+    return float(windows.valid.mean()) > FILLED
 
 
 def _problem(
@@ -156,6 +169,7 @@ def _with_mismatch(problem: Problem) -> Problem:
 
 def settled_question(question: Question, best: Fit) -> Question:
     """The question with as fine a grid as the best hypothesis needs, a fit of the searched windows, and its error."""
+    best = rescored(question.searched, best)  # the search had found its own floor
     substeps, best = enough_substeps(question.searched, best)
     problem = replace(question.searched, substeps=substeps)
     floor = np.maximum(question.everything.floor, settled(problem, best).floor)
@@ -181,18 +195,17 @@ def _length(recording: Recording) -> int:
 
 
 def _noisy(recording: Recording, windows: Windows, observed: BoolArray) -> bool:
-    """Whether noise hides what happens within a window, and there are enough of them to make them longer.
+    """Whether known noise hides what happens within a window, in all that was observed.
 
     What a lasting effect adds up to within a window grows with its length, at least linearly; noise does not. Unstable
     systems forbid more than twice the usual length.
     """
-    if len(windows) < LONGER * ENOUGH_WINDOWS or LONGER * windows.length > LONGEST:
-        return False
     noise = np.array([recording.noise.get(name, 0.0) for name in recording.state.names])
     whole = windows.measured[windows.valid.all(axis=1)]
-    motion = np.sqrt(np.mean(whole.var(axis=1), axis=0)) if len(whole) else np.zeros_like(noise)
-    known = observed & (noise > 0) & (motion > 0)
-    return bool(known.any() and (noise[known] > NOISY * motion[known]).all())
+    if not len(whole):
+        return False
+    motion = np.sqrt(np.mean(whole.var(axis=1), axis=0))
+    return bool((noise > NOISY * motion)[observed].all())
 
 
 def _observed(recording: Recording, simulator: Simulator, hidden: Sequence[str]) -> BoolArray:

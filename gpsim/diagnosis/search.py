@@ -164,7 +164,7 @@ def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 
 def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     """Whether the additional terms remove a good share, or at least a slight one beyond doubt."""
-    poorer = _on_its_grid(problem, poorer, richer)
+    poorer = on_its_grid(problem, poorer, richer)
     won = gain(problem, richer, poorer)
     if richer.hypothesis.idle or won < PER_TERM or _in_one_window(problem, richer, poorer):
         return False, False
@@ -177,7 +177,7 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     return plainly, slightly and won > BEYOND_DOUBT
 
 
-def _on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
+def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
     """The poorer fit on as fine a grid as the richer one has."""
     same = problem.as_finely(poorer.hypothesis, richer.hypothesis) is problem
     return poorer if same else _finer(problem, poorer)

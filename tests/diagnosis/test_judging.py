@@ -14,9 +14,11 @@ from gpsim.diagnosis import judging
 )
 def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkeypatch, gain, worse, needed):
     """A delay that gained 219 nats on a sweep was once dropped for 2.5 nats on the nine windows that were held out."""
-    question = SimpleNamespace(everything=None, held_out=SimpleNamespace(windows=[0] * 9))
+    held_out = SimpleNamespace(windows=[0] * 9, as_finely=lambda *_: held_out)
+    question = SimpleNamespace(everything=None, held_out=held_out)
     leader, without = SimpleNamespace(hypothesis="with"), SimpleNamespace(hypothesis="without")
     monkeypatch.setattr(judging, "pays", lambda *fits: True)
+    monkeypatch.setattr(judging, "on_its_grid", lambda problem, less, leader: less)
     monkeypatch.setattr(judging, "gain", lambda *fits: gain)
     monkeypatch.setattr(judging, "held_out_objective", lambda problem, said: worse if said == "with" else 0.0)
     assert judging._needed(question, leader, without) == needed

@@ -60,7 +60,7 @@ def test_features_take_angles_that_run_on_back_into_their_range():
     assert later[2] == pytest.approx(first[2])
 
 
-@pytest.mark.parametrize(("noise", "episodes", "length"), [(1.0, 16, 25), (60.0, 16, 50), (60.0, 4, 25)])
+@pytest.mark.parametrize(("noise", "episodes", "length"), [(1.0, 24, 25), (60.0, 24, 50), (60.0, 12, 25)])
 def test_windows_are_longer_where_noise_hides_what_happens_in_one(noise, episodes, length):
     """Noise in units of the worlds' decent sensors; too few windows are not made fewer still."""
     recording = record(World("slider"), seed=3, noise=noise, episodes=episodes, steps=160)
@@ -68,3 +68,11 @@ def test_windows_are_longer_where_noise_hides_what_happens_in_one(noise, episode
     question = prepare(recording, simulator, simulator.defaults(recording.parameters))
     assert question.everything.windows.length == length
     assert question.held_out.windows.length == length
+
+
+@pytest.mark.parametrize(("episodes", "steps"), [(100, 24), (12, 40)])
+def test_windows_are_not_longer_than_episodes_can_fill(episodes, steps):
+    recording = record(World("slider"), seed=3, noise=60.0, episodes=episodes, steps=steps)
+    simulator = make_simulator("slider")
+    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+    assert question.everything.windows.length <= 25
