@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.channels import FloatArray, wrap_angle
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.bins import range_around
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
@@ -20,8 +21,6 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import EffectParameter, Gate
 from gpsim.effects.term import FROM, TO
 
-BINS, MARGIN = 24, 0.05  # and how far the outer edges lie beyond what was visited, of its range
-TURN = 2.0 * np.pi
 SCANNED = 8  # places on each side of an edge
 JOINT = 8  # iterations of a joint fit
 NARROWS = 5.0  # the next scan's reach is so much shorter
@@ -30,50 +29,6 @@ MOST_EFFORT = 3e7  # simulated rows after which no further scan begins
 FAR, NEAR = 1 / 5, 1 / 12  # of a channel's range: how far the first scan looks
 SIZE = 0.1  # of a channel's range: what a joint fit takes for the typical size of an edge
 EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO))
-
-
-def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
-    """Edges of BINS bins of a channel, or of time where it is None: outer ones open, inner ones quantiles.
-
-    Those of an angle that wraps go round the circle once at most, from where it was not visited.
-    """
-    windows = problem.windows
-    if channel is None:
-        values = windows.t[windows.valid]
-    else:
-        names = problem.simulator.state.names
-        if channel in names:
-            values = windows.measured[..., names.index(channel)][windows.valid]
-            if (
-                problem.simulator.state.wraps[names.index(channel)]
-                and (1 + 2 * MARGIN) * np.ptp(values) > TURN
-            ):
-                return _round_bins(values)
-        else:
-            values = windows.actions[..., problem.simulator.action.index(channel)].ravel()
-    return _bins(values)
-
-
-def _bins(values: FloatArray, least: float = -np.inf, most: float = np.inf) -> FloatArray:
-    """Edges of bins that hold equally many values, the outer ones no further out than least and most."""
-    inner = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
-    if len(inner) < 2:
-        return inner
-    margin = MARGIN * (inner[-1] - inner[0])
-    inner[0] = max(inner[0] - margin, least)
-    inner[-1] = min(inner[-1] + margin, most)
-    return inner
-
-
-def _round_bins(angles: FloatArray) -> FloatArray:
-    """The same of angles all round: the circle is cut in the middle of its widest gap, at pi where it has none."""
-    visited = np.sort(wrap_angle(angles))
-    gaps = np.diff(visited, append=visited[0] + TURN)
-    widest = int(np.argmax(gaps))
-    cut = float(visited[widest] + gaps[widest] / 2) if gaps[widest] > TURN / BINS else np.pi
-    cut -= TURN * round((cut - np.pi) / TURN)  # what lies opposite is in the usual turn
-    first = cut - TURN
-    return _bins(first + np.mod(angles - first, TURN), first, cut)
 
 
 def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Gate:
@@ -109,8 +64,8 @@ def placed(problem: Problem, at: Fit, index: int, share: float, finest: float) -
     """
     gate = at.hypothesis.terms[index].gate
     channel = next(iter(gate.region), None)
-    outer = bin_edges(problem, channel)
-    spread = float(outer[-1] - outer[0])
+    outer = range_around(problem, channel, gate.region.get(channel or ""))
+    spread = outer[1] - outer[0]
     reach, stays = share * spread, 0
     sides, most = {0, 1}, spent() + MOST_EFFORT
     around: Directions | None = None
@@ -145,16 +100,13 @@ class _Span:
     outer: tuple[float, float]
 
     @classmethod
-    def of(cls, at: Fit, index: int, outer: FloatArray) -> _Span:
+    def of(cls, at: Fit, index: int, outer: tuple[float, float]) -> _Span:
         """That of one term."""
         gate = at.hypothesis.terms[index].gate
         channel = next(iter(gate.region), None)
         low, high = gate.region[channel] if channel else (gate.since, gate.until)
-        first, last = float(outer[0]), float(outer[-1])
         ends = channel is not None or high is not None
-        return cls(
-            channel, first if low is None else low, last if high is None else high, ends, (first, last)
-        )
+        return cls(channel, outer[0] if low is None else low, outer[1] if high is None else high, ends, outer)
 
     def inside(self, place: float) -> bool:
         """Whether a place lies inside the range."""
@@ -177,7 +129,7 @@ class _Span:
 
 
 def _scanned(
-    around: Directions, index: int, outer: FloatArray, side: int, reach: float
+    around: Directions, index: int, outer: tuple[float, float], side: int, reach: float
 ) -> tuple[Fit, float, bool]:
     """The fit in the middle of the directions, one edge at the best of many places, all parameters fitted anew there.
 
@@ -187,7 +139,7 @@ def _scanned(
     span = _Span.of(at, index, outer)
     edges = np.array([span.low, span.high])
     places = edges[side] + reach * np.linspace(-1, 1, 2 * SCANNED + 1)
-    kept = (places > outer[0]) & (places < outer[-1])
+    kept = (places > outer[0]) & (places < outer[1])
     kept &= (places < edges[1]) if side == 0 else (places > edges[0])
     kept[SCANNED] = True
     places = places[kept]
@@ -209,7 +161,7 @@ def _scanned(
     return (tried, abs(place - float(edges[side])), tells) if better else (at, 0.0, tells)
 
 
-def _joint(problem: Problem, at: Fit, index: int, outer: FloatArray) -> Fit:
+def _joint(problem: Problem, at: Fit, index: int, outer: tuple[float, float]) -> Fit:
     """The fit with the edges that lie inside the range and all parameters fitted together."""
     span = _Span.of(at, index, outer)
     first, last = span.outer

@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.edges import FAR, NEAR, bin_edges, declared_edges, gate_between, placed
+from gpsim.diagnosis.bins import TURN, bin_edges, goes_round, nearest_turn, turns
+from gpsim.diagnosis.edges import FAR, NEAR, declared_edges, gate_between, placed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, screened, starts_of, stronger
@@ -92,7 +93,7 @@ def gated_children(
     proposals = _best_starts([p for p in side_by_side(_best_gate, looks) if p is not None])
     # A patch that stops a body gains far more when fitted than its direction promises.
     patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
-    children = [_child(directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
+    children = [_child(problem, directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
     last = len(directions.parent.hypothesis.terms)
     fits.sort(key=lambda f: f.objective)
@@ -131,8 +132,13 @@ def makes_sense(candidate: Candidate, channel: str | None) -> bool:
     return not (has_patch(candidate.family) and channel == candidate.place.on)
 
 
-def _child(parent: Hypothesis, p: Proposal) -> Hypothesis:
-    gate = gate_between(p.channel, p.low, p.high, p.ends)
+def _child(problem: Problem, parent: Hypothesis, p: Proposal) -> Hypothesis:
+    """The parent with the proposed term; a region of an angle in the turn in which the parent's regions of it lie."""
+    others = [r for t in parent.terms for name, r in t.gate.region.items() if name == p.channel]
+    moved = 0.0
+    if others and turns(problem, p.channel):
+        moved = nearest_turn(sum(others[0]) / 2, (p.low + p.high) / 2)
+    gate = gate_between(p.channel, p.low + moved, p.high + moved, p.ends)
     return parent.plus(replace(p.candidate.term(p.values), gate=gate), p.candidate.declared)
 
 
@@ -150,14 +156,20 @@ def _best_gate(
     count = len(edges) - 1
     changes = _by_bin(directions, candidate, values, channel, edges)
     pull, size = changes @ directions.rest.ravel(), changes @ changes.T
-    first, last, gain, whole = _best_run(pull, size, suffix=channel is None)
+    circle = goes_round(directions.problem, channel, edges)
+    first, last, gain, whole = _best_run(pull, size, suffix=channel is None, circle=circle)
     more = count_windows / len(directions.problem.windows)
     if more * (gain - whole) < WORTH:
         return None
     if len(values) == 1:  # acting everywhere diluted it
-        times = float(pull[first : last + 1].sum() / size[first : last + 1, first : last + 1].sum())
+        bins = np.arange(first, last + 1) % count
+        times = float(pull[bins].sum() / size[np.ix_(bins, bins)].sum())
         values = (stronger(candidate.declared[0], values[0], times),)
-    return Proposal(more * gain, candidate, values, channel, edges[first], edges[last + 1], last < count - 1)
+    low, high = (
+        float(edges[first]),
+        float(edges[(last + 1) % count] + TURN if last >= count else edges[last + 1]),
+    )
+    return Proposal(more * gain, candidate, values, channel, low, high, last < count - 1)
 
 
 def may_be_limited(
@@ -214,16 +226,23 @@ def _by_bin(
     return directions.of(binned, thetas).reshape(len(edges) - 1, -1)
 
 
-def _best_run(pull: FloatArray, size: FloatArray, suffix: bool) -> tuple[int, int, float, float]:
-    """First and last bin of the run that explains most, its gain and that of all bins together [nats]."""
+def _best_run(
+    pull: FloatArray, size: FloatArray, *, suffix: bool = False, circle: bool = False
+) -> tuple[int, int, float, float]:
+    """First and last bin of the run that explains most, its gain and that of all bins together [nats].
+
+    suffix: runs go to the end. circle: they may go on from the last bin to the first, which is counted on then.
+    """
     count = len(pull)
-    gains = np.zeros((count, count))
+    if circle:
+        pull, size = np.tile(pull, 2), np.tile(size, (2, 2))
+    gains = np.zeros((count, len(pull)))
     for first in range(count):
-        for last in range(first, count):
+        for last in range(first, min(first + count - (first > 0), len(pull))):
             square = float(size[first : last + 1, first : last + 1].sum())
             if square > 0 and not (suffix and last < count - 1):
                 gains[first, last] = max(float(pull[first : last + 1].sum()), 0.0) ** 2 / (2 * square)
-    whole, gains[0, -1] = float(gains[0, -1]), 0.0
+    whole, gains[0, count - 1] = float(gains[0, count - 1]), 0.0
     first, last = (int(i) for i in np.unravel_index(int(np.argmax(gains)), gains.shape))
     return first, last, float(gains[first, last]), whole
 

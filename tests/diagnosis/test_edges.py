@@ -11,8 +11,9 @@ import pytest
 from gpsim.channels import wrap_angle
 from gpsim.diagnosis import edges as edges_module
 from gpsim.diagnosis import effort
+from gpsim.diagnosis.bins import bin_edges, range_around
 from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.edges import FAR, bin_edges, placed
+from gpsim.diagnosis.edges import FAR, placed
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.screening import Directions
@@ -145,6 +146,16 @@ def test_bins_of_an_angle_run_on_over_the_seam_where_it_was_visited():
     np.testing.assert_array_equal(across.bins_with(rng.uniform(np.pi - 0.55, np.pi + 0.45, 300)), 1.0)
     ahead = Circling.of(rng.uniform(-0.5, 0.5, 400))
     assert np.abs(bin_edges(ahead, "yaw")).max() < 0.6
+
+
+def test_edges_of_a_region_move_in_the_turn_in_which_it_lies():
+    rng = np.random.default_rng(0)
+    round_, across = (Circling.of(rng.uniform(-half, half, 800) + np.pi) for half in (np.pi, 0.6))
+    assert range_around(round_, "yaw", (2.8, 3.6)) == pytest.approx((3.2 - np.pi, 3.2 + np.pi))
+    first, last = range_around(across, "yaw", (-3.2, -2.9))
+    assert first == pytest.approx(-np.pi - 0.66, abs=0.03)
+    assert last == pytest.approx(-np.pi + 0.66, abs=0.03)
+    assert range_around(across, "yaw", (3.0, 3.3)) == pytest.approx((first + 2 * np.pi, last + 2 * np.pi))
 
 
 def test_an_edge_that_stays_is_not_looked_at_and_a_fit_that_stands_is_looked_from_once(monkeypatch):

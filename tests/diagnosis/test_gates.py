@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.gates import gated_children, may_be_limited
+from gpsim.diagnosis.gates import _best_run, gated_children, may_be_limited
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.replacing import left_open
@@ -67,3 +67,48 @@ def test_a_law_that_acts_everywhere_is_missed_wherever_it_is_taken_away():
 def test_a_law_that_acts_in_a_region_or_late_is_not():
     assert "q" in limited(lambda q, v, t: -4.0 * v * (q > np.quantile(q, 0.3)))
     assert None in limited(lambda q, v, t: -2.0 * v * (t > 8.0))
+
+
+def test_a_run_of_bins_goes_on_over_the_cut_of_a_circle():
+    pull = np.array([3.0, 0.0, 0.0, 0.0, 3.0, 3.0])
+    assert _best_run(pull, np.eye(6))[:2] == (4, 5)
+    assert _best_run(pull, np.eye(6), circle=True) == (4, 6, 81.0 / 6, 81.0 / 12)
+    assert _best_run(pull, np.eye(6), suffix=True)[:2] == (4, 5)
+
+
+@pytest.mark.parametrize("middle", [np.pi, 0.5])
+def test_a_region_of_a_heading_is_found_whole_wherever_the_circle_is_cut(middle):
+    """A vehicle that turns all round: its heading has no place where it was not."""
+    unicycle = make_simulator("unicycle")
+    acts = lambda yaw: np.cos(yaw - middle) > np.cos(0.6)  # noqa: E731
+    world = World("unicycle", twist=lambda v, s, w: (0.6 * v, s, w), headings=acts)
+    recording = record(world, seed=2, episodes=8, steps=155, noise=0.3)
+    problem = prepare(recording, unicycle, recording.parameters).everything
+    offers = candidates(recording, unicycle, recording.parameters)
+    offer = next(c for c in offers if (c.family, c.place.on) == ("actuator_gain", "v_cmd"))
+    nothing = fit(problem, Hypothesis(), problem.windows.measured[:, 0])
+    directions = Directions(problem, nothing)
+    (_, _, start), *_ = screened(directions, [offer])
+    plain = fit(problem, Hypothesis().plus(offer.term(start), offer.declared), nothing.starts)
+    found = gated_children(problem, directions, [plain], [offer], ["yaw"])[0]
+    low, high = found.hypothesis.terms[0].gate.region["yaw"]
+    assert found.hypothesis.theta[0] == pytest.approx(0.6, abs=0.02)
+    assert high - low == pytest.approx(1.2, abs=0.05)
+    assert np.cos((low + high) / 2 - middle) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_second_region_of_an_angle_lies_in_the_turn_of_the_first():
+    from gpsim.diagnosis.gates import Proposal, _child
+    from gpsim.effects import Gate
+
+    unicycle = make_simulator("unicycle")
+    recording = record(World("unicycle"), seed=2, episodes=6, steps=155)
+    problem = prepare(recording, unicycle, recording.parameters).everything
+    offers = candidates(recording, unicycle, recording.parameters)
+    gain, bias = (next(c for c in offers if c.family == f"actuator_{kind}") for kind in ("gain", "bias"))
+    first = Hypothesis().plus(gain.term([0.8]), gain.declared).gated(0, Gate(region={"yaw": (2.5, 3.5)}))
+    second = _child(
+        problem, first, Proposal(9.0, bias, (0.1,), "yaw", 2.52 - 2 * np.pi, 3.5 - 2 * np.pi, True)
+    )
+    assert second.terms[1].gate.region["yaw"] == pytest.approx((2.52, 3.5))
+    assert not second.patchwork

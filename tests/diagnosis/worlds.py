@@ -42,7 +42,8 @@ ACTION = {
 class World:
     """The truth. forces: coordinate -> f(q, v, t); grips: coordinate -> (f(q, v, normal) sliding, f holding).
 
-    filters: functions (u (E, A), t, h, memory dict) -> (E, A), in order; twist: (v, lateral, w) -> the same;
+    filters: functions (u (E, A), t, h, memory dict) -> (E, A), in order; twist: (v, lateral, w) -> the same, while
+    the heading is one of those for which `headings` (E,) -> bool says so;
     sensors: functions (states (K, E, S), times (K,)) -> (K, E, S) on the fine grid of a whole run.
     """
 
@@ -52,6 +53,7 @@ class World:
     grips: dict[int, Callable] = field(default_factory=dict)
     filters: list[Callable] = field(default_factory=list)
     twist: Callable | None = None
+    headings: Callable | None = None
     sensors: list[Callable] = field(default_factory=list)
 
 
@@ -143,7 +145,10 @@ def rk4(slope, s, t, h):
 def vehicle_step(world, state, u, t, h):
     p = {**P[world.system], **world.parameters}
     v, w = u[:, 0], u[:, 1] if world.system == "unicycle" else u[:, 0] * np.tan(u[:, 1]) / p["wheelbase"]
-    v, lateral, w = world.twist(v, 0 * v, w) if world.twist else (v, 0 * v, w)
+    plain = v, 0 * v, w
+    twisted = world.twist(*plain) if world.twist else plain
+    acts = world.headings(state[:, 2]) if world.headings else np.ones(len(state), dtype=bool)
+    v, lateral, w = (np.where(acts, a, b) for a, b in zip(twisted, plain, strict=True))
 
     def slope(s, _):
         sin, cos = np.sin(s[:, 2]), np.cos(s[:, 2])
