@@ -165,11 +165,9 @@ def _best_gate(
         bins = np.arange(first, last + 1) % count
         times = float(pull[bins].sum() / size[np.ix_(bins, bins)].sum())
         values = (stronger(candidate.declared[0], values[0], times),)
-    low, high = (
-        float(edges[first]),
-        float(edges[(last + 1) % count] + TURN if last >= count else edges[last + 1]),
-    )
-    return Proposal(more * gain, candidate, values, channel, low, high, last < count - 1)
+    high = edges[last + 1] if last < count else edges[last + 1 - count] + TURN
+    ends = last < count - 1
+    return Proposal(more * gain, candidate, values, channel, float(edges[first]), float(high), ends)
 
 
 def may_be_limited(

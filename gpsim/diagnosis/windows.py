@@ -16,6 +16,7 @@ from gpsim.recordings import Episode, Recording
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST = 100  # transitions a window at most, where a clock is fast
 PRE_ROLL = 80  # transitions before a window that an actuator may remember
+SAME_STEP = 1e-6  # relative difference of the nominal step that is rounding
 HIDING = 3.5  # control steps: a longer gap hides commands; over a row or two the last one is nearly right
 
 
@@ -129,7 +130,7 @@ def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:
 def _window(
     recording: Recording, index: int, episode: Episode, low: int, high: int, length: int
 ) -> tuple[Any, ...]:
-    count, dt = high - low, recording.dt
+    count, dt, step = high - low, recording.dt, _usual_step(episode, recording.dt)
     pad = length - count
     measured = np.concatenate(
         [episode.states[low : high + 1], np.repeat(episode.states[high : high + 1], pad, axis=0)]
@@ -137,9 +138,9 @@ def _window(
     actions = np.concatenate(
         [episode.actions[low:high], np.repeat(episode.actions[high - 1 : high], pad, axis=0)]
     )
-    t = np.concatenate([episode.t[low : high + 1], episode.t[high] + dt * np.arange(1, pad + 1)])
+    t = np.concatenate([episode.t[low : high + 1], episode.t[high] + step * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
-    before_states, before_actions, before_t = _before(episode, low, dt)
+    before_states, before_actions, before_t = _before(episode, low, dt, step)
     _unwrap(recording, before_states, measured)
     lost = low > 0 and bool(episode.t[low] - episode.t[low - 1] > HIDING * dt)
     return (
@@ -156,7 +157,13 @@ def _window(
     )
 
 
-def _before(episode: Episode, low: int, dt: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _usual_step(episode: Episode, dt: float) -> float:
+    """The step [s] of samples that were not recorded: one that is off would make an even clock uneven."""
+    usual = float(np.median(np.diff(episode.t)))
+    return usual if abs(usual - dt) > SAME_STEP * dt else dt
+
+
+def _before(episode: Episode, low: int, dt: float, step: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """States (M, S), actions (M, A) and t (M + 1,) s of the last transitions before sample `low`."""
     back = max(0, low - PRE_ROLL)
     broken = np.flatnonzero(gaps(episode.t[back : low + 1], dt))
@@ -165,9 +172,9 @@ def _before(episode: Episode, low: int, dt: float) -> tuple[FloatArray, FloatArr
     missing = PRE_ROLL - (low - back)
     if not missing:
         return np.array(episode.states[back:low]), episode.actions[back:low], episode.t[back : low + 1]
-    early = episode.t[back] - dt * np.arange(missing, 0, -1)
+    early = episode.t[back] - step * np.arange(missing, 0, -1)
     row = (
-        np.searchsorted(episode.t[:back], early + dt / 2, side="right") - 1
+        np.searchsorted(episode.t[:back], early + step / 2, side="right") - 1
     )  # in force halfway through a step
     states = np.where(row[:, None] >= 0, episode.states[row], episode.states[0])
     actions = np.where(row[:, None] >= 0, episode.actions[np.maximum(row, 0)], 0.0)

@@ -78,6 +78,15 @@ def test_no_sample_is_both_learned_from_and_held_out(episodes, steps, rule, sess
     assert len(learned | judged) >= total - len(recording.episodes) - 1  # one sample alone says nothing
 
 
+def test_samples_that_were_not_recorded_keep_the_clocks_own_step():
+    """A nominal dt that is off a little would make an even clock uneven, whose delays are looked up the slow way."""
+    recording = record(World("slider"), episodes=2, steps=40)
+    episodes = tuple(replace(e, t=1.03 * e.t) for e in recording.episodes)
+    windows = cut(replace(recording, episodes=episodes), 25)
+    for t in (windows.t, windows.before_t):
+        np.testing.assert_allclose(np.diff(t, axis=1), 1.03 * recording.dt, rtol=1e-9)
+
+
 @pytest.mark.parametrize("lost", [1, 7, 4000])
 def test_what_lies_before_a_gap_is_of_another_time(lost):
     """A window looks back in seconds: over lost rows, in which the last known command is held."""
