@@ -1,15 +1,21 @@
 """The built wheel works in an empty environment, from any folder, configs included."""
 
+import ast
 import subprocess
 import sys
 import sysconfig
 import venv
 import zipfile
+from email.parser import Parser
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parent.parent
+STANDARD = {*sys.stdlib_module_names, "compression"}  # the last one from Python 3.14 on
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +47,35 @@ def test_every_config_and_template_travels(wheel):
     ]:
         assert path.relative_to(ROOT).as_posix() in names
     assert not [name for name in names if name.startswith(("tests", "runs", "docs"))]
+
+
+def test_the_wheels_requirements_hold_here_and_cover_what_it_imports(wheel):
+    """Of the metadata that pip reads; what is imported for an extra is guarded and belongs to that extra."""
+    archive = zipfile.ZipFile(wheel)
+    metadata = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+    lines = Parser().parsestr(archive.read(metadata).decode()).get_all("Requires-Dist")
+    everything = [Requirement(line) for line in lines]
+    plain = [r for r in everything if "extra" not in str(r.marker)]
+    for requirement in plain:
+        if requirement.marker is None or requirement.marker.evaluate():
+            assert version(requirement.name) in requirement.specifier, requirement
+    extra = {canonicalize_name(r.name) for r in everything} - {canonicalize_name(r.name) for r in plain}
+    provided = packages_distributions()
+    for name in (n for n in archive.namelist() if n.endswith(".py")):
+        for module in imports(archive.read(name).decode()) - STANDARD - {"gpsim"}:
+            by = {canonicalize_name(d) for d in provided[module]}
+            assert by & ({canonicalize_name(r.name) for r in plain} | extra), (name, module, by)
+
+
+def imports(source):
+    """The top-level modules that a file imports absolutely."""
+    names = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names.add(node.module.split(".")[0])
+    return names
 
 
 def test_installed_into_an_empty_environment_it_runs_from_any_folder(wheel, tmp_path):
