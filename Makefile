@@ -48,7 +48,7 @@ test: install lint types  ## Tests, ruff and strict types
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-slow: install  ## The heavy tests, minutes each
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m slow -n auto --dist load
 
 lint: install    ## ruff: style and format
 	$(BIN)/ruff check .

@@ -1,11 +1,12 @@
 """Are 90 % intervals 90 % intervals? Simulation-based calibration of the diagnosis's intervals.
 
-    python benchmarks/calibration.py [--worlds 320] [--seed 90] [--cores 2] [--out FILE.json]
+    python benchmarks/calibration.py [--worlds 320] [--seed 90] [--cores 2] [--out FILE]
 
 Worlds of one to three effects are drawn as the blind test draws them (their seed is one for tuning), recorded, and the
 true hypothesis is fitted to the recording with every parameter free, gates as they are: how often do the intervals of
 several levels hold the truth, and is the truth's place in them uniform (Cook, Gelman and Rubin 2006; Talts et al.
-2018)? Nothing is selected by what a diagnosis said: the blind test's coverage beside it is of rightly named effects.
+2018)? With --out every finished world is kept, a line of JSON each, and what is there is not computed again.
+Nothing is selected by what a diagnosis said: the blind test's coverage beside it is of rightly named effects.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import os
 import sys
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +83,21 @@ def calibrated(seed: int, number: int) -> list[Row]:
     return rows
 
 
+def measured(seed: int, numbers: Sequence[int], cores: int, out: Path | None) -> list[Row]:
+    """The rows of all these worlds, those that `out` holds read from there."""
+    lines = out.read_text(encoding="utf-8").splitlines() if out and out.exists() else []
+    kept = {entry["trial"]: entry["rows"] for entry in map(json.loads, lines) if entry["seed"] == seed}
+    with worker_pool(cores, begin_worker, os.getpid()) as pool:
+        jobs = {pool.submit(calibrated, seed, number): number for number in numbers if number not in kept}
+        for job in as_completed(jobs):
+            kept[jobs[job]] = job.result()
+            if out:
+                with out.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps({"seed": seed, "trial": jobs[job], "rows": kept[jobs[job]]}) + "\n")
+            print(f"  {len(kept)} of {len(numbers)} worlds", end="\r", file=sys.stderr, flush=True)
+    return [row for number in numbers for row in kept[number]]
+
+
 def share(rows: Sequence[Row], level: int) -> str:
     """The coverage of a level with its interval."""
     figures = rate([row["inside"][level] for row in rows], "covered")
@@ -112,16 +129,10 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=320)
     parser.add_argument("--seed", type=int, default=90)
     parser.add_argument("--cores", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", type=Path, help="rows as JSON")
+    parser.add_argument("--out", type=Path, help="finished worlds, one a line")
     args = parser.parse_args()
-    numbers, rows = list(chosen(args.worlds)), []
-    with worker_pool(args.cores, begin_worker, os.getpid()) as pool:
-        jobs = [pool.submit(calibrated, args.seed, number) for number in numbers]
-        for done, job in enumerate(jobs, 1):
-            rows += job.result()
-            print(f"  {done} of {len(jobs)} worlds", end="\r", file=sys.stderr, flush=True)
-    if args.out:
-        args.out.write_text(json.dumps(rows), encoding="utf-8")
+    numbers = list(chosen(args.worlds))
+    rows = measured(args.seed, numbers, args.cores, args.out)
     table(f"seed {args.seed}, {len(numbers)} worlds", {"all": rows})
     for key in ("noise", "effects", "visible", "family"):
         table(key, grouped(rows, key))

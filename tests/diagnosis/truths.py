@@ -70,13 +70,16 @@ def late(delay):
     return function
 
 
-def mechanical(system: str, c: int = 0) -> list[Truth]:
-    """Force effects on a coordinate, parameters, actuators and sensors of a mechanical system."""
+def mechanical(system: str, c: int = 0, size: float = 1.0) -> list[Truth]:
+    """Force effects on a coordinate, parameters, actuators and sensors of a mechanical system.
+
+    size: how much stronger than usual the effects are.
+    """
     from .worlds import ACTION, STATE, P
 
     names = list(STATE[system])
     q, action = names[2 * c], next(iter(ACTION[system]))
-    big = {"cartpole": [3.0, 0.05], "slider": [1.2], "pendulum": [0.5]}[system][c]
+    big = size * {"cartpole": [3.0, 0.05], "slider": [1.2], "pendulum": [0.5]}[system][c]
     smooth = lambda f: World(system, forces={c: f})  # noqa: E731
     dry = lambda f: World(system, grips={c: f})  # noqa: E731
     top = {"cartpole": 10.0, "slider": 6.0, "pendulum": 3.0}[system]
@@ -97,14 +100,17 @@ def mechanical(system: str, c: int = 0) -> list[Truth]:
     ]  # fmt: skip
     if c == 0:
         for name in P[system]:
-            if name in ("pole_mass",):
-                continue
+            ratio = 1.0 + size * (
+                0.5 if name == "pole_mass" else 0.2
+            )  # a tenth of the cart's mass: it shows little
             out.append(
-                Truth("parameter_offset", name, {"ratio": 1.2}, World(system, {name: 1.2 * P[system][name]}))
+                Truth(
+                    "parameter_offset", name, {"ratio": ratio}, World(system, {name: ratio * P[system][name]})
+                )
             )
-        out += actuators(system, 0, action, top)
+        out += actuators(system, 0, action, top, size=size)
         for i, name in enumerate(names):
-            span = 0.05 if i % 2 == 0 else 0.2
+            span, scale, delay = size * (0.05 if i % 2 == 0 else 0.2), 1.0 + 0.1 * size, 0.03 * size
             out += [
                 Truth(
                     "sensor_bias",
@@ -115,31 +121,39 @@ def mechanical(system: str, c: int = 0) -> list[Truth]:
                 Truth(
                     "sensor_scale",
                     name,
-                    {"scale": 1.1},
-                    World(system, sensors=[sensor(i, lambda y, t: 1.1 * y)]),
+                    {"scale": scale},
+                    World(system, sensors=[sensor(i, lambda y, t, k=scale: k * y)]),
                 ),
-                Truth("sensor_delay", name, {"delay": 0.03}, World(system, sensors=[sensor(i, late(0.03))])),
+                Truth(
+                    "sensor_delay", name, {"delay": delay}, World(system, sensors=[sensor(i, late(delay))])
+                ),
             ]
     return out
 
 
-def vehicle_sensors(system: str) -> list[Truth]:
+def vehicle_sensors(system: str, size: float = 1.0) -> list[Truth]:
     """What may be wrong with one channel of a vehicle's pose."""
+    offset, scale, delay = 0.1 * size, 1.0 + 0.1 * size, 0.15 * size
     make = lambda i, f: World(system, sensors=[sensor(i, f)])  # noqa: E731
     out = []
     for i, name in enumerate(("x", "y", "yaw")):
         out += [
-            Truth("sensor_bias", name, {"offset": 0.1}, make(i, lambda y, t: y + 0.1)),
-            Truth("sensor_scale", name, {"scale": 1.1}, make(i, lambda y, t: 1.1 * y)),
-            Truth("sensor_delay", name, {"delay": 0.15}, make(i, late(0.15))),
+            Truth("sensor_bias", name, {"offset": offset}, make(i, lambda y, t: y + offset)),
+            Truth("sensor_scale", name, {"scale": scale}, make(i, lambda y, t: scale * y)),
+            Truth("sensor_delay", name, {"delay": delay}, make(i, late(delay))),
         ]
     return out
 
 
-def actuators(system: str, column: int, action: str, top: float, dt: float = 0.02) -> list[Truth]:
+def actuators(
+    system: str, column: int, action: str, top: float, dt: float = 0.02, size: float = 1.0
+) -> list[Truth]:
     """What may be wrong with one action."""
     make = lambda f: World(system, filters=[channel_filter(column, f)])  # noqa: E731
-    time_constant, rate, half = 3 * dt, 0.15 * top / dt, 0.1 * top
+    time_constant, rate, half = 3 * dt * size, 0.15 * top / dt / size, 0.1 * top * size
+    gain, bias, width = 1.0 - 0.2 * size, 0.1 * top * size, 0.2 * top * size
+    limit, late_by, loss = (1.0 - 0.4 * size) * top, 2.5 * dt * size, 0.05 * size
+    positive, negative = 1.0 - 0.15 * size, 1.0 + 0.1 * size
 
     def backlash(level, u, h):
         return np.clip(level, u - half, u + half)
@@ -147,60 +161,69 @@ def actuators(system: str, column: int, action: str, top: float, dt: float = 0.0
     def lag(level, u, h):
         return u + (level - u) * np.exp(-h / time_constant)
 
-    def limit(level, u, h):
+    def rated(level, u, h):
         return level + np.clip(u - level, -rate * h, rate * h)
 
     def held(update, mean=True):
         apply = level_filter(update, mean)
         return lambda u, t, h, m: apply(u, t, h, m)
 
-    delay = delayed(2.5 * dt)
+    delay = delayed(late_by)
     return [
-        Truth("actuator_gain", action, {"gain": 0.8}, make(lambda u, t, h, m: 0.8 * u)),
-        Truth("actuator_bias", action, {"bias": 0.1 * top}, make(lambda u, t, h, m: u + 0.1 * top)),
-        Truth("actuator_dead_zone", action, {"width": 0.2 * top}, make(lambda u, t, h, m: u * (abs(u) >= 0.2 * top))),
+        Truth("actuator_gain", action, {"gain": gain}, make(lambda u, t, h, m: gain * u)),
+        Truth("actuator_bias", action, {"bias": bias}, make(lambda u, t, h, m: u + bias)),
+        Truth("actuator_dead_zone", action, {"width": width}, make(lambda u, t, h, m: u * (abs(u) >= width))),
+        Truth("actuator_saturation", action, {"limit": limit}, make(lambda u, t, h, m: np.clip(u, -limit, limit))),
         Truth(
-            "actuator_saturation", action, {"limit": 0.6 * top}, make(lambda u, t, h, m: np.clip(u, -0.6 * top, 0.6 * top)),
+            "actuator_asymmetry", action, {"gain_positive": positive, "gain_negative": negative},
+            make(lambda u, t, h, m: np.where(u > 0, positive, negative) * u),
         ),
-        Truth(
-            "actuator_asymmetry", action, {"gain_positive": 0.85, "gain_negative": 1.1},
-            make(lambda u, t, h, m: np.where(u > 0, 0.85, 1.1) * u),
-        ),
-        Truth("actuator_delay", action, {"delay": 2.5 * dt}, make(lambda u, t, h, m: delay(u, t, h, m))),
+        Truth("actuator_delay", action, {"delay": late_by}, make(lambda u, t, h, m: delay(u, t, h, m))),
         Truth("actuator_lag", action, {"time_constant": time_constant}, make(held(lag))),
-        Truth("actuator_rate_limit", action, {"rate": rate}, make(held(limit))),
+        Truth("actuator_rate_limit", action, {"rate": rate}, make(held(rated))),
         Truth("actuator_backlash", action, {"half_width": half}, make(held(backlash, mean=False))),
-        Truth("battery_sag", action, {"loss_per_second": 0.05}, make(lambda u, t, h, m: u * (1 - 0.05 * t))),
+        Truth("battery_sag", action, {"loss_per_second": loss}, make(lambda u, t, h, m: u * (1 - loss * t))),
     ]  # fmt: skip
 
 
-def vehicles(system: str) -> list[Truth]:
+def vehicles(system: str, size: float = 1.0) -> list[Truth]:
     """What may be wrong with a vehicle."""
     twist = lambda f: World(system, twist=f)  # noqa: E731
+    radius, gradient, curvature, slip = 0.8 * size, 0.6 * size, 0.15 * size, 0.12 * size
+    forward, left, angle = 0.1 * size, 0.03 * size, 0.08 * size
     out = [
         Truth(
-            "minimum_turning_radius", "vehicle", {"radius": 0.8},
-            twist(lambda v, s, w: (v, s, np.clip(w, -abs(v) / 0.8, abs(v) / 0.8))),
+            "minimum_turning_radius", "vehicle", {"radius": radius},
+            twist(lambda v, s, w: (v, s, np.clip(w, -abs(v) / radius, abs(v) / radius))),
         ),
-        Truth("understeer", "vehicle", {"gradient": 0.6}, twist(lambda v, s, w: (v, s, w / (1 + 0.6 * v**2)))),
-        Truth("steering_bias", "vehicle", {"curvature": 0.15}, twist(lambda v, s, w: (v, s, w + 0.15 * v))),
-        Truth("lateral_slip", "vehicle", {"slip": 0.12}, twist(lambda v, s, w: (v, s - 0.12 * v * w, w))),
-        Truth("marker_offset", "pose", {"forward": 0.1, "left": 0.03}, World(system, sensors=[marker])),
-        Truth("frame_rotation", "pose", {"angle": 0.08}, World(system, sensors=[sensor(2, lambda y, t: y + 0.08)])),
+        Truth("understeer", "vehicle", {"gradient": gradient}, twist(lambda v, s, w: (v, s, w / (1 + gradient * v**2)))),
+        Truth("steering_bias", "vehicle", {"curvature": curvature}, twist(lambda v, s, w: (v, s, w + curvature * v))),
+        Truth("lateral_slip", "vehicle", {"slip": slip}, twist(lambda v, s, w: (v, s - slip * v * w, w))),
+        Truth(
+            "marker_offset", "pose", {"forward": forward, "left": left},
+            World(system, sensors=[marker(forward, left)]),
+        ),
+        Truth("frame_rotation", "pose", {"angle": angle}, World(system, sensors=[sensor(2, lambda y, t: y + angle)])),
     ]  # fmt: skip
     first, second = ("v_cmd", "w_cmd") if system == "unicycle" else ("v_cmd", "steering")
-    out += actuators(system, 0, first, 0.8, 0.1)
-    out += actuators(system, 1, second, 1.2 if system == "unicycle" else 0.3, 0.1)
+    out += actuators(system, 0, first, 0.8, 0.1, size)
+    out += actuators(system, 1, second, 1.2 if system == "unicycle" else 0.3, 0.1, size)
     if system == "ackermann":
+        ratio = 1.0 + 0.15 * size
         out.append(
-            Truth("parameter_offset", "wheelbase", {"ratio": 1.15}, World(system, {"wheelbase": 0.23}))
+            Truth(
+                "parameter_offset", "wheelbase", {"ratio": ratio}, World(system, {"wheelbase": 0.2 * ratio})
+            )
         )
     return out
 
 
-def marker(states, times):
-    out = states.copy()
-    sin, cos = np.sin(states[:, :, 2]), np.cos(states[:, :, 2])
-    out[:, :, 0] += 0.1 * cos - 0.03 * sin
-    out[:, :, 1] += 0.1 * sin + 0.03 * cos
-    return out
+def marker(forward, left):
+    def apply(states, times):
+        out = states.copy()
+        sin, cos = np.sin(states[:, :, 2]), np.cos(states[:, :, 2])
+        out[:, :, 0] += forward * cos - left * sin
+        out[:, :, 1] += forward * sin + left * cos
+        return out
+
+    return apply
