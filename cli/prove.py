@@ -44,7 +44,7 @@ def prove_command(
     stratum: Strata = None,
     long: Long = True,
 ) -> None:
-    """Conceal worlds, diagnose them blind, reveal and score: a table, OUT/prove.json and OUT/report.html."""
+    """Conceal worlds, diagnose them blind, reveal and score: a table; prove.json, report.html and record.md below OUT."""
     if context.invoked_subcommand is not None:
         _refuse_options(context, context.invoked_subcommand)
         return
@@ -114,7 +114,7 @@ def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> Non
     )
     for line in beside(content):
         typer.echo(line)
-    typer.echo(f"reveal: {out / 'prove.json'}, {out / 'report.html'}")
+    typer.echo(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")
 
 
 @prove_app.command("answers")

@@ -32,7 +32,7 @@ RIVALS = {
 
 
 def proof_sheets(content: Json) -> list[Sheet]:
-    """Goals, what stands beside them, rivals, strata."""
+    """Goals, what stands beside them, rivals, strata, families and kinds."""
     return [
         goals_sheet(content),
         shares_sheet(content),
@@ -40,6 +40,8 @@ def proof_sheets(content: Json) -> list[Sheet]:
         rivals_sheet(content),
         namers_sheet(content),
         *strata_sheets(content),
+        families_sheet(content),
+        kinds_sheet(content),
     ]
 
 
@@ -210,6 +212,23 @@ def _strata_sheet(title: str, blocks: Mapping[str, Json]) -> Sheet:
         "coverage %", "fit within 1.1", "seconds",
     )  # fmt: skip
     return Sheet(title, columns, tuple(rows))
+
+
+def families_sheet(content: Json) -> Sheet:
+    """Single effects by what they are."""
+    rows = [
+        row(name, f"{f['right']}/{f['n']}", _within(f["interval"])) for name, f in content["families"].items()
+    ]
+    return Sheet("Visible single effects by family", ("", "right", "95 %"), tuple(rows))
+
+
+def kinds_sheet(content: Json) -> Sheet:
+    """Physics outside the catalogue by what it is."""
+    rows = [
+        row(name, f"{kind['said_so']}/{kind['n']}", str(kind["named_wrong"]))
+        for name, kind in content["kinds"].items()
+    ]
+    return Sheet("Outside the catalogue by kind", ("", "said so", "wrong name"), tuple(rows))
 
 
 def confusion_sheet(content: Json) -> Sheet:

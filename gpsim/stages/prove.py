@@ -13,6 +13,7 @@ from gpsim.errors import UsageError
 from gpsim.files import plain, write_json, written_whole
 from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
+from gpsim.reports.prove_record import record
 from gpsim.stages.trial_jobs import Progress, run_trials
 from gpsim.trials.blind import DIAGNOSES, OUTCOME, diagnose_blind, published
 from gpsim.trials.concealing import (
@@ -65,7 +66,7 @@ def diagnose(out: Path, workers: int, progress: Progress) -> int:
 
 
 def reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
-    """Score every diagnosed trial against its verified answer; write prove.json and report.html."""
+    """Score every diagnosed trial against its verified answer; write prove.json, report.html and record.md."""
     found = (path.parent.name for path in (out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
     names = sorted(name for name in found if NAME.fullmatch(name))
     if not names:
@@ -78,8 +79,9 @@ def reveal(out: Path, answers: Path | None, workers: int, progress: Progress) ->
     content = _facts(where, scores) | {"undiagnosed": undiagnosed} | summarise(scores)
     with written_whole(out / "prove.json") as made:
         write_json(made, plain(content))
-    with written_whole(out / "report.html") as made:
-        made.write_text(page(content, scores), encoding="utf-8")
+    for name, text in (("report.html", page(content, scores)), ("record.md", record(content, scores))):
+        with written_whole(out / name) as made:
+            made.write_text(text, encoding="utf-8")
     return content
 
 

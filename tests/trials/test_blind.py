@@ -163,6 +163,8 @@ def test_the_proof_is_scored_with_the_equivalents_that_the_rule_finds(diagnosed,
     page = (out / "report.html").read_text()
     assert "http" not in page
     assert score["right"] or f"diagnoses/{NAME}/diagnosis/report.html" in page
+    record = (out / "record.md").read_text()
+    assert f"| one effect: right | >= 0.95 | {'1.00' if score['right'] else '**0.00** !'} |" in record
 
 
 def test_diagnosing_without_published_hashes_is_refused(tmp_path):

@@ -183,7 +183,8 @@ def test_a_trial_that_cannot_be_scored_is_wrong_and_stops_no_other(proof, fits, 
     score = json.loads((proof / "scores" / f"{NAME}.json").read_text())
     assert not score["right"]
     assert score["error"].startswith("not scored: KeyError")
-    assert "not scored: KeyError" in (proof / "report.html").read_text()
+    for name in ("report.html", "record.md"):
+        assert "not scored: KeyError" in (proof / name).read_text()
 
 
 def test_what_was_not_diagnosed_and_by_which_commit_the_rest_was_is_said(proof, fits, monkeypatch):
@@ -197,6 +198,7 @@ def test_what_was_not_diagnosed_and_by_which_commit_the_rest_was_is_said(proof, 
     assert content["undiagnosed"] == [OTHER]
     assert content["diagnosed_under"] == ["abc"]
     assert "1 of 2 published trials were not diagnosed" in " ".join(result.output.split())
-    page = (proof / "report.html").read_text()
-    assert OTHER in page
-    assert "abc" in page
+    for name in ("report.html", "record.md"):
+        text = (proof / name).read_text()
+        assert OTHER in text
+        assert "abc" in text
