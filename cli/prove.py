@@ -44,7 +44,7 @@ def prove_command(
     stratum: Strata = None,
     long: Long = True,
 ) -> None:
-    """Conceal worlds, diagnose them blind, reveal and score: a table; prove.json, report.html and record.md below OUT."""
+    """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
     if context.invoked_subcommand is not None:
         _refuse_options(context, context.invoked_subcommand)
         return
