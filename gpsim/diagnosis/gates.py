@@ -197,15 +197,16 @@ def _spares(
         return False
     changes = _by_bin(without, candidate, values, channel, edges)
     pull, size = changes @ around.rest.ravel(), changes @ changes.T
-    count = len(pull)
+    count, circle = len(pull), goes_round(without.problem, channel, edges)
     for first in range(count):
         for last in range(first, count):
-            out = np.ones(count, dtype=np.bool_)
-            out[first : last + 1] = False
-            if not out.any() or (channel is None and last < count - 1):
+            if (channel is None and last < count - 1) or last - first == count - 1:
                 continue
-            if -float(pull[out].sum()) > 0.5 * float(size[np.ix_(out, out)].sum()):
-                return True
+            inside = np.zeros(count, dtype=np.bool_)
+            inside[first : last + 1] = True
+            for out in (~inside, inside) if circle else (~inside,):  # the rest of a circle is a region, too
+                if -float(pull[out].sum()) > 0.5 * float(size[np.ix_(out, out)].sum()):
+                    return True
     return False
 
 
