@@ -239,3 +239,15 @@ def test_a_sweep_is_logged_where_its_mapping_will_look():
     changed["collect"]["changes"] = moved[:1]
     with pytest.raises(UsageError, match=r"looks for x \(topic /robot/pose\), y \(topic /vrpn"):
         collect.check(Request(changed))
+
+
+def test_a_diagnosis_that_is_given_is_what_train_gp_policy_trains_in(tmp_path):
+    simulator = make_simulator("cartpole")
+    artifact = diagnosed(tmp_path, EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.02))
+    recipe = train_gp_policy.recipe(request(f"diagnosis={artifact.path}"))
+    assert list(recipe.parents) == ["diagnosis"]
+    assert recipe.config["correction"] == "effects"
+    with pytest.raises(UsageError, match="not an artifact"):
+        train_gp_policy.recipe(request("diagnosis=/nowhere"))
+    with pytest.raises(UsageError, match="make it with: gpsim train-source variant=source"):
+        train_gp_policy.recipe(request())  # the first of what fit-gp needs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -84,11 +85,21 @@ def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> 
     if most is not None:
         places = [places[i] for i in evenly(len(places), most)]
     parts = [_window(recording, *place, length) for place in places]
-    return (
-        Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))
-        if parts
-        else _none(recording, length)
+    return _stacked(parts) if parts else _none(recording, length)
+
+
+def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:
+    """Windows of `length` transitions from these (episode, sample) on; none may cross a gap or the end."""
+    return _stacked(
+        [
+            _window(recording, index, recording.episodes[index], first, first + length, length)
+            for index, first in places
+        ]
     )
+
+
+def _stacked(parts: Sequence[tuple[Any, ...]]) -> Windows:
+    return Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))
 
 
 def stretches(recording: Recording) -> list[tuple[int, int, int]]:

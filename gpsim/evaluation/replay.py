@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
 from gpsim.gaps import gaps
@@ -20,10 +20,15 @@ WARM_UP = 10
 
 @dataclass(frozen=True)
 class Windows:
-    """Pieces of a recording: states (B, WARM_UP + T + 1, S), actions (B, WARM_UP + T, A)."""
+    """Pieces of a recording: states (B, WARM_UP + T + 1, S), actions (B, WARM_UP + T, A).
+
+    episode: (B,) which of the episodes; t: (B,) s, the moment of its clock at which the warm-up ends.
+    """
 
     states: FloatArray
     actions: FloatArray
+    episode: IntArray
+    t: FloatArray
 
     @property
     def recorded(self) -> FloatArray:
@@ -37,30 +42,32 @@ def windows_of(episodes: Sequence[Episode], steps: int, most: int, *, dt: float,
     None crosses a gap of the clock (control step dt [s]): what was commanded there is not known. Angles of `state` (S)
     run on inside a window, as simulated ones do. Raises UsageError where not even one step can be rolled out.
     """
-    stretches = [stretch for episode in episodes for stretch in _without_gaps(episode, dt)]
-    steps = min(steps, max(len(actions) for _, actions in stretches) - WARM_UP)
+    stretches = [
+        (i, *stretch) for i, episode in enumerate(episodes) for stretch in _without_gaps(episode, dt)
+    ]
+    steps = min(steps, max(high - low for _, low, high in stretches) - WARM_UP)
     if steps < 1:
         raise UsageError(
             f"the recording's episodes are too short to roll out: {WARM_UP + 1} steps without a lost row are needed"
         )
-    pieces = [
-        (states[first : first + WARM_UP + steps + 1], actions[first : first + WARM_UP + steps])
-        for states, actions in stretches
-        for first in range(0, len(actions) - WARM_UP - steps + 1, steps)
+    begins = [
+        (i, first) for i, low, high in stretches for first in range(low, high - WARM_UP - steps + 1, steps)
     ]
-    chosen = [pieces[i] for i in evenly(len(pieces), most)]
-    states = _run_on(np.stack([states for states, _ in chosen]), state)
-    return Windows(states, np.stack([actions for _, actions in chosen]))
+    chosen = [begins[i] for i in evenly(len(begins), most)]
+    length = WARM_UP + steps
+    states = np.stack([episodes[i].states[first : first + length + 1] for i, first in chosen])
+    return Windows(
+        _run_on(states, state),
+        np.stack([episodes[i].actions[first : first + length] for i, first in chosen]),
+        np.array([i for i, _ in chosen]),
+        np.array([episodes[i].t[first + WARM_UP] for i, first in chosen]),
+    )
 
 
-def _without_gaps(episode: Episode, dt: float) -> list[tuple[FloatArray, FloatArray]]:
-    """States (K + 1, S) and actions (K, A) of every stretch of an episode without a gap."""
+def _without_gaps(episode: Episode, dt: float) -> list[tuple[int, int]]:
+    """First and last sample of every stretch of an episode without a gap."""
     ends = [*np.flatnonzero(gaps(episode.t, dt)).tolist(), len(episode)]
-    begins = [0, *(end + 1 for end in ends[:-1])]
-    return [
-        (episode.states[low : high + 1], episode.actions[low:high])
-        for low, high in zip(begins, ends, strict=True)
-    ]
+    return list(zip([0, *(end + 1 for end in ends[:-1])], ends, strict=True))
 
 
 def _run_on(states: FloatArray, channels: Channels) -> FloatArray:
@@ -75,7 +82,10 @@ def _run_on(states: FloatArray, channels: Channels) -> FloatArray:
 
 
 def replay(plant: Plant, windows: Windows, rng: np.random.Generator) -> FloatArray:
-    """(B, T + 1, S): the plant from the window's state on, under the recorded actions."""
+    """(B, T + 1, S): the plant from the window's state on, under the recorded actions.
+
+    For plants whose states are what is measured, and whose clock does not matter: `diagnosis.replaying` is for others.
+    """
     memory = plant.begin(len(windows.states), rng)
     for k in range(WARM_UP):
         plant.step(windows.states[:, k], windows.actions[:, k], memory, rng)

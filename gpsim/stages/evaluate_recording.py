@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import Recipe
+from gpsim.artifacts import Artifact, Recipe
+from gpsim.channels import FloatArray
+from gpsim.corrected_effects import EffectsPlant
+from gpsim.diagnosis.clock import rebased
+from gpsim.diagnosis.replaying import replayed
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.rollout import compare
 from gpsim.files import Json, plain, write_json
@@ -84,8 +89,9 @@ def judged_episodes(recording: Recording, numbers: list[int]) -> list[Episode]:
 def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path) -> dict[str, Any]:
     section, base = request.config["evaluate"], base_plant(request.config)
     recording = read_recording(build_residuals.recording_folder(request))
+    numbers = np.unique(judged.episode).tolist()
     windows = windows_of(
-        judged_episodes(recording, np.unique(judged.episode).tolist()),
+        judged_episodes(recording, numbers),
         positive(section["rollout_steps"], "evaluate.rollout_steps"),
         positive(section["rollouts"], "evaluate.rollouts"),
         dt=recording.dt,
@@ -101,7 +107,26 @@ def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path)
     for name, plant in simulators_of(
         request, recipe.parents["gp"].path, recipe.parents.get("diagnosis")
     ).items():
-        paths[name] = replay(plant, windows, rng)
+        if isinstance(plant, EffectsPlant):
+            places = [(numbers[i], t) for i, t in zip(windows.episode, windows.t, strict=True)]
+            paths[name] = _replayed(plant, recording, places, steps, recipe.parents["diagnosis"])
+        else:
+            paths[name] = replay(plant, windows, rng)
         found[name] = compare(paths[name], windows.recorded, channels)
     write_arrays(folder / "rollouts.safetensors", {name: path[:8] for name, path in paths.items()})
     return found
+
+
+def _replayed(
+    plant: EffectsPlant,
+    recording: Recording,
+    places: Sequence[tuple[int, float]],
+    steps: int,
+    diagnosis: Artifact,
+) -> FloatArray:
+    """Rollouts that begin in these episodes at these moments, on the clock that the diagnosis looked at."""
+    diagnosed = diagnosis.manifest["config"]["episodes"]
+    _, origin = rebased(replace(recording, episodes=recording.episodes[:diagnosed], held_out=None))
+    samples = [(i, int(np.searchsorted(recording.episodes[i].t, t))) for i, t in places]
+    moved = tuple(replace(episode, t=episode.t - origin) for episode in recording.episodes)
+    return replayed(plant, replace(recording, episodes=moved), samples, steps)

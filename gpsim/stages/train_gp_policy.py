@@ -28,7 +28,8 @@ CORRECTIONS = ("gp", "effects", "effects+gp")
 
 def recipe(request: Request) -> Recipe:
     """The base simulator, what corrects it and how."""
-    correction = choice(request.config["correction"], CORRECTIONS, "correction")
+    settled = _settled(request)
+    correction = settled.config["correction"]
     keys = ["simulator", "task", "policy", "correction"]
     if correction != "effects":
         keys.append("prediction")
@@ -37,11 +38,12 @@ def recipe(request: Request) -> Recipe:
     parents = (
         {"gp": fit_gp.STAGE.need(request)} if correction == "gp" else {"diagnosis": find_diagnosis(request)}
     )
-    return Recipe("train-gp-policy", request.section(*keys), parents, {"seed": request.seed})
+    return Recipe("train-gp-policy", settled.section(*keys), parents, {"seed": request.seed})
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
+    request = _settled(request)
     correction, prediction = request.config["correction"], request.config["prediction"]
     if correction == "gp":
         plant: Plant = corrected_plant(request, recipe.parents["gp"].path)
@@ -49,6 +51,15 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         plant = effects_plant(request, recipe.parents["diagnosis"])
     purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
     return train(request, plant, make_task(request.config), f"train-gp-policy/{purpose}", folder)
+
+
+def _settled(request: Request) -> Request:
+    """With what corrects: where nothing is said, a diagnosis that is given, else the Gaussian process."""
+    said = request.config["correction"]
+    if said is None:
+        return request.having(correction="gp" if request.config["diagnosis"] is None else "effects")
+    choice(said, CORRECTIONS, "correction")
+    return request
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
