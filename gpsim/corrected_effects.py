@@ -12,7 +12,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.corrected import RateCorrection
 from gpsim.effects import Term
-from gpsim.effects.chain import Chain, Scheme
+from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
 from gpsim.effects.term import from_json, to_json
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
@@ -64,7 +64,7 @@ class EffectsPlant:
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Actuators at rest, clocks at the episodes' ages, sensors that have seen nothing."""
-        memory = {f"effects/{k}": v for k, v in self.chain.rest(count, self._step).items()}
+        memory = {f"effects/{k}": np.repeat(v, count, axis=0) for k, v in self._rested.items()}
         memory["clock"] = self._drawn_ages(count, rng)
         if self.chain.watches:
             memory |= {f"seen/{k}": v for k, v in self._still(np.zeros((count, len(self.state)))).items()}
@@ -97,6 +97,23 @@ class EffectsPlant:
         return self.chain.measure(
             state, self._values(count), self._seen(state, memory), np.full(count, self._step)
         )
+
+    @cached_property
+    def _rested(self) -> Memory:
+        """What the actuators of one episode remember before it: no command, for as long as the diagnosis looks back.
+
+        A bias in front of a lag has arrived by then. Where gates look at the state nothing is known yet: at rest.
+        """
+        chain, step = self.chain, self._step
+        rest = chain.rest(1, step)
+        if not chain.actuates or chain.looks:
+            return rest
+        count = PRE_ROLL * round(self.dt / step)
+        settled = {key: values.copy() for key, values in rest.items()}
+        nothing, still = np.zeros((1, count, len(self.action))), np.zeros((1, count + 1, len(self.state)))
+        steps, t = np.full((1, count), step), np.zeros((1, count))
+        said = chain.commands(nothing, still, self._values(1), settled, steps, t)
+        return settled if said.any() else rest
 
     def _values(self, count: int) -> list[dict[str, FloatArray]]:
         return [{k: np.full(count, v) for k, v in term.values.items()} for term in self.terms]

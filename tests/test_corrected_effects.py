@@ -137,3 +137,24 @@ def test_ages_travel_with_the_artifact():
     assert plant_from(data, SLIDER) == plant
     del data["ages"]  # as earlier versions wrote it
     assert plant_from(data, SLIDER).ages == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("family", "values"),
+    [
+        ("actuator_lag", {"time_constant": 0.2}),
+        ("actuator_rate_limit", {"rate": 1.0}),
+        ("actuator_backlash", {"half_width": 0.2}),
+    ],
+)
+def test_an_actuators_bias_has_arrived_before_an_episode_begins(family, values):
+    """As the diagnosis has it, which lets no command pass for a while; a bias must not climb anew in every episode."""
+    bias = Term("actuator_bias", "force", {"bias": 0.5})
+    plant, rng = slider(bias, Term(family, "force", values)), np.random.default_rng(0)
+    state = plant.step(np.zeros((3, 2)), np.zeros((3, 1)), plant.begin(3, rng), rng)
+    expected = 0.5 - values.get("half_width", 0.0)
+    np.testing.assert_allclose(state[:, 1], expected * DT, rtol=1e-3)
+    alone = slider(Term(family, "force", values))
+    np.testing.assert_array_equal(
+        alone.step(np.zeros((1, 2)), np.zeros((1, 1)), alone.begin(1, rng), rng), 0.0
+    )

@@ -12,7 +12,8 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.simulate import simulate
-from gpsim.diagnosis.windows import PRE_ROLL, Windows
+from gpsim.diagnosis.windows import Windows
+from gpsim.effects.chain import PRE_ROLL
 
 SECONDS, FEWEST, MOST = 3.0, 20, 150
 LEVELS = (0.25, 1.0, 1.5)

@@ -16,7 +16,8 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import CUT, Question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.windows import PRE_ROLL, Windows, cut, held_out_mask
+from gpsim.diagnosis.windows import Windows, cut, held_out_mask
+from gpsim.effects.chain import PRE_ROLL
 from gpsim.evenly import evenly
 from gpsim.recordings import Episode, HeldOut, Recording
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.holding_out import first_held_out
+from gpsim.effects.chain import PRE_ROLL
 from gpsim.evenly import evenly
 from gpsim.gaps import gaps
 from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST = 100  # transitions a window at most, where a clock is fast
-PRE_ROLL = 80  # transitions before a window that an actuator may remember
 SAME_STEP = 1e-6  # relative difference of the nominal step that is rounding
 HIDING = 3.5  # control steps: a longer gap hides commands; over a row or two the last one is nearly right
 

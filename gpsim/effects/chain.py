@@ -28,7 +28,7 @@ from gpsim.simulators.plant import Memory
 Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
 
-
+PRE_ROLL = 80  # control steps before an episode or a window that an actuator may remember
 SHORTEST = 1e-6  # s, of a substep: two samples may bear one stamp
 
 
@@ -280,8 +280,9 @@ class Chain:
     ) -> FloatArray:
         """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
         if self._forces:
-            return self._forces.rates(Instant(state, action, parameters, shares, substep), values)
-        rates = self.simulator.rates(state, action, parameters)
+            rates = self._forces.rates(Instant(state, action, parameters, shares, substep), values)
+        else:
+            rates = self.simulator.rates(state, action, parameters)
         return self._twisted(rates, values, shares) if self._vehicle_terms else rates
 
     def _twisted(

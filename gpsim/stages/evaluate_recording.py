@@ -125,7 +125,7 @@ def _replayed(
     diagnosis: Artifact,
 ) -> FloatArray:
     """Rollouts that begin in these episodes at these moments, on the clock that the diagnosis looked at."""
-    diagnosed = diagnosis.manifest["config"]["episodes"]
+    diagnosed = diagnosis.manifest["config"].get("episodes")
     _, origin = rebased(replace(recording, episodes=recording.episodes[:diagnosed], held_out=None))
     samples = [(i, int(np.searchsorted(recording.episodes[i].t, t))) for i, t in places]
     moved = tuple(replace(episode, t=episode.t - origin) for episode in recording.episodes)

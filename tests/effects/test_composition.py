@@ -1,13 +1,17 @@
 """Effects together, between substeps: order of integration, partial substeps at gates, fixed order, late sensors."""
 
 import itertools
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from gpsim.channels import Channels
 from gpsim.effects import Gate, Term
 from gpsim.effects.chain import Chain
 from gpsim.simulators import make_simulator
+from gpsim.simulators.planar import PlanarVehicle
+from gpsim.simulators.simulator import Coordinate
 
 
 def run(simulator, terms, state, action, h, seconds, parameters=None):
@@ -74,6 +78,39 @@ def test_several_effects_on_a_twist_act_in_a_fixed_order():
         1 + 0.5 * 0.7**2
     ) + 0.1 * 0.7  # what the wheels can do, understeered, and the bent linkage
     assert ends[0][2] == pytest.approx(0.3 + 0.5 * w, rel=1e-9)
+
+
+class Tanker(PlanarVehicle):
+    """A unicycle with a load that slides in it along d."""
+
+    name = "tanker"
+    state = PlanarVehicle.state + Channels.of({"d": "m", "d_dot": "m/s"})
+    action = Channels.of({"v_cmd": "m/s", "w_cmd": "rad/s"})
+    rate = PlanarVehicle.rate + Channels.of({"d_acc": "m/s^2"})
+    parameters: ClassVar = {}
+    coordinates = (Coordinate("d", "d_dot", "d_acc", "N"),)
+
+    def rates(self, state, action, parameters, forces=None):
+        load = np.zeros(len(state)) if forces is None else forces[:, 0]
+        return np.stack([action[:, 0], 0 * load, action[:, 1], load], axis=1)
+
+    def derivative(self, state, rates):
+        pose = super().derivative(state[:, :3], rates[:, :3])
+        return np.concatenate([pose, state[:, 4:], rates[:, 3:]], axis=1)
+
+
+def test_effects_on_a_twist_act_beside_forces():
+    curve = Term("minimum_turning_radius", "vehicle", {"radius": 2.0})
+    drag = Term("viscous_friction", "d", {"damping": 0.5})
+    state, action = np.array([[0.0, 0.0, 0.0, 0.0, 1.0]]), np.array([[1.0, 2.0]])
+    ends = []
+    for terms in ((curve,), (curve, drag), (drag,)):
+        chain, at = Chain(Tanker(), {}, terms, "fine", 0.1), state
+        for _ in range(10):
+            at = chain.advance(at, action, [t.values for t in terms], np.array([0.1]), np.zeros(1))
+        ends.append(at[0])
+    assert [end[2] for end in ends] == pytest.approx([0.5, 0.5, 2.0])
+    assert [end[4] for end in ends] == pytest.approx([1.0, np.exp(-0.5), np.exp(-0.5)], rel=1e-4)
 
 
 def test_a_sensor_scales_before_it_is_biased_whatever_was_found_first():
