@@ -126,6 +126,11 @@ def _one_line(error: Exception, words: Sequence[str]) -> str:
     if word is not None:
         return _unknown_key(word, words)
     said, culprit = " ".join(text.split()) or type(error).__name__, _culprit(words)
+    if culprit is not None and ("Unknown function" in said or "no viable alternative" in said):
+        return (
+            f"{culprit}: not a value that Hydra reads; a list is closed by ], and text in it that holds ( or = is "
+            f"quoted: \"gp.inputs=[x,'sign(x)']\", \"collect.changes=['rate=50']\""
+        )
     return said if culprit is None or culprit in said else f"{culprit}: {said}"
 
 

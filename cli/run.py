@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 CORES = os.cpu_count() or 1
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
 Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
+Reported = Annotated[
+    int, typer.Option("--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ...")
+]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
 
 
@@ -76,7 +79,7 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
 
 
 def report_command(
-    words: Words = None, seeds: Seeds = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
+    words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
     config = resolve(words or [], config_dir)

@@ -15,7 +15,9 @@ Words = Annotated[
     list[str] | None,
     typer.Argument(metavar="[KEY=VALUE]...", help="Settings, as experiment=cartpole gp.n_train=500."),
 ]
-ConfigDir = Annotated[Path | None, typer.Option("--config-dir", help="A folder with your own configs.")]
+ConfigDir = Annotated[
+    Path | None, typer.Option("--config-dir", help="A folder with your choices, as gp/mine.yaml.")
+]
 ShowConfig = Annotated[bool, typer.Option("--show-config", help="Print the resolved configuration and stop.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/<stage>/vNNNN.")

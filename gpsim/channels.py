@@ -64,6 +64,14 @@ class Channels:
             raise UsageError(f"no channel '{name}'; there are: {', '.join(self.names)}")
         return self.names.index(name)
 
+    def same_as(self, other: Channels) -> bool:
+        """Whether the columns are the same, by name and unit and in this order; an angle may wrap in one only."""
+        return list(self.units.items()) == list(other.units.items())
+
+    def listed(self) -> str:
+        """For messages: (x [m], theta [rad])."""
+        return "(" + ", ".join(f"{channel.name} [{channel.unit}]" for channel in self.items) + ")"
+
     def __len__(self) -> int:
         return len(self.items)
 

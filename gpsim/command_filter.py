@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.gaps import gaps, steps_to_next
+from gpsim.gaps import OverGaps, gaps, steps_to_next
 from gpsim.simulators.plant import Memory, SimulatorPlant
 
 LONGEST_DELAY, SHORTEST_LAG, LONGEST_LAG = 1.0, 1e-3, 2.0
@@ -54,12 +54,19 @@ class CommandFilter:
             out[:, i] = total / self.dt
         return out
 
-    def arrived(self, actions: FloatArray, episode: IntArray, t: FloatArray) -> FloatArray:
+    def arrived(
+        self, actions: FloatArray, episode: IntArray, t: FloatArray, over_gaps: OverGaps | None = None
+    ) -> FloatArray:
         """(N, A): what arrives of the actions (N, A) of a recording; episode (N,) ascending, each starts at rest.
 
         Where rows are lost, by the clock t (N,) s, the last command before them stands until the next one: a robot
-        does not stop because a log does. After a gap that outlasts what a filter may remember it starts at rest again.
+        does not stop because a log does. over_gaps: the commands of rows that were left out because of a gap after
+        them; without it the last row's own command is taken for the last. After a gap that outlasts what a filter may
+        remember it starts at rest again.
         """
+        if over_gaps is not None:
+            actions, episode, t, own = over_gaps.put_back(actions, episode, t)
+            return self.arrived(actions, episode, t)[own]
         count = steps_to_next(t, episode, self.dt)
         forgotten = count * self.dt > LONGEST_DELAY + LONGEST_LAG
         count[forgotten] = 1
@@ -113,12 +120,13 @@ def fit_filter(
     measured: FloatArray,
     rates_of: Callable[[FloatArray], FloatArray],
     dt: float,
+    over_gaps: OverGaps | None = None,
 ) -> CommandFilter:
     """The delays and lags with which rates_of(arrived actions (N, A)) comes nearest to the measured rates (N, R).
 
-    episode (N,) ascending and t (N,) s are the rows', dt [s] is the control step. Least squares, each rate on the scale
-    of its spread; delay and lag of one action are told apart by the shape of the answer only, their sum is known much
-    better.
+    episode (N,) ascending and t (N,) s are the rows', dt [s] is the control step, over_gaps is as in `arrived`. Least
+    squares, each rate on the scale of its spread; delay and lag of one action are told apart by the shape of the answer
+    only, their sum is known much better.
     """
     scale = np.maximum(measured.std(axis=0), 1e-12)
     count = actions.shape[1]
@@ -127,7 +135,7 @@ def fit_filter(
         return CommandFilter(tuple(values[:count].tolist()), tuple(values[count:].tolist()), dt)
 
     def errors(values: FloatArray) -> FloatArray:
-        predicted = rates_of(made(values).arrived(actions, episode, t))
+        predicted = rates_of(made(values).arrived(actions, episode, t, over_gaps))
         return np.asarray(((predicted - measured) / scale).ravel())
 
     low = np.array([0.0] * count + [SHORTEST_LAG] * count)

@@ -101,5 +101,5 @@ def arrived_inputs(plant: CorrectedPlant, data: Residuals) -> tuple[FloatArray, 
     if plant.filter is None:
         return data.inputs, np.zeros_like(data.simulated)
     states, actions = np.split(data.inputs, [len(plant.state)], axis=1)
-    arrived = plant.filter.arrived(actions, data.episode, data.t)
+    arrived = plant.filter.arrived(actions, data.episode, data.t, data.over_gaps)
     return np.hstack([states, arrived]), mean_rates(plant, states, arrived) - data.simulated

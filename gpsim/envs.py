@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -11,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from gpsim.channels import BoolArray, FloatArray
+from gpsim.errors import UsageError
 from gpsim.simulators.plant import Memory, Plant, restart
 from gpsim.tasks import Start, Task
 from gpsim.tasks.task import Actions
@@ -33,6 +35,21 @@ class Episodes:
         self.memory = self.plant.begin(self.count, self.rng)
         self.steps = np.zeros(self.count, dtype=np.int64)
         return self.observe()
+
+    def given_start(self, options: Mapping[str, Any] | None) -> Start | None:
+        """The start that the options of a Gymnasium `reset` ask for, None where they ask for none.
+
+        `states` (B, S) are the initial states; `context` (B, K) is what else the task begins with, the goal say, and is
+        drawn by the task where it is absent. Raises UsageError for arrays of other shapes.
+        """
+        if not options or "states" not in options:
+            return None
+        states = _rows(options["states"], (self.count, len(self.plant.state)), "states")
+        width = self.task.start(0, self.rng).context.shape[1]  # of no episodes: nothing is drawn
+        if "context" in options:
+            return Start(states, _rows(options["context"], (self.count, width), "context"))
+        drawn = self.task.start(self.count if width else 0, self.rng).context
+        return Start(states, drawn.reshape(self.count, width))
 
     def step(self, actions: Actions) -> tuple[FloatArray, BoolArray, BoolArray]:
         """One control step; returns rewards, terminated and truncated, each (B,); does not restart anything."""
@@ -83,10 +100,14 @@ class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start every episode anew; `options={"states": (B, S)}` sets the initial states."""
+        """Start every episode anew.
+
+        `options={"states": (B, S)}` sets the initial states, `"context": (B, K)` beside them what else the task begins
+        with (the goals (x, y) [m] of the goal task); without it the task draws its own.
+        """
         if seed is not None:
             self.episodes.rng = np.random.default_rng(seed)
-        return self.episodes.begin(_given_start(options)), {}
+        return self.episodes.begin(self.episodes.given_start(options)), {}
 
     def step(
         self, actions: Actions
@@ -122,10 +143,10 @@ class SingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode; `options={"states": (1, S)}` sets the initial state."""
+        """Start an episode; options as of `BatchedEnv.reset`, for one episode: (S,) and (K,) will do."""
         super().reset(seed=seed)
         self._episodes = Episodes(self._plant, self._task, 1, self.np_random)
-        return self._episodes.begin(_given_start(options))[0], {}
+        return self._episodes.begin(self._episodes.given_start(options))[0], {}
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """One control step."""
@@ -133,9 +154,8 @@ class SingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
         return self._episodes.observe()[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), {}
 
 
-def _given_start(options: dict[str, Any] | None) -> Start | None:
-    if not options or "states" not in options:
-        return None
-    states = np.atleast_2d(np.asarray(options["states"], dtype=np.float64))
-    context = np.asarray(options.get("context", np.empty((len(states), 0))), dtype=np.float64)
-    return Start(states, context)
+def _rows(given: Any, shape: tuple[int, int], key: str) -> FloatArray:
+    rows = np.atleast_2d(np.asarray(given, dtype=np.float64))
+    if rows.shape != shape:
+        raise UsageError(f"reset: options['{key}'] must have shape {shape}, got {rows.shape}")
+    return rows

@@ -12,7 +12,7 @@ from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
 
 _FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"sign": np.sign, "sin": np.sin, "cos": np.cos}
-_TERM = re.compile(r"(?:(\w+)\()?(\w+)\)?")
+_TERM = re.compile(r"(?P<function>\w+)\((?P<of>\w+)\)|(?P<channel>\w+)")
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,12 @@ class Features:
         columns, functions = [], []
         for name in names:
             match = _TERM.fullmatch(name.replace(" ", ""))
-            function = match.group(1) if match else None
-            if match is None or (
-                function is not None and (function not in _FUNCTIONS or not name.endswith(")"))
-            ):
+            function = match["function"] if match else None
+            if match is None or (function is not None and function not in _FUNCTIONS):
                 raise UsageError(
                     f"gp.inputs: '{name}' is neither a channel nor one of sign, sin, cos of a channel"
                 )
-            columns.append(channels.index(match.group(2)))
+            columns.append(channels.index(match["of"] or match["channel"]))
             functions.append(function)
         if not columns:
             raise UsageError("gp.inputs is empty: name at least one channel")

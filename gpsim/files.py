@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import math
@@ -15,6 +16,9 @@ from typing import Any
 from gpsim.errors import UsageError
 
 Json = dict[str, Any]
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+REFUSED = (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.EEXIST)
+NO_SPACE = "no space left on the device"
 
 
 def canonical(content: Any) -> bytes:
@@ -89,3 +93,28 @@ def unreadable(path: Path, error: OSError) -> UsageError:
     return UsageError(
         f"{where}: cannot be read ({error.strerror or error}); make it readable, or name another"
     )
+
+
+@contextmanager
+def disk_errors(place: Path, option: str = "runs_dir or --out") -> Iterator[None]:
+    """A full or read-only disk is the user's to mend: one line about `place`, where the block writes.
+
+    option: the setting that names another place.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL or tells_of_full_disk(str(error)):  # copying a tree tells what it met as texts
+            raise UsageError(
+                f"{place}: {NO_SPACE}; finished artifacts are whole, free space and run again"
+            ) from error
+        if error.errno in REFUSED:
+            raise UsageError(
+                f"{place}: cannot write here ({error.strerror}); choose another {option}"
+            ) from error
+        raise
+
+
+def tells_of_full_disk(said: str) -> bool:
+    """Whether an error's words, another program's say, are those of a full disk."""
+    return NO_SPACE in said or any(os.strerror(code) in said for code in FULL)

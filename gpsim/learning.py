@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Space
 from numpy.typing import NDArray
+
+from gpsim.errors import UsageError
 
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note): called now and then while something long runs."""
@@ -139,3 +143,14 @@ class LearningCurve:
     steps: NDArray[np.int64]
     mean_return: NDArray[np.float64]
     episodes: NDArray[np.int64]
+
+
+def observation_scale(space: Space[Any], given: Sequence[float]) -> NDArray[np.float32]:
+    """(O,) what a task's observations are divided by; raises UsageError where the numbers given do not fit them."""
+    (size,) = space.shape or (0,)
+    scale = np.asarray(given or np.ones(size), dtype=np.float32)
+    if scale.shape != (size,) or not (scale > 0).all():
+        raise UsageError(
+            f"policy.observation_scale: expected {size} positive numbers, or none, got {list(given)}"
+        )
+    return scale

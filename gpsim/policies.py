@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,14 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from gpsim.envs import BatchedEnv, Episodes
-from gpsim.errors import UsageError
-from gpsim.learning import Checkpoints, LearningCurve, PpoSettings, Progress, SacSettings
+from gpsim.learning import (
+    Checkpoints,
+    LearningCurve,
+    PpoSettings,
+    Progress,
+    SacSettings,
+    observation_scale,
+)
 from gpsim.policy import Policy
 from gpsim.tasks import GoalReaching
 
@@ -31,7 +37,7 @@ def train_ppo(
 ) -> tuple[Policy, LearningCurve]:
     """Train on one torch thread (two are no faster for networks of this size) and return plain arrays."""
     torch.set_num_threads(1)
-    scale = _observation_scale(env, settings.observation_scale)
+    scale = observation_scale(env.single_observation_space, settings.observation_scale)
     watcher = _Watcher(settings.total_steps, progress)
     # A rollout longer than the whole budget would overshoot it (tiny budgets).
     n_steps = min(settings.n_steps, max(settings.total_steps // settings.n_envs, 2))
@@ -52,7 +58,7 @@ def train_sac(
     their own that are the same each time.
     """
     torch.set_num_threads(1)
-    scale = _observation_scale(env, settings.observation_scale)
+    scale = observation_scale(env.single_observation_space, settings.observation_scale)
     judge = _Judge(env, scale, settings, seed, progress)
     model = SAC(
         "MlpPolicy",
@@ -75,16 +81,6 @@ def train_sac(
     model.learn(settings.total_steps, callback=[_Sharpening(settings), judge])
     judge.judge()
     return judge.best, judge.curve(), judge.checkpoints()
-
-
-def _observation_scale(env: BatchedEnv, given: Sequence[float]) -> NDArray[np.float32]:
-    size = env.single_observation_space.shape[0]  # type: ignore[index]
-    scale = np.asarray(given or np.ones(size), dtype=np.float32)
-    if scale.shape != (size,) or not (scale > 0).all():
-        raise UsageError(
-            f"policy.observation_scale: expected {size} positive numbers, or none, got {list(given)}"
-        )
-    return scale
 
 
 def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_steps: int, seed: int) -> PPO:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import BoolArray, Channel, Channels, FloatArray, IntArray, wrap_angle
+from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
-from gpsim.gaps import gaps
+from gpsim.gaps import OverGaps, gaps
 from gpsim.recordings import Recording, Transitions
 from gpsim.simulators import Integrator, Simulator
 
@@ -25,7 +25,8 @@ class Residuals:
 
     channels: of state and action, an angle wraps where simulator or recording says so; inputs: (N, S + A) their values;
     measured, simulated: (N, R) rates; t: (N,) s; episode: (N,) index; test: (N,) True on held-out episodes; order: (N,)
-    rank of a training row in the seeded subsample, -1 on test rows.
+    rank of a training row in the seeded subsample, -1 on test rows; over_gaps: the commands of what is left out, None
+    where no row is lost.
     """
 
     channels: Channels
@@ -37,6 +38,7 @@ class Residuals:
     episode: IntArray
     test: BoolArray
     order: IntArray
+    over_gaps: OverGaps | None = None
 
     @property
     def values(self) -> FloatArray:
@@ -49,7 +51,8 @@ class Residuals:
             name: getattr(self, name)[rows]
             for name in ("inputs", "measured", "simulated", "t", "episode", "test", "order")
         }
-        return replace(self, **columns)
+        lost = None if self.over_gaps is None else self.over_gaps.take(rows)
+        return replace(self, **columns, over_gaps=lost)
 
     def training_rows(self, count: int) -> IntArray:
         """Row numbers of the first `count` training rows of the subsample, in the recording's order."""
@@ -77,8 +80,10 @@ def build_residuals(
     check_rates(recording, simulator, parameters)
     if learnt_from:
         check_varies(recording)
-    rows = np.flatnonzero(~np.concatenate([gaps(episode.t, recording.dt) for episode in recording.episodes]))
-    transitions = recording.transitions().take(rows)
+    everything = recording.transitions()
+    over = np.concatenate([gaps(episode.t, recording.dt) for episode in recording.episodes])
+    rows = np.flatnonzero(~over)
+    transitions = everything.take(rows)
     simulated = _simulated_rates(recording, simulator, parameters, integrator, transitions, rows)
     state = either_wraps(simulator.state, recording.state)
     test = held_out_rows(recording, transitions, test_fraction)
@@ -101,6 +106,7 @@ def build_residuals(
         episode=transitions.episode,
         test=test,
         order=order,
+        over_gaps=OverGaps.of(over, everything.episode, everything.t, everything.actions),
     )
 
 
@@ -160,20 +166,22 @@ def check_clock(recording: Recording) -> None:
 
 def check_match(recording: Recording, simulator: Simulator, *, hidden: Collection[str] = ()) -> None:
     """The recording must hold the simulator's channels, in its units and order; `hidden` ones may be absent."""
-    expected = [channel for channel in simulator.state if channel.name not in hidden]
+    expected = Channels(tuple(channel for channel in simulator.state if channel.name not in hidden))
     for kind, has, needs in (
-        ("state", list(recording.state), expected),
-        ("action", list(recording.action), list(simulator.action)),
+        ("state", recording.state, expected),
+        ("action", recording.action, simulator.action),
     ):
-        if [(c.name, c.unit) for c in has] == [(c.name, c.unit) for c in needs]:
+        if has.same_as(needs):
             continue
-        absent = [c for c in needs if c.name not in {h.name for h in has}]
+        absent = [c for c in needs if c.name not in has.names]
         remedy = "import the log with a mapping to these channels"
-        if kind == "state" and absent and len(absent) < len(needs):
+        if absent and all(c.name in simulator.start for c in absent):
+            remedy = "only `gpsim diagnose` estimates states that nobody measured"
+        elif kind == "state" and absent and len(absent) < len(needs):
             guesses = ", ".join(f'"{c.name}": VALUE' for c in absent)
             remedy += f"; or, in a system of your own, guess what nobody measured: start = {{{guesses}}}"
         raise UsageError(
-            f"the recording's {kind} is {_listed(has)}, simulator {simulator.name} needs {_listed(needs)}; {remedy}"
+            f"the recording's {kind} is {has.listed()}, simulator {simulator.name} needs {needs.listed()}; {remedy}"
         )
 
 
@@ -243,19 +251,34 @@ def _remedy(recording: Recording, column: int) -> str:
 
 
 def held_out_rows(recording: Recording, transitions: Transitions, test_fraction: float) -> BoolArray:
-    """(N,) True on the transitions kept for testing."""
+    """(N,) True on the transitions kept for testing; raises UsageError where the recording's `held_out` keeps none."""
+    test = _held_out_rows(recording, transitions, test_fraction)
+    if recording.held_out is not None and len(test) and not test.any():
+        raise UsageError(
+            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
+            "or take it out to hold out the last share of its episodes (residuals.test_fraction)"
+        )
+    return test
+
+
+def _held_out_rows(recording: Recording, transitions: Transitions, test_fraction: float) -> BoolArray:
     held_out = recording.held_out
     if held_out is not None and held_out.time_from is not None:
         return np.asarray(transitions.t >= held_out.time_from)
     count = len(recording.episodes)
     first = held_out.episodes_from if held_out is not None else None
     if first is None:
-        first = count - int(np.ceil(test_fraction * count)) if count > 1 and test_fraction > 0 else count
+        first = first_test_episode(count, test_fraction)
     return np.asarray(transitions.episode >= first)
 
 
+def first_test_episode(count: int, test_fraction: float) -> int:
+    """The first of `count` episodes that is held out where a recording does not say; `count` where none is."""
+    return count - int(np.ceil(test_fraction * count)) if count > 1 and test_fraction > 0 else count
+
+
 def to_table(residuals: Residuals) -> pd.DataFrame:
-    """One row a transition: episode, t, inputs, measured.*, simulated.*, test, order."""
+    """One row a transition: episode, t, inputs, measured.*, simulated.*, test, order; `over_gaps` has its own table."""
     columns = {"episode": residuals.episode, "t": residuals.t}
     columns |= {name: residuals.inputs[:, i] for i, name in enumerate(residuals.channels.names)}
     for i, name in enumerate(residuals.rate.names):
@@ -264,7 +287,9 @@ def to_table(residuals: Residuals) -> pd.DataFrame:
     return pd.DataFrame(columns | {"test": residuals.test, "order": residuals.order})
 
 
-def from_table(table: pd.DataFrame, channels: Channels, rate: Channels) -> Residuals:
+def from_table(
+    table: pd.DataFrame, channels: Channels, rate: Channels, over_gaps: OverGaps | None = None
+) -> Residuals:
     """The inverse of `to_table`."""
     return Residuals(
         channels=channels,
@@ -276,8 +301,5 @@ def from_table(table: pd.DataFrame, channels: Channels, rate: Channels) -> Resid
         episode=table["episode"].to_numpy(dtype=np.int64),
         test=table["test"].to_numpy(dtype=np.bool_),
         order=table["order"].to_numpy(dtype=np.int64),
+        over_gaps=over_gaps,
     )
-
-
-def _listed(channels: Iterable[Channel]) -> str:
-    return "(" + ", ".join(f"{channel.name} [{channel.unit}]" for channel in channels) + ")"

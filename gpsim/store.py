@@ -27,7 +27,7 @@ from gpsim.artifacts import (
     read_manifest,
 )
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, unreadable, write_json
+from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
 from gpsim.provenance import git_commit, package_versions
 
 SCHEMA = "gpsim.artifact/1"
@@ -79,7 +79,7 @@ class Store:
         folder, which the next publication of that stage removes.
         """
         shelf = out.parent if out else self.root / self.experiment / recipe.stage
-        with _disk_errors(shelf):
+        with disk_errors(shelf):
             _make_folder(shelf)
             if out is not None and out.exists():
                 raise UsageError(
@@ -215,20 +215,3 @@ def _sweep(shelf: Path) -> None:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
             shutil.rmtree(lock.with_name(made[1]), ignore_errors=True)
             lock.unlink()
-
-
-@contextmanager
-def _disk_errors(shelf: Path) -> Iterator[None]:
-    """A full or read-only disk is the user's to mend: one line, and nothing half-written."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise UsageError(
-                f"{shelf}: no space left on the device; finished artifacts are whole, free space and run again"
-            ) from error
-        if error.errno in (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.EEXIST):
-            raise UsageError(
-                f"{shelf}: cannot write here ({error.strerror}); choose another runs_dir or --out"
-            ) from error
-        raise

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
 from gpsim.errors import UsageError
-from gpsim.files import plain, written_whole
+from gpsim.files import disk_errors, plain, written_whole
 from gpsim.store import Store
 
 
@@ -137,6 +137,17 @@ def test_a_full_disk_is_one_line(store):
     with pytest.raises(UsageError, match="no space left"):
         store.publish(recipe(n=1), full)
     assert list((store.root / "cartpole" / "fit-gp").iterdir()) == []
+
+
+def test_a_tree_that_does_not_fit_is_one_line(tmp_path):
+    (tmp_path / "tree").mkdir()
+    (tmp_path / "tree" / "leaf").touch()
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(UsageError, match="no space left"), disk_errors(tmp_path):
+        shutil.copytree(tmp_path / "tree", tmp_path / "copy", copy_function=full)
 
 
 def test_a_really_full_disk_leaves_finished_artifacts_whole(tmp_path):

@@ -104,6 +104,21 @@ def test_help_lists_the_stages_in_order(tmp_path):
             ["run", "full-loop", "evaluate.rollouts=0"],
             "evaluate.rollouts: expected a whole number of at least 1, got 0",
         ),
+        (["run", "full-loop", "policy=sac"], "policy: this task's actions are discrete; choose policy=ppo"),
+        (
+            ["run", "full-loop", "policy.observation_scale=[1,2]"],
+            "policy.observation_scale: expected 4 positive numbers, or none, got [1.0, 2.0]",
+        ),
+        (
+            ["run", "full-loop", "diagnose.episodes=99"],
+            "diagnose.episodes=99: collect.episodes=20 are recorded",
+        ),
+        (["run", "full-loop", "deployed=x.bag"], "deployed= scores logs of a policy, without a loop"),
+        (["fit-gp", "gp.inputs=[x, sign(x)]"], "gp.inputs=[x, sign(x)]: not a value that Hydra reads"),
+        (
+            ["fit-gp", "gp.inputs=[x,x_dot"],
+            "gp.inputs=[x,x_dot: not a value that Hydra reads; a list is closed",
+        ),
         (["run", "full-loop", "gp.inputs=null"], "gp.inputs: expected a list of texts, as [a, b], got None"),
         (["run", "full-loop", "gp.inputs=[x,speed]"], "no channel 'speed'"),
         (["run", "full-loop", "gp.noise_floor=0"], "gp.noise_floor: bounds of noise_std need 0 < low < high"),
@@ -165,7 +180,10 @@ def test_help_lists_the_stages_in_order(tmp_path):
             ["run", "full-loop", "target.parameters={}"],
             "target: parameters.gravity must be a positive number, got None",
         ),
-        (["run", "full-loop", "target=limo"], "target limo (x, y, yaw) does not go with simulator cartpole"),
+        (
+            ["run", "full-loop", "target=limo"],
+            "target limo does not go with simulator cartpole: its state is (x [m], y [m], yaw [rad])",
+        ),
         (
             ["run", "full-loop", "simulator.parameters=null"],
             "simulator.parameters: expected a mapping of numbers, got None",

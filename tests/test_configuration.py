@@ -141,3 +141,65 @@ def test_wrong_values_name_the_key(words, message):
 
 def test_the_shown_configuration_is_the_resolved_one():
     assert "friction: 0.9" in as_yaml(resolve([], None))
+
+
+OWN = """
+from gpsim.simulators.cartpole import CartPole
+from gpsim.simulators.unicycle import Unicycle
+
+class Same(CartPole):
+    pass
+
+class Turned:
+    state = {"theta": "rad", "theta_dot": "rad/s", "x": "m", "x_dot": "m/s"}
+    action = {"force": "N"}
+
+    def rates(self, state, action, p):
+        return {name: action["force"] for name in self.state}
+
+class Degrees(Turned):
+    state = {"x": "m", "x_dot": "m/s", "theta": "deg", "theta_dot": "rad/s"}
+
+class Plain(Turned):
+    state = {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}
+
+class Car(Unicycle):
+    pass
+"""
+
+
+def with_simulator(name, *words):
+    config = resolve(list(words), None)
+    return {**config, "simulator": {**config["simulator"], "name": name, "parameters": {}}}
+
+
+@pytest.mark.parametrize(
+    ("name", "experiment"), [("Same", "cartpole"), ("Plain", "cartpole"), ("Car", "limo")]
+)
+def test_ones_own_simulator_with_the_same_channels_goes_with_target_and_task(tmp_path, name, experiment):
+    (tmp_path / "own.py").write_text(OWN)
+    config = with_simulator(f"{tmp_path}/own.py:{name}", f"experiment={experiment}")
+    config["target"] = resolve([f"experiment={experiment}"], None)["target"]
+    assert target_plant(config).state.names == make_task(config).state.names == base_plant(config).state.names
+
+
+@pytest.mark.parametrize(
+    ("name", "experiment", "has", "needs"),
+    [
+        ("ackermann", "limo", r"\(v_cmd \[m/s\], steering \[rad\]\)", r"\(v_cmd \[m/s\], w_cmd \[rad/s\]\)"),
+        ("Turned", "cartpole", r"\(theta \[rad\], theta_dot .*\)", r"\(x \[m\], x_dot \[m/s\], .*\)"),
+        ("Degrees", "cartpole", r"\(.* theta \[deg\], .*\)", r"\(.* theta \[rad\], .*\)"),
+    ],
+)
+def test_columns_that_mean_something_else_are_refused(tmp_path, name, experiment, has, needs):
+    """As many columns are not enough: a turn rate is no steering angle, and an angle no place."""
+    (tmp_path / "own.py").write_text(OWN)
+    name = name if name == "ackermann" else f"{tmp_path}/own.py:{name}"
+    config = with_simulator(name, f"experiment={experiment}")
+    config["target"] = resolve([f"experiment={experiment}"], None)["target"]
+    for make, what in ((target_plant, "target"), (make_task, "task")):
+        with pytest.raises(
+            UsageError, match=f"{what} .* is {needs}, the simulator's is {has}; choose"
+        ) as caught:
+            make(config)
+        assert "\n" not in str(caught.value)

@@ -6,10 +6,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from gpsim.envs import BatchedEnv, SingleEnv
+from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.targets import FrictionCartPole
-from gpsim.tasks import Balance
+from gpsim.tasks import Balance, GoalReaching
 
 CARTPOLE = make_simulator("cartpole")
 PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
@@ -83,3 +84,44 @@ def test_states_that_are_no_numbers_end_the_episode():
     assert task.terminated(states, np.empty((2, 0))).tolist() == [True, False]
     assert Balance().terminated(np.array([[2.5, 0, 0, 0.0]]), np.empty((1, 0))).all()
     assert not task.terminated(np.array([[2.5, 0, 0, 0.0]]), np.empty((1, 0))).any()
+
+
+UNICYCLE = SimulatorPlant(make_simulator("unicycle"), {}, "euler", 0.1)
+
+
+def test_states_without_a_context_get_the_tasks_own():
+    task, states = GoalReaching(), np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [-0.5, 0.5, 1.0]])
+    env = BatchedEnv(UNICYCLE, task, 3, seed=0)
+    seen, _ = env.reset(options={"states": states})
+    np.testing.assert_array_equal(env.episodes.states, states)
+    np.testing.assert_array_equal(seen, task.observe(states, env.episodes.context))
+    assert (np.abs(env.episodes.context) <= task.arena / 2.0 - task.agent_radius).all()
+    assert len(np.unique(env.episodes.context)) == 6
+    single = SingleEnv(UNICYCLE, task)
+    single.reset(seed=0, options={"states": states[0]})
+    first = single._episodes.context
+    single.reset(seed=0, options={"states": states[0]})
+    np.testing.assert_array_equal(single._episodes.context, first)
+    single.reset(options={"states": states[0], "context": [0.5, -0.5]})
+    np.testing.assert_array_equal(single._episodes.context, [[0.5, -0.5]])
+
+
+def test_a_task_without_a_context_draws_nothing_for_given_states():
+    env, untouched = BatchedEnv(PLANT, Balance(), 2, seed=7), np.random.default_rng(7)
+    env.reset(options={"states": np.zeros((2, 4))})
+    assert env.episodes.rng.random() == untouched.random()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"states": np.zeros((2, 3))}, r"options\['states'\] must have shape \(3, 3\), got \(2, 3\)"),
+        (
+            {"states": np.zeros((3, 3)), "context": np.zeros((3, 1))},
+            r"options\['context'\] must have shape \(3, 2\), got \(3, 1\)",
+        ),
+    ],
+)
+def test_a_start_of_another_shape_is_refused(options, message):
+    with pytest.raises(UsageError, match=message):
+        BatchedEnv(UNICYCLE, GoalReaching(), 3, seed=0).reset(options=options)

@@ -73,6 +73,24 @@ def test_what_is_left_out_over_a_gap_is_said(tmp_path):
     assert build_residuals.notes(complete)[0] == "240 training and 80 test transitions"
 
 
+def test_what_stood_over_a_gap_is_kept_and_residuals_from_before_are_read(tmp_path):
+    recording = spinning(lost=(20, 21, 50))
+    made, _ = build_residuals.STAGE.make(request(*on_disk(recording, tmp_path)))
+    read = build_residuals.read_residuals(made)
+    assert read.over_gaps.after.tolist() == [row + 75 * i for i in range(4) for row in (18, 45)]
+    stood = [recording.episodes[i].actions[row] for i in range(4) for row in (19, 47)]
+    np.testing.assert_array_equal(read.over_gaps.actions, stood)
+    assert read.take(read.test).over_gaps.after.tolist() == [18, 45]
+    (made.path / build_residuals.OVER_GAPS).unlink()
+    assert build_residuals.read_residuals(made).over_gaps is None
+
+
+def test_without_lost_rows_residuals_have_the_files_they_had(tmp_path):
+    made, _ = build_residuals.STAGE.make(request(*on_disk(spinning(), tmp_path)))
+    assert not (made.path / build_residuals.OVER_GAPS).exists()
+    assert build_residuals.read_residuals(made).over_gaps is None
+
+
 def test_a_wrong_dt_is_not_taken_for_another_simulators(tmp_path):
     asked = request(*on_disk(replace(spinning(), dt=0.05), tmp_path))
     with pytest.raises(UsageError, match=r"says dt 0.05 s, but the median step of its t is 0.02 s"):

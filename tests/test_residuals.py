@@ -63,6 +63,13 @@ def test_the_recording_may_say_what_is_held_out():
     assert by_time.t[~by_time.test].max() < 0.2
 
 
+@pytest.mark.parametrize("held_out", [HeldOut(episodes_from=17), HeldOut(time_from=1e6)])
+def test_what_is_held_out_from_beyond_the_end_on_is_refused(held_out):
+    with pytest.raises(UsageError, match="nothing is held out: .* begins after its end") as caught:
+        residuals_of(replace(record(), held_out=held_out))
+    assert "\n" not in str(caught.value)
+
+
 def test_round_trip():
     found = residuals_of(record())
     back = from_table(to_table(found), found.channels, found.rate)

@@ -14,10 +14,20 @@ from gpsim.corrected_effects import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.gp import FitOutcome, FitSettings
-from gpsim.recordings import Episode, HeldOut, Recording
+from gpsim.recordings import Episode, HeldOut, Recording, read_recording, write_recording
 from gpsim.recordings.bag_writing import Topics
 from gpsim.simulators import make_simulator, source_file
-from gpsim.stages import collect, evaluate, fit_gp, report, sweep, train_gp_policy, train_source
+from gpsim.stages import (
+    collect,
+    diagnose,
+    diagnose_loop,
+    evaluate,
+    fit_gp,
+    report,
+    sweep,
+    train_gp_policy,
+    train_source,
+)
 from gpsim.stages.build_residuals import check_same
 from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose import read_corrected
@@ -241,6 +251,23 @@ def test_a_sweep_is_logged_where_its_mapping_will_look():
         collect.check(Request(changed))
 
 
+def test_a_sweep_without_a_mapping_is_refused_before_it_is_driven():
+    asked = request("experiment=limo", "collect.mapping=null")
+    for refused in (collect.recipe, collect.check):
+        with pytest.raises(
+            UsageError, match="collect.policy=sweep: name the mapping .* collect.mapping=limo"
+        ):
+            refused(asked)
+
+
+@pytest.mark.parametrize(("experiment", "velocities"), [("cartpole", "measured"), ("limo", None)])
+def test_a_recording_names_velocities_where_its_state_has_some(tmp_path, experiment, velocities):
+    words = ("collect.policy=random", "collect.episodes=1", "task.max_steps=5")
+    asked = request(f"experiment={experiment}", *words)
+    collect.write(asked, collect.recipe(asked), tmp_path)
+    assert read_recording(tmp_path).velocities == velocities
+
+
 def test_a_diagnosis_that_is_given_is_what_train_gp_policy_trains_in(tmp_path):
     simulator = make_simulator("cartpole")
     artifact = diagnosed(tmp_path, EffectsPlant(simulator, simulator.defaults({}), (), "euler", 1, 0.02))
@@ -251,3 +278,22 @@ def test_a_diagnosis_that_is_given_is_what_train_gp_policy_trains_in(tmp_path):
         train_gp_policy.recipe(request("diagnosis=/nowhere"))
     with pytest.raises(UsageError, match="make it with: gpsim train-source variant=source"):
         train_gp_policy.recipe(request())  # the first of what fit-gp needs
+
+
+@pytest.mark.parametrize(("count", "begins"), [(20, None), (6, 4), (3, 2), (1, None)])
+def test_the_diagnosis_learns_from_no_episode_that_the_loop_holds_out(tmp_path, count, begins):
+    """Where the recording does not say; the rule of a diagnosis of its own is another where episodes are few."""
+    rng = np.random.default_rng(0)
+    base = recording()
+    episodes = tuple(
+        Episode(str(i), 0.02 * np.arange(41) + 2 * i, rng.normal(size=(41, 4)), rng.normal(size=(40, 1)))
+        for i in range(count)
+    )
+    (tmp_path / "recording").mkdir()
+    write_recording(replace(base, episodes=episodes), tmp_path / "recording")
+    asked = request(f"recording={tmp_path / 'recording'}")
+    recipe = diagnose_loop.STAGE.recipe(asked)
+    assert recipe.config.get("episodes_from") == begins
+    if begins is None:  # the same key as that of a diagnosis that somebody asks for
+        task = diagnose.Task(tmp_path / "recording", "cartpole")
+        assert recipe.config == diagnose.stage_for(task).recipe(asked).config

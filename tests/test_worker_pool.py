@@ -1,12 +1,17 @@
 """Worker processes leave nothing behind when the parent ends them."""
 
+import multiprocessing
 import os
+import signal
 import tempfile
+import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from gpsim.stages.trial_jobs import run_trials
 from gpsim.workers import begin_worker, worker_pool
 
 
@@ -32,3 +37,45 @@ def test_an_interrupted_worker_takes_its_temporary_folder_with_it(tmp_path: Path
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert waited_for(lambda: not any(tmp_path.iterdir()))
+
+
+def slow_trial(place: Path, number: int) -> int:
+    (place / str(number)).touch()
+    time.sleep(30)
+    return number
+
+
+def failing_trial(place: Path, number: int) -> int:
+    (place / str(number)).touch()
+    raise ArithmeticError(f"trial {number}")
+
+
+def begun_after(place: Path) -> list[str]:
+    """Which trials had begun when the last worker was gone."""
+    assert waited_for(lambda: not multiprocessing.active_children())
+    return sorted(path.name for path in place.iterdir())
+
+
+def test_after_an_interrupt_no_further_trial_begins(tmp_path: Path):
+    def interrupt():
+        waited_for(lambda: any(tmp_path.iterdir()))
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt).start()
+    with pytest.raises(KeyboardInterrupt):
+        list(run_trials(partial(slow_trial, tmp_path), range(6), 1, lambda *_: None))
+    assert begun_after(tmp_path) == ["0"]
+
+
+def test_after_a_failure_no_further_trial_begins(tmp_path: Path):
+    with pytest.raises(ArithmeticError, match="trial 0"):
+        list(run_trials(partial(failing_trial, tmp_path), range(6), 1, lambda *_: None))
+    assert begun_after(tmp_path) == ["0"]
+
+
+def test_every_trial_is_run_once_and_told():
+    told = []
+    found = dict(run_trials(abs, range(-5, 0), 2, lambda done, of, note: told.append((done, of, note))))
+    assert found == {-n: n for n in range(1, 6)}
+    assert [(done, of) for done, of, _ in told] == [(n, 5) for n in range(1, 6)]
+    assert {note for *_, note in told} == {f"trial {n}" for n in range(-5, 0)}

@@ -11,7 +11,7 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.evaluation.returns import summarise_all
 
 Json = dict[str, Any]
-NOTES = ("judged_on", "not_driven")
+NOTES = ("judged_on", "not_driven", "measured_on")
 AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout")
 
 

@@ -190,6 +190,8 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) ->
             f"{named.name}: {len(topics)} topics; say which is which channel with --mapping NAME_OR_FILE "
             "(gpsim import --inspect proposes one)"
         )
+    if system not in systems and system:
+        raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")
     if system not in systems:
         raise UsageError(
             f"{named.name}: no --mapping; give one, or system=NAME where the columns are the channels of "

@@ -56,7 +56,12 @@ def cards(report: LoopReport) -> list[Card]:
 
 
 def paragraph(report: LoopReport) -> str:
-    """Plain words with the headline numbers."""
+    """Plain words with the headline numbers, and what they are of where that is not what was recorded."""
+    measured = report.summary.get("measured_on")
+    return _numbers(report) + (f" Measured on {measured}." if measured else "")
+
+
+def _numbers(report: LoopReport) -> str:
     starts = headline_starts(report)
     shown = cards(report)
     if starts is None or not shown:

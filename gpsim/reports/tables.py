@@ -34,7 +34,7 @@ def terminal_tables(report: LoopReport) -> list[Table]:
 
 def terminal_notes(report: LoopReport) -> list[str]:
     """What the tables do not say by themselves: on what was judged, why a layer is missing, what to be wary of."""
-    found = (("judged_on", "judged on {}"), ("not_driven", "{}"))
+    found = (("judged_on", "judged on {}"), ("not_driven", "{}"), ("measured_on", "measured on {}"))
     said = [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
     return [*said, *(f"warning: {text}" for text in gp_warnings(report))]
 

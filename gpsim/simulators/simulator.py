@@ -91,7 +91,10 @@ class Simulator(ABC):
         unknown = sorted(set(given) - set(self.parameters))
         if unknown:
             known = ", ".join(self.parameters)
-            raise UsageError(f"simulator {self.name}: no parameter '{unknown[0]}'; it has: {known}")
+            raise UsageError(
+                f"simulator {self.name}: no parameter '{unknown[0]}'; it has: {known or 'none'} "
+                "(settings of a simulator of your own: simulator/NAME.yaml in a --config-dir)"
+            )
         for name, value in given.items():
             bounds = self.parameters[name]
             if not bounds.low <= value <= bounds.high:

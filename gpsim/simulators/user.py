@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import copyreg
 import inspect
+import math
 import sys
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -63,7 +64,7 @@ def _loaded(reference: str, source: str) -> Simulator:
         raise UsageError(f"{file}: no class '{name}'; it has: {', '.join(classes) or 'none'}")
     try:
         instance = found()
-    except Exception as error:  # a user's code may raise anything
+    except (Exception, SystemExit) as error:  # a user's code may raise anything
         raise UsageError(
             f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
         ) from error
@@ -77,6 +78,7 @@ def _loaded(reference: str, source: str) -> Simulator:
         _guard(simulator, reference)
     # Copies in other processes come from the source, which is no importable module.
     copyreg.pickle(type(simulator), lambda known: (_loaded, (known.name, vars(known)["_source"])))
+    _call(lambda: _check_declaration(simulator, reference), "its declaration", reference)
     _try(simulator, reference)
     return simulator
 
@@ -161,7 +163,7 @@ def _module(path: Path, source: str) -> ModuleType:
     sys.modules[module.__name__] = module  # dataclasses look there
     try:
         exec(compile(source, str(path), "exec"), vars(module))
-    except Exception as error:  # a user's code may raise anything
+    except (Exception, SystemExit) as error:  # a user's code may raise anything
         raise UsageError(f"{path}: cannot be loaded: {_said(error)}") from error
     return module
 
@@ -195,6 +197,19 @@ def _guarded(method: Callable[..., Any], name: str, reference: str) -> Callable[
         return answer.copy() if isinstance(answer, np.ndarray) and not answer.flags.writeable else answer
 
     return call
+
+
+def _check_declaration(simulator: Simulator, reference: str) -> None:
+    """What would fail late: two channels under one name, and defaults that lie outside their own bounds."""
+    both = [name for name in simulator.action.names if name in simulator.state.names]
+    if both:
+        raise UsageError(f"{reference}: '{both[0]}' is a state and an action; give each a name of its own")
+    for name, p in simulator.parameters.items():
+        if not (math.isfinite(p.default) and p.low <= p.default <= p.high):
+            raise UsageError(
+                f"{reference}: parameters['{name}'] needs numbers low <= default <= high, got default "
+                f"{p.default:g}, low {p.low:g}, high {p.high:g}"
+            )
 
 
 def _try(simulator: Simulator, reference: str) -> None:
@@ -239,7 +254,7 @@ def _call(function: Callable[[], Any], what: str, reference: str) -> Any:
         return function()
     except UsageError:
         raise
-    except Exception as error:  # a user's code may raise anything
+    except (Exception, SystemExit) as error:  # a user's code may raise anything
         remedy = COPY_FIRST if isinstance(error, ValueError) and "read-only" in str(error) else ""
         raise UsageError(f"{reference}: {what} raised {_said(error)}{remedy}") from error
 
@@ -273,5 +288,5 @@ def _rate_name(channel: str) -> str:
     return f"{channel[:-4]}_acc" if channel.endswith("_dot") else f"{channel}_rate"
 
 
-def _said(error: Exception) -> str:
+def _said(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())[:160]}"

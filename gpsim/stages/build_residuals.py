@@ -14,15 +14,16 @@ from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, write_json
-from gpsim.gaps import LONGEST_STEP
+from gpsim.gaps import LONGEST_STEP, OverGaps
 from gpsim.recordings import Recording, read_recording
-from gpsim.residuals import Residuals, build_residuals, check_clock, from_table, to_table
+from gpsim.residuals import Residuals, build_residuals, check_clock, check_match, from_table, to_table
 from gpsim.settings import number
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import collect
 from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, Stage, generator
 
+OVER_GAPS = "over_gaps.parquet"
 SAME_DT = 0.02  # relative difference of the control step that a jittering clock may show
 
 
@@ -61,7 +62,7 @@ def recording_folder(request: Request) -> Path:
 
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
-    """Write residuals.parquet and residuals.json."""
+    """Write residuals.parquet and residuals.json; over_gaps.parquet where rows are lost."""
     source = recipe.parents["recording"].path if recipe.parents else Path(str(request.config["recording"]))
     recording, base = read_recording(source), base_plant(request.config)
     check_clock(recording)  # first: a wrong dt would be taken for another simulator's
@@ -75,12 +76,15 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         rng=generator(request.seed, "build-residuals/order"),
     )
     to_table(residuals).to_parquet(folder / "residuals.parquet", index=False)
+    if residuals.over_gaps is not None:
+        residuals.over_gaps.to_table(base.action).to_parquet(folder / OVER_GAPS, index=False)
     write_json(folder / "residuals.json", _summary(residuals, recording.transition_count))
     return {}
 
 
 def check_same(recording: Recording, base: SimulatorPlant) -> None:
     """The recording's simulator must be the experiment's: policies, GPs and effects correct one and the same."""
+    check_match(recording, base.simulator)
     wanted = other_settings(base, recording.dt, recording.parameters, recording.integrator)
     if wanted:
         raise UsageError(
@@ -108,7 +112,9 @@ def read_residuals(artifact: Artifact) -> Residuals:
     meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
     table = pd.read_parquet(artifact.path / "residuals.parquet")
     channels = Channels.of(meta["channels"], wraps=meta.get("wraps", ()))
-    return from_table(table, channels, Channels.of(meta["rates"]))
+    lost = artifact.path / OVER_GAPS  # neither there without a gap, nor in artifacts of before
+    over_gaps = OverGaps.from_table(pd.read_parquet(lost)) if lost.is_file() else None
+    return from_table(table, channels, Channels.of(meta["rates"]), over_gaps)
 
 
 def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
@@ -153,5 +159,5 @@ STAGE = Stage(
     recipe,
     write,
     notes,
-    format=1,
+    format=2,  # 2: what was commanded over gaps is kept
 )

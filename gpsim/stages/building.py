@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
@@ -11,7 +11,7 @@ from gpsim.learning import PpoSettings, SacSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant
-from gpsim.simulators.simulator import INTEGRATORS
+from gpsim.simulators.simulator import INTEGRATORS, Simulator
 from gpsim.targets import FrictionCartPole, Limo
 from gpsim.tasks import Balance, GoalReaching, Task
 
@@ -21,11 +21,6 @@ RECORDED = "recording"
 """The target that is known by its logs alone: nothing can be driven."""
 ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSettings, "sac": SacSettings}
 TASKS: Mapping[str, type[Task]] = {"balance": Balance, "goal": GoalReaching}
-FITS: Mapping[str, Callable[[int, int], bool]] = {
-    "balance": lambda states, actions: (states, actions) == (4, 1),
-    "goal": lambda states, actions: states >= 3 and actions == 2,
-}
-"""Whether a task goes with a simulator of so many state and action channels."""
 
 
 def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
@@ -60,15 +55,12 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
     section = config["target"]
     if not drivable(config):
         raise UsageError(
-            "target=recording cannot be driven: it is known by its logs alone (collect.source=); choose a stand-in"
+            "target=recording cannot be driven: it is known by its logs alone; give them with collect.source=LOG or "
+            "recording=DIR, or choose a stand-in, as target=limo"
         )
     target = build(TARGETS[section["name"]], section, "target")
     simulator = make_simulator(_name(config))
-    if (len(target.state), len(target.action)) != (len(simulator.state), len(simulator.action)):
-        raise UsageError(
-            f"target {section['name']} ({', '.join(target.state.names)}) does not go with simulator "
-            f"{simulator.name} ({', '.join(simulator.state.names)}); choose both, or an experiment"
-        )
+    _check_fits(f"target {section['name']}", target, simulator)
     dt = _positive(config["simulator"]["dt"], "simulator.dt")
     if not math.isclose(target.dt, dt, rel_tol=1e-9):
         raise UsageError(
@@ -83,11 +75,7 @@ def make_task(config: Mapping[str, Any]) -> Task:
     section = config["task"]
     name = choice(section["name"], tuple(TASKS), "task.name")
     task, simulator = build(TASKS[name], section, "task"), make_simulator(_name(config))
-    if not FITS[name](len(simulator.state), len(simulator.action)):
-        raise UsageError(
-            f"task {name} does not go with simulator {simulator.name} ({', '.join(simulator.state.names)}); "
-            "choose both, or an experiment"
-        )
+    _check_fits(f"task {name}", task, simulator)
     return task
 
 
@@ -97,6 +85,19 @@ def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
     return build(
         ALGORITHMS[choice(section.get("name", "ppo"), tuple(ALGORITHMS), "policy.name")], section, "policy"
     )
+
+
+def _check_fits(what: str, part: Plant | Task, simulator: Simulator) -> None:
+    """Columns go from one to the other by their place: they must have the same names and units, in one order."""
+    for kind, has, needs in (
+        ("state", simulator.state, part.state),
+        ("action", simulator.action, part.action),
+    ):
+        if not has.same_as(needs):
+            raise UsageError(
+                f"{what} does not go with simulator {simulator.name}: its {kind} is {needs.listed()}, the "
+                f"simulator's is {has.listed()}; choose both, or an experiment"
+            )
 
 
 def _name(config: Mapping[str, Any]) -> str:

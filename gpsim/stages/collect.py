@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from gpsim.stages.import_log import (
 )
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.sweep import check_sweep, run_sweep
+from gpsim.stages.sweep import check_sweep, run_sweep, sweep_mapping
 
 DRIVERS = ("source", "random", "dithered", "sweep")
 
@@ -43,8 +44,13 @@ def recipe(request: Request) -> Recipe:
     )
     config = request.section("simulator", "target", "task", "collect")
     if driver == "sweep":  # which reads what it logged through the mapping
-        config["mapping"] = read_mapping(str(request.config["collect"]["mapping"]))
+        config["mapping"] = read_mapping(sweep_mapping(request.config))
     return Recipe("collect", config, parents, {"seed": request.seed})
+
+
+def waits_for_policy(section: Mapping[str, Any]) -> bool:
+    """Whether the configuration's `collect` is driven by the source policy."""
+    return section["source"] is None and section["policy"] in ("source", "dithered")
 
 
 def check(request: Request) -> None:
@@ -92,7 +98,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         dt=base.dt,
         parameters=base.parameters,
         integrator=base.integrator,
-        velocities="measured",
+        velocities="measured" if base.simulator.coordinates else None,
         clock="episode",
         provenance={"driver": section["policy"], "seed": request.seed},
     )

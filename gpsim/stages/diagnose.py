@@ -13,15 +13,16 @@ from gpsim.corrected import GpCorrection
 from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.hidden import guessed, hidden_channels
+from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.traces import course, traces
 from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.files import Json, file_digest, plain, write_json
-from gpsim.recordings import Recording, read_recording
+from gpsim.recordings import HeldOut, Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page
-from gpsim.residuals import check_match, check_rates
+from gpsim.residuals import check_match, check_rates, first_test_episode
 from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.simulators.wrapping import wrapping
 from gpsim.stages.code import SOURCES
@@ -34,11 +35,15 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be diagnosed; episodes: the first so many of the recording, None for all."""
+    """What is to be diagnosed; episodes: the first so many of the recording, None for all.
+
+    test_fraction: the share of the episodes that is held out elsewhere where the recording does not say; None: nowhere.
+    """
 
     recording: Path
     simulator: str | None
     episodes: int | None = None
+    test_fraction: float | None = None
 
 
 def make(request: Request, task: Task) -> tuple[Artifact, bool]:
@@ -130,6 +135,15 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     return _first(recording, task.episodes), simulator
 
 
+def _held_apart(recording: Recording, task: Task) -> Recording:
+    """The recording, nothing learned from that is held out where the diagnosis is compared with others."""
+    if recording.held_out is not None or task.test_fraction is None or task.episodes is not None:
+        return recording
+    first = first_test_episode(len(recording.episodes), task.test_fraction)
+    apart = replace(recording, held_out=HeldOut(episodes_from=first))
+    return apart if (first_held_out(apart) < first_held_out(recording)).any() else recording
+
+
 def _first(recording: Recording, episodes: int | None) -> Recording:
     """The first episodes; what is held out of them is decided anew."""
     if episodes is None:
@@ -147,6 +161,7 @@ def _first(recording: Recording, episodes: int | None) -> Recording:
 
 def _recipe(request: Request, task: Task) -> Recipe:
     recording, _ = open_recording(task)
+    apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
     names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
     digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
@@ -158,6 +173,8 @@ def _recipe(request: Request, task: Task) -> Recipe:
         "simulator_file": file_digest(source) if source else None,
         "episodes": task.episodes,
     }
+    if apart is not recording and apart.held_out is not None:
+        config["episodes_from"] = apart.held_out.episodes_from
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 
@@ -168,6 +185,7 @@ def _title(recording: Recording) -> str:
 
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
+    recording = _held_apart(recording, task)
     parameters = simulator.defaults(recording.parameters)
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)

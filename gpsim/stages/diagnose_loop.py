@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.files import Json
-from gpsim.stages import collect, diagnose
+from gpsim.stages import build_residuals, collect, diagnose
 from gpsim.stages.code import SOURCES
 from gpsim.stages.stage import Request, Stage
 
@@ -16,7 +16,10 @@ def _stage(request: Request) -> Stage:
     given = request.config["recording"]
     recording = Path(str(given)) if given is not None else collect.STAGE.need(request).path
     episodes = request.config["diagnose"]["episodes"]
-    return diagnose.stage_for(diagnose.Task(recording, str(request.config["simulator"]["name"]), episodes))
+    share = build_residuals.check(request)
+    return diagnose.stage_for(
+        diagnose.Task(recording, str(request.config["simulator"]["name"]), episodes, share)
+    )
 
 
 def _recipe(request: Request) -> Recipe:

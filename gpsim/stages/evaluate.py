@@ -39,6 +39,7 @@ from gpsim.stages.building import base_plant, drivable, make_task, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.stand_in import measured_on
 
 TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
     "Source": (train_source.STAGE, {"variant": "source"}),
@@ -95,6 +96,8 @@ def recipe(request: Request) -> Recipe:
         stage, settings = TRAINED_BY[name]
         parents[name] = stage.need(request.having(**settings))
     config = request.section("simulator", "target", "task", "evaluate", "sample_noise", "gp")
+    if (words := measured_on(request)) is not None:
+        config["measured_on"] = words
     return Recipe("evaluate", config, {**parents, "driver": source}, {"seed": request.seed})
 
 
@@ -133,6 +136,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "experiment": request.config["experiment"],
         "seed": request.seed,
         "seeds": [request.seed],
+        **{key: recipe.config[key] for key in ("measured_on",) if key in recipe.config},
         **{
             key: summarise_all({n: v[None] for n, v in returns.items()}, starts)
             for key, starts in by_set.items()
@@ -242,13 +246,15 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
 
 
 def notes(artifact: Artifact) -> list[str]:
-    """What was found of recorded deployments, why layer 3 is missing, or where the recording covers too little."""
+    """What was found of recorded deployments; or what was judged or measured on, and where to be wary."""
     evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
     if "deployed" in evaluation:
         return evaluate_deployed.notes(artifact)
     if "not_driven" in evaluation:
         return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
-    return [f"warning: {text}" for text in coverage_warnings(evaluation.get("outside_recording") or {})]
+    said = [f"measured on {evaluation['measured_on']}"] if "measured_on" in evaluation else []
+    warnings = coverage_warnings(evaluation.get("outside_recording") or {})
+    return [*said, *(f"warning: {text}" for text in warnings)]
 
 
 STAGE = Stage(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +19,21 @@ from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording
 from gpsim.reports.canvas import png
 from gpsim.reports.trip_figures import figure_deployed
-from gpsim.stages.building import make_task
+from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.import_log import changes_of, logs_of, read_logs, read_mapping, salvages, source_digests
 from gpsim.stages.stage import Request
 from gpsim.tasks import GoalReaching
 
 TABLE = "deployments.csv"
+
+
+class Ended(StrEnum):
+    """How a trip was over."""
+
+    REACHED = "reached"
+    LEFT = "left the floor"
+    LATE = "out of time"
+    LOG = "log ended"
 
 
 def recipe(request: Request) -> Recipe:
@@ -33,6 +43,7 @@ def recipe(request: Request) -> Recipe:
         "task": request.config["task"],
         "goal": _goal(request).tolist(),
         "tolerance": _tolerance(request),
+        "control_step": base_plant(request.config).dt,
         "mapping": read_mapping(_mapping(request)),
         "changes": changes_of(section),
         "salvage": salvages(section),
@@ -43,7 +54,7 @@ def recipe(request: Request) -> Recipe:
 
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Write deployments.csv (one row a deployment), evaluation.json and figures/deployed.png."""
-    task, goal = _task(request), _goal(request)
+    task, goal, dt = _task(request), _goal(request), base_plant(request.config).dt
     section = request.config["collect"]
     recording, _, mapping = read_logs(
         _sources(request), _mapping(request), changes_of(section), salvages(section)
@@ -55,13 +66,14 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     rows, paths = [], []
     whole = (mapping.get("episodes") or {}).get("by", "file") == "file"
     for name, episode in trips(recording, whole):
-        path, reached = trip(episode, goal, task.goal_radius + _tolerance(request))
+        path, ended = trip(episode, task, goal, task.goal_radius + _tolerance(request), dt)
         paths.append(path)
         rows.append(
             {
                 "episode": name,
-                "reached": int(reached),
-                "steps": round(float(episode.t[len(path) - 1] - episode.t[0]) / recording.dt),
+                "reached": int(ended is Ended.REACHED),
+                "ended": str(ended),
+                "steps": round(float(episode.t[len(path) - 1] - episode.t[0]) / dt),
                 "path": float(path_length(path[None])[0]),
                 "nearest": float(np.hypot(*(path[:, :2] - goal).T).min()),
             }
@@ -114,10 +126,21 @@ def _joined(parts: Sequence[Episode], origins: Mapping[str, Any]) -> Episode:
     return Episode(parts[0].name, np.concatenate(times), states, np.concatenate(actions))
 
 
-def trip(episode: Episode, goal: FloatArray, radius: float) -> tuple[FloatArray, bool]:
-    """The measured states (K + 1, S) until the goal is within `radius` [m], or all; and whether it ever was."""
-    near = np.flatnonzero(np.hypot(*(episode.states[:, :2] - goal).T) <= radius)
-    return (episode.states[: near[0] + 1], True) if near.size else (episode.states, False)
+def trip(
+    episode: Episode, task: GoalReaching, goal: FloatArray, radius: float, dt: float
+) -> tuple[FloatArray, Ended]:
+    """The measured states (K + 1, S) until the trip is over, and how it ended, by the rules of the simulated ones.
+
+    It is over where the goal (2,) is within `radius` [m], where the centre is outside the task's floor about the
+    origin, and max_steps control steps of `dt` [s] after its first sample.
+    """
+    steps = (episode.t - episode.t[0]) / dt
+    states = episode.states[steps < task.max_steps + 0.5]  # no clock is exact
+    near = np.hypot(*(states[:, :2] - goal).T) <= radius
+    over = np.flatnonzero(near | task.outside(states))
+    if over.size:
+        return states[: over[0] + 1], Ended.REACHED if near[over[0]] else Ended.LEFT
+    return states, Ended.LATE if steps[-1] >= task.max_steps - 0.5 else Ended.LOG
 
 
 def notes(artifact: Artifact) -> list[str]:
@@ -125,7 +148,7 @@ def notes(artifact: Artifact) -> list[str]:
     table = pd.read_csv(artifact.path / TABLE)
     summary = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))["deployed"]
     lines = [
-        f"{row.episode}: {'reached' if row.reached else f'not reached, {row.nearest:.3f} m at best'} "
+        f"{row.episode}: {'reached' if row.reached else f'not reached ({row.ended}), {row.nearest:.3f} m at best'} "
         f"in {row.steps} steps, {row.path:.2f} m"
         for row in table.itertuples()
     ]
@@ -172,4 +195,10 @@ def _goal(request: Request) -> FloatArray:
     numbers = [value for value in goal if isinstance(value, int | float) and not isinstance(value, bool)]
     if len(numbers) != 2 or len(goal) != 2:
         raise UsageError(f"deployed_goal: expected [x, y] in metres, got {given!r}")
-    return np.array(numbers, dtype=np.float64)
+    found = np.array(numbers, dtype=np.float64)
+    if (task := _task(request)).outside(found[None]).any():
+        raise UsageError(
+            f"deployed_goal: {numbers} lies outside the floor, where a trip is over: {task.floor:g} m square about the "
+            "origin; give its edge with task.floor="
+        )
+    return found

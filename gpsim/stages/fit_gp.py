@@ -123,9 +123,8 @@ def find_filter(
     def rates_of(arrived: FloatArray) -> FloatArray:
         return mean_rates(base, states, arrived) + predictor.mean(features(np.hstack([states, arrived])))
 
-    return fit_filter(
-        actions, residuals.episode[rows], residuals.t[rows], residuals.measured[rows], rates_of, base.dt
-    )
+    data = residuals.take(rows)
+    return fit_filter(actions, data.episode, data.t, data.measured, rates_of, base.dt, data.over_gaps)
 
 
 def notes(artifact: Artifact) -> list[str]:

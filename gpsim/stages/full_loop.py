@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
@@ -12,13 +13,13 @@ from gpsim.stages.building import (
     make_task,
     randomised_plant,
     target_plant,
-    training_settings,
 )
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.evaluate import TRAINED_BY, policy_names
 from gpsim.stages.jobs import Finished, Job, Update, run_jobs
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import effects_plant
+from gpsim.stages.train_source import settings_for
 
 
 def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
@@ -36,8 +37,10 @@ def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
 
 def _check(request: Request) -> None:
     """Settings that are wrong are better found now than after an hour of training."""
-    base_plant(request.config), make_task(request.config)
-    training_settings(request.config)
+    if request.config["deployed"] is not None:
+        raise UsageError("deployed= scores logs of a policy, without a loop: gpsim evaluate deployed=...")
+    base_plant(request.config)
+    settings_for(request, make_task(request.config))
     evaluate.check(request)
     if "Domain randomisation" in policy_names(request):
         randomised_plant(request.config)
@@ -49,8 +52,7 @@ def _check(request: Request) -> None:
         effects_plant(request.having(correction="effects"), find_diagnosis(request))
     build_residuals.check(request)
     fit_gp.check(request)
-    if (episodes := request.config["diagnose"]["episodes"]) is not None:
-        positive(episodes, "diagnose.episodes")
+    _check_episodes(request)
     if drivable(request.config):
         target_plant(request.config)
         certify.recipe(request)
@@ -64,17 +66,32 @@ def _check_recording(request: Request) -> None:
     build_residuals.check_same(recording, base_plant(request.config))
 
 
+def _check_episodes(request: Request) -> None:
+    """The diagnosis cannot look at more episodes than are recorded."""
+    asked, section = request.config["diagnose"]["episodes"], request.config["collect"]
+    if asked is None:
+        return
+    positive(asked, "diagnose.episodes")
+    driven = request.config["recording"] is None and collect.waits_for_policy(section)
+    if driven and asked > positive(section["episodes"], "collect.episodes"):
+        raise UsageError(f"diagnose.episodes={asked}: collect.episodes={section['episodes']} are recorded")
+
+
 def _plan_seed(request: Request, seed: int) -> list[Job]:
     """What is given, `recording=` or `diagnosis=`, is not made."""
     source = Job(f"Source · seed {seed}", "train-source", request.having(variant="source"))
-    collected = Job(f"collect · seed {seed}", "collect", request, (source.label,))
+    driver = (source.label,) if collect.waits_for_policy(request.config["collect"]) else ()
+    collected = Job(f"collect · seed {seed}", "collect", request, driver)
     recorded = [collected] if request.config["recording"] is None else []
     behind = tuple(job.label for job in recorded)
     residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, behind)
     fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
     found = Job(f"diagnose · seed {seed}", "diagnose", request, behind)
     diagnosed = [found] if "Effects" in policy_names(request) and request.config["diagnosis"] is None else []
-    jobs = [source, *recorded, residuals, fit, *diagnosed]
+    jobs = (
+        [source, *recorded] if driver else [*recorded, source]
+    )  # logs that cannot be read are found at once
+    jobs += [residuals, fit, *diagnosed]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         after: tuple[str, ...] = (fit.label,) if stage.name == "train-gp-policy" else ()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.files import plain, write_json, written_whole
+from gpsim.files import disk_errors, plain, write_json, written_whole
 from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
 from gpsim.reports.prove_record import record
@@ -32,6 +32,7 @@ from gpsim.trials.trial_scores import score_trial
 from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"
+OPTION = "--out"  # names another place, where this one cannot be written
 NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
@@ -50,23 +51,30 @@ def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True) -> li
 
 def conceal(out: Path, seed: int, numbers: Sequence[int], workers: int, progress: Progress) -> Path:
     """Write both halves of every trial below `out`, and the answers' hashes beside the recordings."""
-    _remember(out, seed)
-    (out / PUBLIC).mkdir(parents=True, exist_ok=True)
-    digests = dict(run_trials(partial(_conceal_one, out, seed), numbers, workers, progress))
-    publish_hashes(out, {trial_name(n): digest for n, digest in digests.items()})
+    with disk_errors(out, OPTION):
+        _remember(out, seed)
+        (out / PUBLIC).mkdir(parents=True, exist_ok=True)
+        digests = dict(run_trials(partial(_conceal_one, out, seed), numbers, workers, progress))
+        publish_hashes(out, {trial_name(n): digest for n, digest in digests.items()})
     return out
 
 
 def diagnose(out: Path, workers: int, progress: Progress) -> int:
     """Diagnose every recording below OUT/public that has not been yet, blind; how many there are in all."""
-    names = {int(name): name for name in sorted(published(out))}
-    for _ in run_trials(partial(_diagnose_one, out), list(names), workers, progress):
-        pass
+    with disk_errors(out, OPTION):
+        names = {int(name): name for name in sorted(published(out))}
+        for _ in run_trials(partial(_diagnose_one, out), list(names), workers, progress):
+            pass
     return len(names)
 
 
 def reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
     """Score every diagnosed trial against its verified answer; write prove.json, report.html and record.md."""
+    with disk_errors(out, OPTION):
+        return _reveal(out, answers, workers, progress)
+
+
+def _reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
     found = (path.parent.name for path in (out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
     names = sorted(name for name in found if NAME.fullmatch(name))
     if not names:

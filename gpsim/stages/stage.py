@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -139,4 +140,4 @@ def generator(seed: int, purpose: str) -> np.random.Generator:
 
 def quoted(word: str) -> str:
     """A word as a shell takes it."""
-    return f"'{word}'" if any(c in word for c in " ()[]{},&;$*?") else word
+    return shlex.quote(word)

@@ -62,9 +62,19 @@ def run_sweep(request: Request, folder: Path) -> Json:
     topics = _topics(request.config)
     write_ros1_bag(folder / ROS1_BAG, log, topics)
     write_ros2_bag(folder / ROS2_BAG, log, topics)
-    recording, report, _ = read_logs([folder / ROS1_BAG], str(section["mapping"]), changes_of(section))
+    recording, report, _ = read_logs([folder / ROS1_BAG], sweep_mapping(request.config), changes_of(section))
     write_import(recording, report, folder)
     return {"transitions": recording.transition_count, "put_back": returns}
+
+
+def sweep_mapping(config: Mapping[str, Any]) -> str:
+    """The mapping through which a sweep's bag is read, by name or file; raises UsageError where there is none."""
+    mapping = config["collect"]["mapping"]
+    if mapping is None:
+        raise UsageError(
+            "collect.policy=sweep: name the mapping that reads its bag: collect.mapping=limo_optitrack"
+        )
+    return str(mapping)
 
 
 def _commands(config: Mapping[str, Any]) -> FloatArray:
@@ -79,7 +89,9 @@ def _commands(config: Mapping[str, Any]) -> FloatArray:
 def _task(config: Mapping[str, Any]) -> GoalReaching:
     task = make_task(config)
     if not isinstance(task, GoalReaching):
-        raise UsageError("a sweep needs the bounds of speed and turn rate: choose task=goal")
+        raise UsageError(
+            "a sweep needs the bounds of speed and turn rate that the Limo's task has: choose experiment=limo"
+        )
     return task
 
 
@@ -95,7 +107,7 @@ def _car(config: Mapping[str, Any]) -> Limo:
 def _topics(config: Mapping[str, Any]) -> Topics:
     """The topics that the mapping with its changes will look for: one of commands and one of poses."""
     section, base = config["collect"], base_plant(config)
-    name = str(section["mapping"])
+    name = sweep_mapping(config)
     plan = parse_mapping(resolved_mapping(name, changes_of(section)), f"mapping {name}")
     return Topics(
         command=_one_topic(name, plan.action, base.action.names),

@@ -12,7 +12,7 @@ from gpsim.artifacts import Recipe
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.learning import TRAINING_FORMAT, PpoSettings
+from gpsim.learning import TRAINING_FORMAT, PpoSettings, SacSettings, observation_scale
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages.building import base_plant, make_task, randomised_plant, target_plant, training_settings
@@ -46,15 +46,22 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     return train(request, plants[variant](request.config), task, f"train-source/{variant}", folder)
 
 
-def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path) -> Json:
-    """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose."""
-    from gpsim.policies import train_ppo, train_sac  # torch takes seconds to load, and only training needs it
-
+def settings_for(request: Request, task: Task) -> PpoSettings | SacSettings:
+    """The algorithm and its hyper-parameters; raises UsageError for those that do not go with the task."""
     settings = training_settings(request.config)
     discrete = isinstance(task.action_space, Discrete)
     if discrete != isinstance(settings, PpoSettings):
         kind, fits = ("discrete", "ppo") if discrete else ("continuous", "sac")
         raise UsageError(f"policy: this task's actions are {kind}; choose policy={fits}")
+    observation_scale(task.observation_space, settings.observation_scale)
+    return settings
+
+
+def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path) -> Json:
+    """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose."""
+    from gpsim.policies import train_ppo, train_sac  # torch takes seconds to load, and only training needs it
+
+    settings = settings_for(request, task)
     places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
     if isinstance(settings, PpoSettings):
         env = BatchedEnv(plant, task, settings.n_envs, places)

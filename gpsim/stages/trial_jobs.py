@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import FIRST_COMPLETED, wait
+from itertools import islice
 from typing import TypeVar
 
 from gpsim.workers import begin_worker, worker_pool
@@ -20,9 +21,19 @@ Progress = Callable[[int, int, str], None]
 def run_trials(
     work: Callable[[int], Result], numbers: Sequence[int], workers: int, progress: Progress
 ) -> Iterator[tuple[int, Result]]:
-    """(number, work(number)) as they finish; `work` must be picklable and keep what it finishes."""
+    """(number, work(number)) as they finish; `work` must be picklable and keep what it finishes.
+
+    No more trials are handed out than there are workers: a worker that is told to leave takes that for the failure of
+    its trial, and would begin the next one that it holds.
+    """
+    waiting, done = iter(numbers), 0
     with worker_pool(workers, begin_worker, os.getpid()) as pool:
-        futures = {pool.submit(work, number): number for number in numbers}
-        for done, future in enumerate(as_completed(futures), start=1):
-            yield futures[future], future.result()
-            progress(done, len(futures), f"trial {futures[future]}")
+        running = {pool.submit(work, number): number for number in islice(waiting, workers)}
+        while running:
+            ready, _ = wait(running, return_when=FIRST_COMPLETED)
+            results = [(running.pop(future), future.result()) for future in ready]  # a failure comes first
+            running |= {pool.submit(work, number): number for number in islice(waiting, len(ready))}
+            for number, result in results:
+                done += 1
+                yield number, result
+                progress(done, len(numbers), f"trial {number}")

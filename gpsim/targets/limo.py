@@ -6,6 +6,7 @@ wheel angle of 28 degrees; the car then does what wheels do. The figures and the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,7 +24,8 @@ class Limo:
 
     wheelbase, track [m]; inner_angle [degree] of the inner front wheel at the stop; scale_left, scale_right: what
     the wheels make of a steering angle, of it; delay [s] from command to motor; steering_lag, motor_lag [s]: time
-    constants; position_noise [m], yaw_noise [degree]: of one motion-capture sample; mocap_rate [Hz]; substeps of dt.
+    constants; position_noise [m], yaw_noise [degree]: of one motion-capture sample; mocap_rate [Hz], a
+    whole number of samples in dt; substeps of dt, a multiple of it.
     """
 
     wheelbase: float
@@ -52,10 +54,21 @@ class Limo:
             raise ValueError("lengths, angles, rates and dt must be positive, the delay at least 0")
         if min(self.steering_lag, self.motor_lag) <= 0 or self.substeps < 1:
             raise ValueError("lags must be positive and substeps at least 1")
-        if round(self.mocap_rate * self.dt) < 1 or self.substeps % round(self.mocap_rate * self.dt):
+        samples = self.mocap_rate * self.dt
+        if not math.isclose(samples, max(round(samples), 1), rel_tol=1e-9):
             raise ValueError(
-                f"substeps must be a multiple of the {self.mocap_rate * self.dt:g} motion-capture samples in a step"
+                f"mocap_rate * dt must be a whole number of motion-capture samples in a step of {self.dt:g} s, got "
+                f"{samples:g}; the nearest mocap_rate is {max(round(samples), 1) / self.dt:g} Hz"
             )
+        if self.substeps % self.glimpse_count:
+            raise ValueError(
+                f"substeps must be a multiple of the {self.glimpse_count} motion-capture samples in a step"
+            )
+
+    @property
+    def glimpse_count(self) -> int:
+        """How often the motion capture looks in a control step."""
+        return round(self.mocap_rate * self.dt)
 
     @property
     def state(self) -> Channels:
@@ -87,7 +100,7 @@ class Limo:
 
     def glimpses(self, state: FloatArray, action: FloatArray, memory: Memory) -> FloatArray:
         """(B, G, 3): the true poses at the motion capture's instants of a control step, its end included."""
-        every = self.substeps // round(self.mocap_rate * self.dt)
+        every = self.substeps // self.glimpse_count
         poses = list(self._substeps(state, action, memory))
         return np.stack(poses[every - 1 :: every], axis=1)
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.tasks.task import Actions, Start
 
 X, THETA = 0, 2
@@ -27,6 +27,9 @@ class Balance:
     position_limit: float | None = 2.4
     start_range: float = 0.05
     max_steps: int = 500
+
+    state: ClassVar[Channels] = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"})
+    action: ClassVar[Channels] = Channels.of({"force": "N"})
 
     def __post_init__(self) -> None:
         limits = {"force": self.force, "angle_limit": self.angle_limit, "position_limit": self.position_limit}

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.tasks.task import Actions, Start
 
 X, Y, YAW = 0, 1, 2
@@ -38,6 +38,9 @@ class GoalReaching:
     evaluation_spread: float = 0.3
     evaluation_headings: int = 8
     ends_at_edge: bool = False
+
+    state: ClassVar[Channels] = Channels.of({"x": "m", "y": "m", "yaw": "rad"}, wraps=("yaw",))
+    action: ClassVar[Channels] = Channels.of({"v_cmd": "m/s", "w_cmd": "rad/s"})
 
     def __post_init__(self) -> None:
         for name in ("speed", "turn", "evaluation_goal"):

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 
 Actions = NDArray[Any]
 """A batch of policy actions: (B,) int64 for discrete tasks, (B, A) float for continuous ones."""
@@ -25,6 +25,16 @@ class Start:
 
 class Task(Protocol):
     """Initial states, observation, command, reward and termination, all batched."""
+
+    @property
+    def state(self) -> Channels:
+        """The state's channels that the task starts from and judges: its plant's, in this order."""
+        ...
+
+    @property
+    def action(self) -> Channels:
+        """The channels that it commands: its plant's, in this order."""
+        ...
 
     @property
     def observation_space(self) -> gymnasium.Space[Any]:

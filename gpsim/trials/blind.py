@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.files import file_digest, written_whole
+from gpsim.files import disk_errors, file_digest, tells_of_full_disk, written_whole
 from gpsim.provenance import git_commit
 from gpsim.trials import concealing
 from gpsim.trials.concealing import HASHES, PUBLIC
@@ -55,14 +59,14 @@ def recording_digests(folder: Path) -> dict[str, str]:
 def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
     """Diagnose one trial; what is finished is kept. The outcome says how it ended and how long it took.
 
-    What stands in it of the answer's hash and of the recording was read before the diagnosis began.
+    What stands in it of the answer's hash and of the recording was read before the diagnosis began. A full disk is no
+    outcome: it raises UsageError, and the trial is diagnosed when there is space.
     """
     target = out / DIAGNOSES / name
     if (target / OUTCOME).is_file():
         return read_outcome(out, name)
     known = _before(out, name)
-    with tempfile.TemporaryDirectory(prefix="gpsim-blind-") as folder:
-        room = Path(folder)
+    with _room() as room:
         shutil.copytree(out / PUBLIC / name, room / RECORDING)
         known["recording"] = recording_digests(room / RECORDING)
         started = time.monotonic()
@@ -72,19 +76,38 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
             known["killed_first"] = -code
             started = time.monotonic()
             code, said = _run(room)
+        if code and tells_of_full_disk(said):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         outcome = {
             "exit": code,
             "seconds": round(time.monotonic() - started, 2),
             "error": _last_words(code, said),
         } | known
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(target) as made:
-            made.mkdir()
-            if (room / DIAGNOSIS).is_dir():
-                shutil.copytree(room / DIAGNOSIS, made / DIAGNOSIS)
-            (made / OUTCOME).write_text(json.dumps(outcome, indent=1) + "\n", encoding="utf-8")
-            shutil.rmtree(target, ignore_errors=True)
+        with disk_errors(out, "--out"):
+            _keep(outcome, room / DIAGNOSIS, target)
     return outcome
+
+
+@contextmanager
+def _room() -> Iterator[Path]:
+    """A folder to diagnose in, gone after the block; raises UsageError where there is no room for it."""
+    try:
+        shelf = Path(tempfile.gettempdir())
+    except FileNotFoundError as error:  # what it says where every disk is full
+        raise UsageError(f"{error.strerror}: free space there, or name a folder with TMPDIR") from error
+    with disk_errors(shelf, "TMPDIR"), tempfile.TemporaryDirectory(prefix="gpsim-blind-") as folder:
+        yield Path(folder)
+
+
+def _keep(outcome: dict[str, Any], diagnosis: Path, target: Path) -> None:
+    """Write how it ended, and the diagnosis if there is one, to the folder `target`, whole or not at all."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(target) as made:
+        made.mkdir()
+        if diagnosis.is_dir():
+            shutil.copytree(diagnosis, made / DIAGNOSIS)
+        (made / OUTCOME).write_text(json.dumps(outcome, indent=1) + "\n", encoding="utf-8")
+        shutil.rmtree(target, ignore_errors=True)
 
 
 def _last_words(code: int, said: str) -> str | None:

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
+from gpsim.channels import FloatArray, IntArray
+
 LEVEL = 0.95
 RESAMPLES, SEED = 1000, 0
 
@@ -26,6 +28,22 @@ def interval(count: int, n: int) -> list[float] | None:
     return [round(float(found.low), 4), round(float(found.high), 4)]
 
 
+def share_interval(worlds: Sequence[Sequence[bool]]) -> list[float] | None:
+    """The percentile bootstrap interval of the share of hits among all values; None where there are none.
+
+    Worlds are drawn, as for a median: what goes wrong in a world goes wrong in all its values. Where all are hits, or
+    none is, no draw differs from another: that is Wilson's interval of as many worlds.
+    """
+    worlds = [hits for hits in worlds if len(hits)]
+    if not worlds:
+        return None
+    count, n = (np.array([f(hits) for hits in worlds]) for f in (sum, len))
+    if count.sum() in (0, n.sum()):
+        return interval(len(worlds) if count.any() else 0, len(worlds))
+    often = _draws(len(worlds))
+    return [round(edge, 4) for edge in _edges(often @ count / (often @ n))]
+
+
 def median_interval(worlds: Sequence[Sequence[float]]) -> list[float] | None:
     """The percentile bootstrap interval of the median of all values (Efron 1979); None where there are none.
 
@@ -37,13 +55,18 @@ def median_interval(worlds: Sequence[Sequence[float]]) -> list[float] | None:
     values = np.concatenate([np.asarray(v, dtype=np.float64) for v in worlds])
     owner = np.repeat(np.arange(len(worlds)), [len(v) for v in worlds])
     order = np.argsort(values)
-    often = np.random.default_rng(SEED).multinomial(
-        len(worlds), np.full(len(worlds), 1 / len(worlds)), RESAMPLES
-    )
-    below = np.cumsum(
-        often[:, owner[order]], axis=1
-    )  # (RESAMPLES, values) how many draws lie up to each value
+    # (RESAMPLES, values) how many draws lie up to each value
+    below = np.cumsum(_draws(len(worlds))[:, owner[order]], axis=1)
     middle = np.argmax(2 * below >= below[:, -1:], axis=1)
-    medians = values[order][middle]
-    edges = np.quantile(medians, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="nearest")
+    return _edges(values[order][middle])
+
+
+def _draws(worlds: int) -> IntArray:
+    """(RESAMPLES, worlds): how often each world is drawn."""
+    return np.random.default_rng(SEED).multinomial(worlds, np.full(worlds, 1 / worlds), RESAMPLES)
+
+
+def _edges(resampled: FloatArray) -> list[float]:
+    """Where the middle LEVEL of a figure's resamples begins and ends; infinite ones are figures, too."""
+    edges = np.quantile(resampled, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], method="nearest")
     return [float(edge) for edge in edges]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.trials.goals import EQUIVALENT, goals
-from gpsim.trials.intervals import interval, median_interval, rate
+from gpsim.trials.intervals import interval, median_interval, rate, share_interval
 
 SCHEMA = "gpsim.prove/1"
 Score = Mapping[str, Any]
@@ -105,7 +105,7 @@ def parameter_figures(worlds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str
     values = [p for world in worlds for p in world]
     if not values:
         return {}
-    covered = rate([p["covered"] for p in values], "covered")
+    covered = [[bool(p["covered"]) for p in world] for world in worlds]
     scaled = [[p for p in world if p["has_scale"]] for world in worlds]
     errors = [p["relative_error"] for world in scaled for p in world]
     return {
@@ -114,8 +114,8 @@ def parameter_figures(worlds: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str
             **_median("median_relative_error", [[p["relative_error"] for p in world] for world in scaled]),
             "quartiles": [float(q) for q in np.quantile(errors, [0.25, 0.75])] if errors else None,
             **_median("median_error_of_effect", [[p["error_of_effect"] for p in world] for world in scaled]),
-            "coverage_90": covered["share"],
-            "interval": covered["interval"],
+            "coverage_90": sum(map(sum, covered)) / len(values),
+            "interval": share_interval(covered),
         }
     }
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gpsim.files import plain, written_whole
+from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blind import diagnosis_digest, read_outcome, read_report
 from gpsim.trials.listing import Listing, listing
 from gpsim.trials.revealing import Answer, reveal
@@ -18,7 +18,7 @@ SCORES = "scores"
 def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     """Score a diagnosed trial anew and write OUT/scores/NAME.json; raises UsageError when its answer is refused.
 
-    What goes wrong after that is the trial's own error: it counts as wrong and stops no other.
+    What goes wrong after that, a full disk apart, is the trial's own error: it counts as wrong and stops no other.
     """
     answer = reveal(out, answers, name)
     outcome = read_outcome(out, name)
@@ -27,6 +27,8 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
         found = score(answer, read_report(out, name), listed.rivals)
         found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
     except Exception as error:  # whatever it is, it must not block the reveal of the others
+        if isinstance(error, OSError) and tells_of_full_disk(str(error)):
+            raise
         found = score(answer, None, []) | {"scored": False, "rivals": [], "sindy": None}
         found["error"] = f"not scored: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
     found |= _of_world(answer) | {

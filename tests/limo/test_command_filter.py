@@ -5,6 +5,7 @@ import pytest
 
 from gpsim.command_filter import CommandFilter, fit_filter, settled_rows
 from gpsim.errors import UsageError
+from gpsim.gaps import OverGaps, gaps
 
 FILTER = CommandFilter((0.13, 0.0), (0.11, 0.25), 0.1)
 
@@ -92,6 +93,51 @@ def test_a_command_stands_where_rows_are_lost():
     whole = FILTER.arrived(actions, episode, clock(40))
     kept = np.setdiff1d(np.arange(40), [3, 10, 11, 12, 28])
     np.testing.assert_array_equal(FILTER.arrived(actions[kept], episode[kept], clock(40)[kept]), whole[kept])
+
+
+def lossy(actions, episode, t, lost):
+    """The rows whose transition is no gap once the samples `lost` are gone, and what stood over the gaps."""
+    kept = np.setdiff1d(np.arange(len(t)), lost)
+    actions, episode, t = actions[kept], episode[kept], t[kept]
+    over = np.append(gaps(t, 0.1) & (np.diff(episode) == 0), False)
+    return kept[~over], OverGaps.of(over, episode, t, actions)
+
+
+def test_the_command_at_the_last_row_before_a_gap_stands_through_it():
+    actions, t = np.zeros((30, 1)), clock(30)
+    actions[10:] = 1.0
+    kept, over_gaps = lossy(actions, np.zeros(30, dtype=int), t, np.arange(11, 20))
+    quick = CommandFilter((0.0,), (0.05,), 0.1)
+    found = quick.arrived(actions[kept], np.zeros(len(kept), dtype=int), t[kept], over_gaps)
+    assert found[kept.tolist().index(20), 0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_commands_that_change_where_rows_are_lost_arrive_as_if_none_were():
+    """The command changes at the last row before each gap, and at the lone row between two of them."""
+    rng = np.random.default_rng(5)
+    actions, episode = rng.uniform(-1.0, 1.0, (40, 2)), np.repeat([0, 1], 20)
+    for first, last in ((5, 8), (9, 13), (27, 30)):
+        actions[first : last + 1] = actions[first]
+    whole = FILTER.arrived(actions, episode, clock(40))
+    kept, over_gaps = lossy(actions, episode, clock(40), [6, 7, 8, 10, 11, 12, 13, 28, 29, 30])
+    assert not np.isin([5, 9, 27], kept).any()
+    found = FILTER.arrived(actions[kept], episode[kept], clock(40)[kept], over_gaps)
+    np.testing.assert_array_equal(found, whole[kept])
+
+
+def test_delay_and_lag_are_found_where_commands_change_before_gaps():
+    """Every change of the command is at the last row before a gap; without what stood there the filter seems quick."""
+    rng = np.random.default_rng(6)
+    actions, episode, t = commands(rng, 1200, 12), np.repeat([0, 1], 600), clock(1200)
+    true = CommandFilter((0.13, 0.06), (0.11, 0.25), 0.1)
+    measured = true.arrived(actions, episode, t) + 0.01 * rng.standard_normal((1200, 2))
+    kept, over_gaps = lossy(actions, episode, t, np.arange(0, 1200, 12) + 1)
+    rows = actions[kept], episode[kept], t[kept], measured[kept], lambda arrived: arrived, 0.1
+    found = fit_filter(*rows, over_gaps)
+    total = np.add(true.delay, true.time_constant)
+    np.testing.assert_allclose(np.add(found.delay, found.time_constant), total, atol=0.01)
+    without = fit_filter(*rows)
+    assert (np.add(without.delay, without.time_constant) < total - 0.1).all()
 
 
 def test_after_a_gap_that_nothing_outlasts_it_starts_at_rest():

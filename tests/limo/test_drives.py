@@ -213,7 +213,8 @@ def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
     found = json.loads((folder / "evaluation.json").read_text())["deployed"]
     assert found["trips"] == 3
     assert found["reached"] == 2
-    assert "not reached" in out
+    assert "not reached (log ended), 0.0" in out
+    assert (folder / "deployments.csv").read_text().startswith("episode,reached,ended,steps,path,nearest\n")
     assert "2 of 3 deployments reached the goal" in out
     assert (folder / "figures/deployed.png").read_bytes().startswith(b"\x89PNG")
     assert "already there" in run(monkeypatch, capsys, *words)[1]
@@ -223,6 +224,12 @@ def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
     code, _, err = run(monkeypatch, capsys, *words, "deployed_goal=3")
     assert code == 2
     assert err == "error: deployed_goal: expected [x, y] in metres, got 3\n"
+    code, _, err = run(monkeypatch, capsys, *words, "deployed_goal=[3,0]")
+    assert (code, err.count("\n")) == (2, 1)
+    assert err.startswith("error: deployed_goal: [3, 0] lies outside the floor")
+    code, out, _ = run(monkeypatch, capsys, *words, "task.max_steps=3")
+    assert code == 0
+    assert out.count("not reached (out of time)") == 3
 
 
 def test_the_plan_is_a_file_that_a_robot_can_play(tmp_path, monkeypatch, capsys):

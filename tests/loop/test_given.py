@@ -14,9 +14,10 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.simulators import make_simulator
-from gpsim.stages import full_loop, report
+from gpsim.stages import evaluate, full_loop, report
 from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stand_in import measured_on
 from gpsim.store import Store
 
 CAR = base_plant(resolve(["experiment=limo"], None))
@@ -120,3 +121,30 @@ def test_a_folder_of_ones_own_has_no_manifest_to_list(tmp_path, monkeypatch):
     )
     found = report._artifacts(replace(asked(), config=asked(f"recording={tmp_path}").config), (0,))
     assert not {role for role, _, _ in found} & {"recording", "collect"}
+
+
+def test_a_stand_in_that_was_not_recorded_is_said_to_be_measured(drive, tmp_path, monkeypatch):
+    assert measured_on(asked()) is None
+    for words in ([f"recording={drive}"], ["collect.source=my.bag"]):
+        assert "target=recording" in str(measured_on(asked(*words)))
+        assert str(measured_on(asked(*words))).startswith("the stand-in limo, not on what was recorded")
+        assert measured_on(asked(*words, "target=recording")) is None
+    bare = tmp_path / "bare"
+    bare.mkdir()
+    write_recording(driven(), bare)
+    assert measured_on(asked(f"recording={bare}")) is not None
+    # The stand-in's own recording, named: it is what was recorded, unless it was another one.
+    config = asked().section("target")
+    write = lambda folder: write_recording(driven(), folder)  # noqa: E731
+    own = Store(tmp_path, "").publish(Recipe("collect", config, {}, {}), write, out=tmp_path / "own").path
+    assert measured_on(asked(f"recording={own}")) is None
+    assert measured_on(asked(f"recording={own}", "target.delay=0.2")) is not None
+
+
+def test_only_what_was_given_changes_what_an_evaluation_is_of(drive, tmp_path, monkeypatch):
+    stand_in = Artifact(tmp_path, {"stage": "any"}, "ab")
+    monkeypatch.setattr(Stage, "need", lambda stage, request: stand_in)
+    assert "measured_on" not in evaluate.recipe(asked()).config
+    words = evaluate.recipe(asked(f"recording={drive}")).config["measured_on"]
+    (tmp_path / "evaluation.json").write_text(json.dumps({"measured_on": words}))
+    assert evaluate.notes(stand_in) == [f"measured on {words}"]

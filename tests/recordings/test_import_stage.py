@@ -103,7 +103,7 @@ def test_an_episode_column_and_several_files_make_episodes(tmp_path):
     ("words", "text"),
     [
         ([], "no --mapping; give one, or system=NAME"),
-        (["system=cartpol"], "no --mapping"),
+        (["system=cartpol"], "no simulator 'cartpol'; there are: cartpole"),
         (["system=cartpole", "rat=3"], "unknown key 'rat'; did you mean rate"),
         (["system=cartpole", "velocities.methd=savgol"], "unknown key 'methd'; did you mean method"),
         (["system=cartpole", "clock.stamps=sent"], "not one of auto, header, receive"),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gpsim.evaluation.summary import summarise_seeds
 from gpsim.reports import headline
 from gpsim.reports.loop_report import LoopReport, TripReport
 from gpsim.reports.model_sheets import one_step_sheet, rollout_sheet
@@ -15,6 +16,7 @@ from gpsim.reports.page import render
 from gpsim.reports.return_figures import figure_learning_curves, figure_returns
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.success_sheets import success_sheets
+from gpsim.reports.tables import terminal_notes
 
 UNDRAWN = "gpsim.reports.page.data_uri"
 
@@ -122,6 +124,17 @@ def test_what_was_judged_on_reads_as_a_sentence(make_report: Any) -> None:
         found = headline.paragraph(replace(report, summary={**report.summary, "judged_on": judged}))
         assert said in found
     assert "on the policy's own data and 4.4 % on data of random actions" in headline.paragraph(report)
+
+
+def test_what_was_measured_instead_of_what_was_recorded_is_said(make_report: Any) -> None:
+    report, words = make_report(), "the stand-in limo, not on what was recorded; choose target=recording"
+    assert "Measured on" not in headline.paragraph(report)
+    evaluations = [{**report.summary, "seed": 0, "measured_on": words}]
+    summary = summarise_seeds(evaluations, {}, {}, "limo")
+    told = replace(report, summary={**report.summary, "measured_on": summary["measured_on"]})
+    assert headline.paragraph(told) == f"{headline.paragraph(report)} Measured on {words}."
+    assert terminal_notes(told) == [f"measured on {words}", *terminal_notes(report)]
+    assert one_step_sheet(told) == one_step_sheet(report)
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,14 @@ def test_a_first_order_system(tmp_path):
     assert tank.rate.units == {"level_rate": "m/s"}
 
 
+def test_a_file_that_leaves_the_program_is_one_line(tmp_path):
+    leaving = GOOD.replace('return {"level"', 'raise SystemExit(3)\n        return {"level"')
+    with pytest.raises(UsageError, match=r"mine\.py:Tank: rates raised SystemExit: 3"):
+        make_simulator(f"{write(tmp_path, leaving)}:Tank")
+    with pytest.raises(UsageError, match=r"mine\.py.* SystemExit: bye"):
+        make_simulator(f"{write(tmp_path, 'raise SystemExit(chr(98) + chr(121) + chr(101))')}:Tank")
+
+
 def test_a_mechanical_system_takes_forces(tmp_path):
     cart = make_simulator(f"{write(tmp_path, GOOD)}:Cart")
     rates = cart.rates(np.zeros((1, 2)), np.ones((1, 1)), cart.defaults(), np.array([[3.0]]))
@@ -71,6 +79,15 @@ def test_a_mechanical_system_takes_forces(tmp_path):
         ('np.sqrt(state["level"])', "np.nan", "not finite"),
         ('{"level": "m"}', "{}", "'state' must be a dictionary"),
         ('("m^0.5/s", 0.1, 0.0, 10.0)', "0.1", "unit, default, low, high"),
+        (
+            "0.1, 0.0, 10.0",
+            "1.5, 0.0, 1.0",
+            r"parameters\['outflow'\] needs .* got default 1.5, low 0, high 1",
+        ),
+        ("0.1, 0.0, 10.0", "5.0, 10.0, 0.0", "got default 5, low 10, high 0"),
+        ("0.1, 0.0, 10.0", "0.1, float('nan'), 10.0", "got default 0.1, low nan, high 10"),
+        ("0.1, 0.0, 10.0", "float('inf'), 0.0, float('inf')", "got default inf, low 0, high inf"),
+        ('{"pump": "V"}', '{"level": "V"}', "'level' is a state and an action"),
         ("def rates(self, state, action, p)", "def rates(self, state)", "rates must take"),
         ("def rates(self, state, action, p)", "def rate(self, state, action, p)", "needs a method rates"),
     ],
@@ -155,6 +172,15 @@ def test_a_simulator_that_derives_from_a_built_in_one_keeps_its_own_physics(tmp_
         np.testing.assert_allclose(rates, [[1.0]])
     with pytest.raises(UsageError, match="its declaration raised AttributeError"):
         make_simulator(f"{tmp_path / 'mine.py'}:Nothing")
+
+
+def test_a_derived_class_with_a_default_outside_its_bounds_is_one_line(tmp_path):
+    text = (
+        "from gpsim.simulators.simulator import Parameter\nfrom gpsim.simulators.slider import Slider\n\n"
+        "class Heavy(Slider):\n    parameters = {'mass': Parameter('kg', 20.0, 0.1, 10.0, '')}\n"
+    )
+    with pytest.raises(UsageError, match=r"mine\.py:Heavy: parameters\['mass'\] needs .* got default 20"):
+        make_simulator(f"{write(tmp_path, text)}:Heavy")
 
 
 RAISING = """

@@ -10,10 +10,10 @@ from gpsim.trials import drawing
 from gpsim.trials.claims import iou
 from gpsim.trials.concealing import answer_of, conceal
 from gpsim.trials.equivalents import Rival
-from gpsim.trials.intervals import interval, median_interval, rate
+from gpsim.trials.intervals import interval, median_interval, rate, share_interval
 from gpsim.trials.revealing import Answer
 from gpsim.trials.scoring import held_out_fit, score
-from gpsim.trials.summary import summarise, worst_fit
+from gpsim.trials.summary import parameter_figures, summarise, worst_fit
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 
@@ -274,6 +274,24 @@ def test_a_medians_interval_is_that_of_its_order_statistics():
     assert together == pytest.approx([low, high], abs=0.04)
     assert median_interval([[1.0], [np.inf], [np.inf]])[1] == np.inf
     assert median_interval([[], []]) is None
+
+
+def test_values_of_one_world_make_no_share_surer():
+    hits = np.random.default_rng(1).random(400) < 0.85
+    alone = share_interval([[hit] for hit in hits])
+    assert alone == pytest.approx(interval(int(hits.sum()), 400), abs=0.01)
+    assert share_interval([[hit] * 4 for hit in hits]) == alone
+    assert share_interval([[], []]) is None
+    # No draw of worlds that agree differs from another.
+    assert share_interval([[True, True]] * 20) == interval(20, 20)
+    assert share_interval([[False]] * 20 + [[]]) == interval(0, 20)
+
+
+def test_the_coverage_of_intervals_is_as_sure_as_there_are_worlds():
+    worlds = [[{"covered": i % 5 > 0, "has_scale": False}] * 4 for i in range(40)]
+    found = parameter_figures(worlds)["parameters"]
+    assert found["coverage_90"] == 0.8
+    assert found["interval"] == pytest.approx(interval(32, 40), abs=0.04)
 
 
 EXTRA = {

@@ -1,6 +1,8 @@
 """Scores are never stale, what is dear to find out is kept, and no trial stops another; diagnoses are made up here."""
 
+import errno
 import json
+import os
 import shutil
 
 import pytest
@@ -202,3 +204,50 @@ def test_what_was_not_diagnosed_and_by_which_commit_the_rest_was_is_said(proof, 
         text = (proof / name).read_text()
         assert OTHER in text
         assert "abc" in text
+
+
+def full_disk(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_file_in_place_of_the_proofs_folder_is_one_line(tmp_path):
+    out = tmp_path / "proof"
+    out.write_text("a file where a folder should be")
+    result = CliRunner().invoke(app, ["prove", "conceal", "--out", str(out), "--trials", "1", "--jobs", "1"])
+    assert isinstance(result.exception, UsageError)
+    assert str(result.exception) == f"{out}: cannot write here (Not a directory); choose another --out"
+
+
+@pytest.mark.parametrize("written", ["prove.json", "equivalents"])
+def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypatch, written):
+    monkeypatch.setattr(prove, "run_trials", run_here)
+    with monkeypatch.context() as during:
+        during.setattr(prove if written == "prove.json" else listing, "write_json", full_disk)
+        with pytest.raises(UsageError, match="proof: no space left on the device"):
+            prove.reveal(proof, None, 1, lambda *_: None)
+    assert not list(proof.glob("*prove.json*"))
+    assert prove.reveal(proof, None, 1, lambda *_: None)["not_scored"] == []
+
+
+@pytest.mark.parametrize("words", ["error: runs: no space left on the device; free space and run again", "Traceback:\nOSError: [Errno 28] No space left on device: 'x'"])  # fmt: skip
+def test_a_diagnosis_for_which_the_disk_had_no_space_is_made_again(concealed, tmp_path, monkeypatch, words):
+    out = tmp_path / "proof"
+    shutil.copytree(concealed, out)
+    monkeypatch.setattr(blind, "_run", lambda room: (1, f"{words}\n"))
+    with pytest.raises(UsageError, match="no space left"):
+        blind.diagnose_blind(out, NAME)
+    assert not (out / "diagnoses").exists()
+    monkeypatch.setattr(blind, "_run", made_up)
+    assert blind.diagnose_blind(out, NAME)["exit"] == 0
+
+
+def test_where_no_disk_has_room_to_diagnose_in_it_is_said(concealed, tmp_path, monkeypatch):
+    out = tmp_path / "proof"
+    shutil.copytree(concealed, out)
+
+    def nowhere():
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
+
+    monkeypatch.setattr(blind.tempfile, "gettempdir", nowhere)
+    with pytest.raises(UsageError, match=r"\['/tmp'\]: free space there, or name a folder with TMPDIR"):
+        blind.diagnose_blind(out, NAME)
