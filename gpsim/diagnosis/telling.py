@@ -140,8 +140,8 @@ def _missing_law(lack: Mapping[str, Any] | None) -> str:
 
 def _how_much(report: Report) -> str:
     numbers = [
-        f"{effect['family']} on {effect['on']}: {name} = {p['value']:.4g} {_interval(p)} "
-        f"{p['unit']}{' (AT ITS BOUND: do not trust it)' if p['at_bound'] else ''}"
+        f"{effect['family']} on {effect['on']}: {name} = {p['value']:.4g} {_interval(p)}{_unit(p)}"
+        f"{' (AT ITS BOUND: do not trust it)' if p['at_bound'] else ''}"
         for effect in report["effects"]
         for name, p in effect["parameters"].items()
     ]
@@ -157,6 +157,11 @@ def _interval(parameter: Mapping[str, Any]) -> str:
     return (
         "(no interval: the data do not determine it)" if None in (low, high) else f"[{low:.4g}, {high:.4g}]"
     )
+
+
+def _unit(parameter: Mapping[str, Any]) -> str:
+    """Nothing behind a plain ratio."""
+    return "" if parameter["unit"] == "1" else f" {parameter['unit']}"
 
 
 def _better(report: Report) -> str:
@@ -192,7 +197,13 @@ def _of_before(errors: Mapping[str, Any]) -> str:
     left = errors.get("after_over_before", {"low": None})
     if left["low"] is None or left["value"] in (None, 1.0):
         return ""
-    return f" ({100 * left['value']:.2g} % of it, {100 * left['low']:.2g} to {100 * left['high']:.2g})"
+    share, low, high = (in_percent(left[key]) for key in ("value", "low", "high"))
+    return f" ({share} % of it, {low} to {high})"
+
+
+def in_percent(share: float) -> str:
+    """A share in per cent, two digits at least and no exponent."""
+    return f"{100 * share:.0f}" if share >= 0.0995 else f"{100 * share:.2g}"
 
 
 def number(value: float | None, digits: int = 3) -> str:

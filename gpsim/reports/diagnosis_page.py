@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gpsim.diagnosis.diagnosis import Diagnosis
-from gpsim.diagnosis.telling import number, paragraphs, ranking
+from gpsim.diagnosis.telling import in_percent, number, paragraphs, ranking
 from gpsim.diagnosis.traces import BASE, EFFECTS, Course, Trace, Traces
 from gpsim.reports.canvas import legend_above, panels, png, style
 from gpsim.reports.palette import FAINT
@@ -98,9 +98,9 @@ def _share(errors: Mapping[str, Any], kind: str) -> str:
     left = errors.get("over_before", {}).get(kind)
     if left is None or left["value"] is None:
         return ""
-    text = f"{100 * left['value']:.3g}"
+    text = in_percent(left["value"])
     known = left["low"] is not None and left["high"] is not None
-    return f"{text} ({100 * left['low']:.3g} to {100 * left['high']:.3g})" if known else text
+    return f"{text} ({in_percent(left['low'])} to {in_percent(left['high'])})" if known else text
 
 
 def _tables(fit: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -182,7 +182,7 @@ def _inputs(found: Diagnosis) -> bytes:
         )  # a sensor's leaps would flatten the rest: they are counted
     axes[0, 0].set_ylabel(f"residual of {simulator.rate.names[rate]} [{simulator.rate.items[rate].unit}]")
     if outside > 0:
-        axes[0, -1].set_title(f"{100 * outside:.2g} % lie outside", fontsize=9)
+        axes[0, -1].set_title(f"{in_percent(outside)} % lie outside", fontsize=9)
     legend_above(figure, axes[0, 0], markerscale=4)
     return png(figure)
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gpsim.diagnosis.telling import _between, _moment, paragraphs
+from gpsim.diagnosis.telling import _between, _moment, in_percent, paragraphs
 
 from .test_edges import _report
 
@@ -59,3 +59,11 @@ def test_a_coarse_step_of_the_simulators_own_is_told_where_nothing_is_missing(fi
     told = paragraphs(report)[0]
     assert ("own step" in told) == (said is not None)
     assert said is None or said in told
+
+
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(1.0, "100"), (0.9951, "100"), (0.104, "10"), (0.0944, "9.4"), (0.00123, "0.12"), (12.3, "1230")],
+)
+def test_shares_are_told_without_exponents(share, said):
+    assert in_percent(share) == said
