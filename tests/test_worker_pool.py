@@ -6,6 +6,7 @@ import signal
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -56,7 +57,15 @@ def begun_after(place: Path) -> list[str]:
     return sorted(path.name for path in place.iterdir())
 
 
-def test_after_an_interrupt_no_further_trial_begins(tmp_path: Path):
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """What a shell starts in the background ignores interrupts, and so do its tests."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_after_an_interrupt_no_further_trial_begins(tmp_path: Path, interruptible: None):
     def interrupt():
         waited_for(lambda: any(tmp_path.iterdir()))
         os.kill(os.getpid(), signal.SIGINT)
