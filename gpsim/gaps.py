@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,11 @@ LONGEST_STEP = 1.8  # in control steps: a longer one may hide commands
 def gaps(t: FloatArray, dt: float) -> BoolArray:
     """(K,): steps of a clock t (K + 1,) s that are too long for one control step of dt s."""
     return np.asarray(np.diff(t) > LONGEST_STEP * dt)
+
+
+def pieces(ends: Sequence[int], last: int) -> list[tuple[int, int]]:
+    """First and last of the pieces that samples 0 to `last` fall into where the samples `ends` each end one."""
+    return list(zip([0, *(end + 1 for end in ends)], [*ends, last], strict=True))
 
 
 def steps_to_next(t: FloatArray, episode: IntArray, dt: float) -> IntArray:

@@ -12,7 +12,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.effects.chain import PRE_ROLL
 from gpsim.evenly import evenly
-from gpsim.gaps import gaps
+from gpsim.gaps import gaps, pieces
 from gpsim.recordings import Episode, Recording
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
@@ -126,7 +126,7 @@ def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
     """First and last sample of every stretch without a gap; sample `held` begins one."""
     breaks = set(np.flatnonzero(gaps(episode.t, dt)).tolist())
     ends = sorted((breaks | {held - 1}) & set(range(len(episode.t) - 1)))
-    return list(zip([0, *(end + 1 for end in ends)], [*ends, len(episode.t) - 1], strict=True))
+    return pieces(ends, len(episode.t) - 1)
 
 
 def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:

@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
-from gpsim.gaps import gaps
+from gpsim.gaps import gaps, pieces
 from gpsim.recordings import Episode
 from gpsim.simulators.plant import Plant
 
@@ -42,16 +42,18 @@ def windows_of(episodes: Sequence[Episode], steps: int, most: int, *, dt: float,
     None crosses a gap of the clock (control step dt [s]): what was commanded there is not known. Angles of `state` (S)
     run on inside a window, as simulated ones do. Raises UsageError where not even one step can be rolled out.
     """
-    stretches = [
-        (i, *stretch) for i, episode in enumerate(episodes) for stretch in _without_gaps(episode, dt)
+    between = [
+        (i, *stretch)
+        for i, episode in enumerate(episodes)
+        for stretch in pieces(np.flatnonzero(gaps(episode.t, dt)).tolist(), len(episode))
     ]
-    steps = min(steps, max(high - low for _, low, high in stretches) - WARM_UP)
+    steps = min(steps, max(high - low for _, low, high in between) - WARM_UP)
     if steps < 1:
         raise UsageError(
             f"the recording's episodes are too short to roll out: {WARM_UP + 1} steps without a lost row are needed"
         )
     begins = [
-        (i, first) for i, low, high in stretches for first in range(low, high - WARM_UP - steps + 1, steps)
+        (i, first) for i, low, high in between for first in range(low, high - WARM_UP - steps + 1, steps)
     ]
     chosen = [begins[i] for i in evenly(len(begins), most)]
     length = WARM_UP + steps
@@ -62,12 +64,6 @@ def windows_of(episodes: Sequence[Episode], steps: int, most: int, *, dt: float,
         np.array([i for i, _ in chosen]),
         np.array([episodes[i].t[first + WARM_UP] for i, first in chosen]),
     )
-
-
-def _without_gaps(episode: Episode, dt: float) -> list[tuple[int, int]]:
-    """First and last sample of every stretch of an episode without a gap."""
-    ends = [*np.flatnonzero(gaps(episode.t, dt)).tolist(), len(episode)]
-    return list(zip([0, *(end + 1 for end in ends[:-1])], ends, strict=True))
 
 
 def _run_on(states: FloatArray, channels: Channels) -> FloatArray:

@@ -190,13 +190,13 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) ->
             f"{named.name}: {len(topics)} topics; say which is which channel with --mapping NAME_OR_FILE "
             "(gpsim import --inspect proposes one)"
         )
-    if system not in systems and system:
-        raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")
-    if system not in systems:
+    if not system:
         raise UsageError(
             f"{named.name}: no --mapping; give one, or system=NAME where the columns are the channels of "
             f"{', '.join(systems)}"
         )
+    if system not in systems:
+        raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")
     (state, action), fields = systems[system], topics[0].fields
     time = next((name for name in _TIMES if name in fields), None)
     lacking = [name for name in (*state.names, *action.names) if name not in fields]

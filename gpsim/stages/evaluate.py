@@ -136,7 +136,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         "experiment": request.config["experiment"],
         "seed": request.seed,
         "seeds": [request.seed],
-        **{key: recipe.config[key] for key in ("measured_on",) if key in recipe.config},
+        **({"measured_on": recipe.config["measured_on"]} if "measured_on" in recipe.config else {}),
         **{
             key: summarise_all({n: v[None] for n, v in returns.items()}, starts)
             for key, starts in by_set.items()

@@ -88,9 +88,8 @@ def _plan_seed(request: Request, seed: int) -> list[Job]:
     fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
     found = Job(f"diagnose · seed {seed}", "diagnose", request, behind)
     diagnosed = [found] if "Effects" in policy_names(request) and request.config["diagnosis"] is None else []
-    jobs = (
-        [source, *recorded] if driver else [*recorded, source]
-    )  # logs that cannot be read are found at once
+    # What waits for no policy goes first: logs that cannot be read are found at once.
+    jobs = [source, *recorded] if driver else [*recorded, source]
     jobs += [residuals, fit, *diagnosed]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
