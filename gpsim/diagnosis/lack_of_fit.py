@@ -85,11 +85,18 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
     names = problem.simulator.state.names + problem.simulator.action.names
     own, best = _numerical(some, part), None
     for group, (nats, freedom) in zip(groups, found, strict=True):
-        p_value = min(1.0, len(groups) * float(ncx2.sf(2 * nats, freedom, 2 * own))) if freedom else 1.0
+        p_value = _chance(nats, freedom, own, len(groups))
         if best is None or (p_value, -nats) < (best.p_value, -best.nats):
             on = tuple(names[i] for i in group.inputs)
             best = LackOfFit(problem.simulator.rate.names[group.rate], on, nats * more, p_value)
     return best
+
+
+def _chance(nats: float, freedom: int, own: float, groups: int) -> float:
+    """How probable it is that one of so many groups explains so many nats, `own` of which are numerical error."""
+    if nats <= own or not freedom:  # more likely than not, and far below SciPy's function overflows
+        return 1.0
+    return min(1.0, groups * float(ncx2.sf(2 * nats, freedom, 2 * own)))
 
 
 def _all_tested(

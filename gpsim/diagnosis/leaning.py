@@ -11,7 +11,7 @@ from gpsim.diagnosis.gates import FINE
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.numerics import rescored
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.search import pays
+from gpsim.diagnosis.search import LEAST_PART, pays
 from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.workers import Order, fit_all, fit_order, side_by_side
 from gpsim.effects import Gate
@@ -122,7 +122,7 @@ def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
 
 
 def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:
-    """Whether it is worse by so many nats, and by a share of what is left in some channel."""
-    share = 1.0 - leader.variance / look.variance
-    large = bool((share[problem.observed] > least_share).any())
-    return large and look.objective > leader.objective + nats
+    """Whether it is worse by so many nats, and by a share of what is left and of the mismatch in some channel."""
+    removed = look.variance - leader.variance
+    large = (removed > least_share * look.variance) & (removed > LEAST_PART * problem.mismatch)
+    return bool(large[problem.observed].any()) and look.objective > leader.objective + nats

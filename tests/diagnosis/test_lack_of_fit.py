@@ -55,6 +55,12 @@ def test_nothing_is_found_beside_the_right_law():
     assert not lack_of_fit(problem, named).significant
 
 
+def test_nothing_to_explain_beside_numerical_error_is_chance():
+    """SciPy's survival function overflows so far below what is to be expected."""
+    assert module._chance(2.4e-9, 7, 1008.0, 20) == 1.0
+    assert module._chance(1500.0, 7, 1008.0, 20) < 1e-6
+
+
 def test_of_many_inputs_only_the_most_telling_ones_are_paired(monkeypatch):
     problem, _ = posed(World("cartpole", forces={0: lambda q, v, t: 0.5 * np.sin(9 * q)}), noise=1.0)
     monkeypatch.setattr(module, "MOST_INPUTS", 2)
