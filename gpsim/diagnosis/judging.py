@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.evidence import channel_objectives, correlation_time, gain, scores, whiteness
+from gpsim.diagnosis.evidence import autocorrelation, channel_objectives, correlation_time, gain, scores, whiteness
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
@@ -38,6 +38,7 @@ LACKING = (
     0.003  # of the squares that the named effects take off, that a smooth law would take off beside them,
 )
 STRUCTURED = 1e-15  # whiteness: or whatever it takes off where the residual is so far from white
+PATTERNED = 0.003  # of the mismatch that is left in such a residual's pattern
 CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
@@ -77,8 +78,9 @@ def judge(
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
+    missing = _lacking(problem, leader, null, lack, p_value) or _patterned(problem, leader, null, p_value)
     return Judgement(
-        _verdict(leader, rivals, p_value, unexplained, _lacking(problem, leader, null, lack, p_value)),
+        _verdict(leader, rivals, p_value, unexplained, missing),
         leader,
         null,
         rivals,
@@ -115,15 +117,26 @@ def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p
     return bool(2.0 * lack.nats > LACKING * float(named[problem.observed].sum()))
 
 
+def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool:
+    """Whether what is left, nowhere near white, repeats itself, and more of it than numerical errors leave.
+
+    Its quick changes pass for noise (a sensor that is seldom read), its memory does not.
+    """
+    if p_value >= STRUCTURED:
+        return False
+    rho = autocorrelation(problem, leader.residuals).max(axis=1)
+    return bool((rho * leader.variance > PATTERNED * null.variance)[problem.observed].any())
+
+
 def _verdict(
-    leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray, lacking: bool
+    leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray, missing: bool
 ) -> Verdict:
     left = float(np.max(unexplained))
     if not leader.hypothesis.terms:
-        return "unknown" if p_value < UNNAMED or lacking else "none"
+        return "unknown" if p_value < UNNAMED or missing else "none"
     if any(p_value < p and left > share for p, share in UNEXPLAINED.items()):
         return "unknown"
-    if lacking or leader.hypothesis.patchwork:
+    if missing or leader.hypothesis.patchwork:
         return "unknown"
     return "ambiguous" if rivals else "named"
 

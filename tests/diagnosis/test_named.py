@@ -6,7 +6,7 @@ import pytest
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.simulators import make_simulator
 
-from .truths import channel_filter, delayed, mechanical, vehicle_sensors, vehicles
+from .truths import channel_filter, delayed, mechanical, sensor, vehicle_sensors, vehicles
 from .worlds import World, record
 
 TWINS = {  # what no recording of the kind can separate
@@ -107,6 +107,17 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
     assert report["verdict"] == "unknown"
     assert report["remainder"]["structured"]
     assert "theta" in report["location"]["depends_on"]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
+    """Half of its period late in the mean; what comes and goes with every reading would pass for noise."""
+    readings = lambda values, times: np.stack(  # noqa: E731
+        [np.interp(np.floor(times / 0.047) * 0.047, times, v) for v in values.T], axis=1
+    )
+    report = run(record(World("slider", sensors=[sensor(0, readings)]), seed=8, noise=noise, known_noise=False))
+    assert report["verdict"] == "unknown"
+    assert report["remainder"]["structured"]
 
 
 def test_a_pair_is_taken_apart():
