@@ -9,7 +9,14 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.evidence import autocorrelation, channel_objectives, correlation_time, gain, scores, whiteness
+from gpsim.diagnosis.evidence import (
+    autocorrelation,
+    channel_objectives,
+    correlation_time,
+    gain,
+    scores,
+    whiteness,
+)
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
@@ -218,6 +225,8 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
     weights, of_rivals = [1.0], []
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
+        if by < -TIE and _mends(question.everything, leader, rival):
+            continue
         near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
         if near and _earned(question.everything, leader, rival):
             worse = later(rival)
@@ -231,6 +240,15 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
             counted.append(rival)
             weights.append(weight)
     return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)]
+
+
+def _mends(problem: Problem, leader: Fit, rival: Fit) -> bool:
+    """Whether a rival that is ahead has more parameters and does not pay: the leader was preferred for that.
+
+    With clean sensors a richer law mends the last digits of a simpler one.
+    """
+    richer = len(rival.hypothesis.parameters) > len(leader.hypothesis.parameters)
+    return richer and not pays(problem, rival, leader)
 
 
 def _fresh(rival: Fit, said: Sequence[Fit]) -> bool:

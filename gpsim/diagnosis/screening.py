@@ -19,6 +19,7 @@ from gpsim.effects import EffectParameter, Gate
 NO_GATE = Gate()
 SCANNED, STEPS = (0.5, 0.05, 0.005), 25  # of a value, to either side, and places that are looked at
 LEAST_TIMES = 1e-9  # as much of a limit, which grows with that
+SMALL = 0.05  # of a starting value
 CHUNK = 8  # offers that one process screens in a row
 MOST = 1e4  # standard deviations that a direction is clipped to
 
@@ -106,7 +107,7 @@ def _screened(
     parent = directions.parent.hypothesis
     out = []
     for candidate in offers:
-        starts = starts_of(candidate)
+        starts = _looked_at(candidate)
         child = child_of(parent, candidate, starts[0]).gated(len(parent.terms), gate)
         thetas = np.array([[*parent.theta, *start] for start in starts])
         gains = directions.gains(child, thetas)
@@ -145,6 +146,17 @@ def stronger(p: EffectParameter, value: float, times: float) -> float:
 def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
     """Every combination of the parameters' starting values."""
     return list(product(*(p.starts for p in candidate.declared)))
+
+
+def _looked_at(candidate: Candidate) -> list[tuple[float, ...]]:
+    """The starting values; of a smooth law of one parameter small ones, too.
+
+    Where motion is sensitive to it (a pendulum that goes round), what a large change does is no line.
+    """
+    starts, p = starts_of(candidate), candidate.declared[0]
+    if len(candidate.declared) > 1 or p.falls or p.step is not None:
+        return starts
+    return [*starts, *((p.none + SMALL * (start - p.none),) for (start,) in starts)]
 
 
 def child_of(parent: Hypothesis, candidate: Candidate, start: Sequence[float]) -> Hypothesis:

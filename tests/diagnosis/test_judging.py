@@ -38,7 +38,9 @@ def test_a_law_is_lacking_if_it_is_large_or_if_the_residual_is_not_white(nats, p
 
 def stub(name, objective=0.0, count=1):
     claims = frozenset({(name, "x")})
-    hypothesis = SimpleNamespace(claims=claims, idle=False, scheme="fine", terms=[name] * count)
+    hypothesis = SimpleNamespace(
+        claims=claims, idle=False, scheme="fine", terms=[name] * count, parameters=[name] * count
+    )
     return SimpleNamespace(hypothesis=hypothesis, name=name)
 
 
@@ -65,3 +67,14 @@ def test_probabilities_are_parts_of_one_whole(monkeypatch, nats, later):
     assert len(probabilities) == len(rivals) + 1
     assert all(0.0 < p <= 1.0 for p in probabilities)
     assert sum(probabilities) <= 1.0 + 1e-12
+
+
+def test_a_richer_rival_that_is_ahead_and_does_not_pay_is_none(monkeypatch):
+    """Three numbers mended the last digits of dry friction, and left it `ambiguous` with probability 0.00."""
+    leader, richer = stub("coulomb"), stub("stribeck", count=3)
+    monkeypatch.setattr(judging, "scores", lambda *_: np.array([0.0, 71.6]))
+    monkeypatch.setattr(judging, "_later_nats", lambda *_: lambda fit: 0.0)
+    monkeypatch.setattr(judging, "_earned", lambda *_: True)
+    for paid, rivals in ((False, []), (True, [richer])):
+        monkeypatch.setattr(judging, "pays", lambda *_, paid=paid: paid)
+        assert judging._rivals(SimpleNamespace(everything=None), leader, [richer])[0] == rivals

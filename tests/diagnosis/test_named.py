@@ -115,7 +115,9 @@ def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
     readings = lambda values, times: np.stack(  # noqa: E731
         [np.interp(np.floor(times / 0.047) * 0.047, times, v) for v in values.T], axis=1
     )
-    report = run(record(World("slider", sensors=[sensor(0, readings)]), seed=8, noise=noise, known_noise=False))
+    report = run(
+        record(World("slider", sensors=[sensor(0, readings)]), seed=8, noise=noise, known_noise=False)
+    )
     assert report["verdict"] == "unknown"
     assert report["remainder"]["structured"]
 
