@@ -152,7 +152,7 @@ def actuators(
     make = lambda f: World(system, filters=[channel_filter(column, f)])  # noqa: E731
     time_constant, rate, half = 3 * dt * size, 0.15 * top / dt / size, 0.1 * top * size
     gain, bias, width = 1.0 - 0.2 * size, 0.1 * top * size, 0.2 * top * size
-    limit, late_by, loss = (1.0 - 0.4 * size) * top, 2.5 * dt * size, 0.05 * size
+    limit, late_by, loss = (1.0 - 0.4 * size) * top, 2.5 * dt * size, 0.001 / dt * size
     positive, negative = 1.0 - 0.15 * size, 1.0 + 0.1 * size
 
     def backlash(level, u, h):
@@ -182,14 +182,17 @@ def actuators(
         Truth("actuator_lag", action, {"time_constant": time_constant}, make(held(lag))),
         Truth("actuator_rate_limit", action, {"rate": rate}, make(held(rated))),
         Truth("actuator_backlash", action, {"half_width": half}, make(held(backlash, mean=False))),
-        Truth("battery_sag", action, {"loss_per_second": loss}, make(lambda u, t, h, m: u * (1 - loss * t))),
+        Truth("battery_sag", action, {"loss_per_second": loss}, make(lambda u, t, h, m: u * np.maximum(1 - loss * t, 0))),
     ]  # fmt: skip
 
 
 def vehicles(system: str, size: float = 1.0) -> list[Truth]:
     """What may be wrong with a vehicle."""
     twist = lambda f: World(system, twist=f)  # noqa: E731
-    radius, gradient, curvature, slip = 0.8 * size, 0.6 * size, 0.15 * size, 0.12 * size
+    gradient, curvature, slip = 0.6 * size, 0.15 * size, 0.12 * size
+    radius = (
+        0.8 * size if system == "unicycle" else 0.65 + 0.35 * size
+    )  # the steering alone turns as sharply as 0.65 m
     forward, left, angle = 0.1 * size, 0.03 * size, 0.08 * size
     out = [
         Truth(
