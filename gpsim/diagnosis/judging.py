@@ -24,7 +24,7 @@ from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
-from gpsim.diagnosis.search import Found, on_its_grid, pays
+from gpsim.diagnosis.search import BETTER_LAW, Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
@@ -44,8 +44,11 @@ UNEXPLAINED = {
 LACKING = (
     0.003  # of the squares that the named effects take off, that a smooth law would take off beside them,
 )
-STRUCTURED = 1e-15  # whiteness: or whatever it takes off where the residual is so far from white
-PATTERNED = 0.003  # of the mismatch that is left in such a residual's pattern
+STRUCTURED = 1e-6  # whiteness: or whatever it takes off where the residual is so far from white
+PATTERN, PATTERNED = (
+    1e-15,
+    0.003,
+)  # whiteness, and the share of the mismatch in the pattern of a residual so far from it
 CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
@@ -129,7 +132,7 @@ def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool
 
     Its quick changes pass for noise (a sensor that is seldom read), its memory does not.
     """
-    if p_value >= STRUCTURED:
+    if p_value >= PATTERN:
         return False
     rho = autocorrelation(problem, leader.residuals).max(axis=1)
     return bool((rho * leader.variance > PATTERNED * null.variance)[problem.observed].any())
@@ -225,7 +228,7 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
     weights, of_rivals = [1.0], []
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        if by < -TIE and _mends(question.everything, leader, rival):
+        if by < -BETTER_LAW and _mends(question.everything, leader, rival):
             continue
         near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
         if near and _earned(question.everything, leader, rival):

@@ -32,6 +32,9 @@ FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
 BEYOND_DOUBT, SLIGHT_SHARE = 10.0, 0.002  # or so little where it gains so many nats, and leaves white noise
+BETTER_LAW = (
+    5.0  # nats beyond doubt for a richer law in a simpler one's place: not one of dozens that might be added
+)
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
@@ -174,7 +177,8 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     plainly, slightly = (
         bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
     )
-    return plainly, slightly and won > BEYOND_DOUBT
+    size = [(len(f.hypothesis.terms), _gated_terms(f)) for f in (richer, poorer)]
+    return plainly, slightly and won > (BETTER_LAW if size[0] == size[1] else BEYOND_DOUBT)
 
 
 def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
