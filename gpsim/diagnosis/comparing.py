@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.differentiated import filters, undone
 from gpsim.diagnosis.hidden import Completions
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
@@ -108,10 +109,17 @@ def compare(
 def _steps_of(
     question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
 ) -> dict[str, _Steps]:
-    """Where nothing is hidden all hypotheses start from what was measured."""
-    if not question.hidden:
-        return dict.fromkeys(hypotheses, _steps(question.recording))
-    return {kind: _steps(completions.by(h)) for kind, h in hypotheses.items()}
+    """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
+    if question.hidden:
+        return {kind: _steps(completions.by(h)) for kind, h in hypotheses.items()}
+    problem, recording = question.everything, question.recording
+    steps, made_by = _steps(recording), filters(recording, problem.simulator)
+    if not made_by:
+        return dict.fromkeys(hypotheses, steps)
+    return {
+        kind: _Steps(*(undone(problem, recording, part, h, made_by) for part in (steps.train, steps.test)))
+        for kind, h in hypotheses.items()
+    }
 
 
 def _steps(recording: Recording) -> _Steps:

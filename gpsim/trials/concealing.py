@@ -57,7 +57,7 @@ def conceal(seed: int, number: int) -> Concealed:
             recording = _recording(world, truth.measured, truth, kept)
             clean = _recording(world, truth.clean, truth, kept)
             visible = visibilities(world, _shortened(truth, kept))
-            return Concealed(world, recording, clean, visible, one_step(world, truth, recording, kept))
+            return Concealed(world, recording, clean, visible, one_step(world, truth, recording, clean, kept))
     raise UsageError(
         f"seed {seed}, trial {number}: no world could be run in {ATTEMPTS} attempts; take another seed"
     )

@@ -22,10 +22,11 @@ class OneStep(NamedTuple):
     episode: IntArray
 
 
-def one_step(world: World, truth: Run, recording: Recording, kept: FloatArray) -> OneStep:
+def one_step(world: World, truth: Run, recording: Recording, clean: Recording, kept: FloatArray) -> OneStep:
     """Of the base simulator and of the true model, both started at what was recorded.
 
-    The true model knows what its actuators remember and what its sensors do, not what the noise was.
+    The true model knows what its actuators remember, what its sensors do and what differentiating positions does
+    (`clean` is the recording as it were without noise), not what the noise was.
     """
     rows = np.flatnonzero(kept)
     lengths = [len(episode) for episode in recording.episodes]
@@ -33,17 +34,23 @@ def one_step(world: World, truth: Run, recording: Recording, kept: FloatArray) -
         [np.stack([np.arange(k), np.full(k, e)]) for k, e in zip(lengths, rows, strict=True)]
     ).astype(np.int64)
     episode = np.repeat(np.arange(len(rows), dtype=np.int64), lengths)
-    before = np.concatenate([e.states[:-1] for e in recording.episodes])
-    after = np.concatenate([e.states[1:] for e in recording.episodes])
+    before, after = _ends(recording)
+    clean_before, clean_after = _ends(clean)
     action = np.concatenate([e.actions for e in recording.episodes])
-    starts = pick(truth.sampled, picks, 0) + _difference(world, before, pick(truth.clean, picks, 0))
+    starts = pick(truth.sampled, picks, 0) + _difference(world, before, clean_before)
     moved = Replay(world, truth, world.effects).states(picks, 1, starts) - pick(truth.sampled, picks, 1)
-    left = _difference(world, after, pick(truth.clean, picks, 1) + moved)
+    left = _difference(world, after, clean_after + moved)
     return OneStep(
         _rates(world, base_residual(world, before, after, action)),
         _rates(world, _framed(world, left, before) / world.dt),
         episode,
     )
+
+
+def _ends(recording: Recording) -> tuple[FloatArray, FloatArray]:
+    """(N, S) the states at both ends of every transition."""
+    states = [e.states for e in recording.episodes]
+    return np.concatenate([s[:-1] for s in states]), np.concatenate([s[1:] for s in states])
 
 
 def _rates(world: World, residual: FloatArray) -> FloatArray:
