@@ -42,9 +42,9 @@ UNEXPLAINED = {
     1e-3: 0.03,
 }  # whiteness: share of the excess over noise that makes a partial account
 LACKING = (
-    0.003  # of the squares that the named effects take off, that a smooth law would take off beside them,
+    0.003  # of the squares that the named effects take off, that a smooth law would take off beside them
 )
-STRUCTURED = 1e-6  # whiteness: or whatever it takes off where the residual is so far from white
+STRUCTURED, TRACE = 1e-6, 1e-5  # whiteness: or so little of them where the residual is so far from white
 PATTERN, PATTERNED = (
     1e-15,
     0.003,
@@ -117,14 +117,14 @@ def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
 def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p_value: float) -> bool:
     """Whether some smooth law of a rate is missing that explains a share of what the named effects do.
 
-    Any share, where the residual is nowhere near white: two tests that say so are not the work of a grid.
+    A trace, where the residual is far from white: two tests that say so are not the work of chance. With clean sensors
+    the last digits are.
     """
     if lack is None or not lack.significant:
         return False
-    if p_value < STRUCTURED:
-        return True
     named = problem.counts * np.maximum(null.variance - leader.variance, 0.0) / leader.variance
-    return bool(2.0 * lack.nats > LACKING * float(named[problem.observed].sum()))
+    share = TRACE if p_value < STRUCTURED else LACKING
+    return bool(2.0 * lack.nats > share * float(named[problem.observed].sum()))
 
 
 def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool:

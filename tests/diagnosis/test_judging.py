@@ -25,7 +25,8 @@ def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkey
 
 
 @pytest.mark.parametrize(
-    ("nats", "p_value", "lacking"), [(10.0, 0.5, False), (10.0, 1e-8, True), (900.0, 0.5, True)]
+    ("nats", "p_value", "lacking"),
+    [(10.0, 0.5, False), (10.0, 1e-8, True), (900.0, 0.5, True), (0.2, 1e-20, False)],
 )
 def test_a_law_is_lacking_if_it_is_large_or_if_the_residual_is_not_white(nats, p_value, lacking):
     """A delay and a friction were once named though a rate limit of a thousand nats was left."""
