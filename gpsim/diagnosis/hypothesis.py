@@ -54,10 +54,23 @@ class Hypothesis:
     @property
     def idle(self) -> bool:
         """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
-        return not self.terms or any(
-            group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
-            for term, group in zip(self.terms, self.declared, strict=True)
-        )
+        return not self.terms or bool(self._idlers)
+
+    @property
+    def working(self) -> Hypothesis:
+        """Without the terms that do nothing."""
+        rest = self
+        for index in reversed(self._idlers):
+            rest = rest.without(index)
+        return rest
+
+    @property
+    def _idlers(self) -> list[int]:
+        return [
+            i
+            for i, (term, group) in enumerate(zip(self.terms, self.declared, strict=True))
+            if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
+        ]
 
     @property
     def patchwork(self) -> bool:

@@ -77,7 +77,7 @@ def judge(
     problem = question.everything
     near = _near(question.searched, found)
     null = _null_of(problem, found.scheme)
-    fits = _again(problem, [f.hypothesis for f in near if f.hypothesis.terms])
+    fits = _again(problem, _working([f.hypothesis for f in near]))
     leader = _leader(question, [null, *fits], null)
     leader, tried = improved(problem, leader, offers, tell)
     leader = _pruned(question, leader)
@@ -155,6 +155,17 @@ def _near(problem: Problem, found: Found) -> list[Fit]:
     nats = scores(problem, found.fits)
     order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < WITHIN]
     return [found.fits[i] for i in order[:REFITTED]]
+
+
+def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Without terms that do nothing: what they stood in for was found later, and nothing that holds one can lead."""
+    out: list[Hypothesis] = []
+    for hypothesis in hypotheses:
+        less = hypothesis.working
+        same = [h for h in out if h.claims == less.claims and h.scheme == less.scheme]
+        if less.terms and (less is hypothesis or not same):
+            out.append(less)
+    return out
 
 
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import judging
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.effects import EffectParameter, Term
 
 
 @pytest.mark.parametrize(
@@ -79,3 +81,19 @@ def test_a_richer_rival_that_is_ahead_and_does_not_pay_is_none(monkeypatch):
     for paid, rivals in ((False, []), (True, [richer])):
         monkeypatch.setattr(judging, "pays", lambda *_, paid=paid: paid)
         assert judging._rivals(SimpleNamespace(everything=None), leader, [richer])[0] == rivals
+
+
+def test_terms_that_do_nothing_do_not_keep_a_hypothesis_from_leading():
+    """A lag beside a gain of exactly 1 was dropped for nothing at all, 25 000 nats behind."""
+    gain = EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0)
+    time = EffectParameter("time_constant", "s", 0.0, 1.0, (0.1,), 0.1)
+    idle, lag = (
+        Term("actuator_gain", "force", {"gain": 1.0}),
+        Term("actuator_lag", "force", {"time_constant": 0.06}),
+    )
+    both, alone = Hypothesis((lag, idle), ((time,), (gain,))), Hypothesis((lag,), ((time,),))
+    assert both.idle
+    assert both.working == alone
+    assert alone.working is alone
+    assert judging._working([both, alone, Hypothesis((idle,), ((gain,),))]) == [alone, alone]
+    assert judging._working([alone, both]) == [alone]
