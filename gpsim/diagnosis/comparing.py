@@ -110,10 +110,11 @@ def _steps_of(
     question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
 ) -> dict[str, _Steps]:
     """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
-    if question.hidden:
-        return {kind: _steps(completions.by(h)) for kind, h in hypotheses.items()}
     problem, recording = question.everything, question.recording
-    steps, made_by = _steps(recording), filters(recording, problem.simulator)
+    past = _remembers(problem, hypotheses["after"])
+    if question.hidden:
+        return {kind: _steps(completions.by(h), past) for kind, h in hypotheses.items()}
+    steps, made_by = _steps(recording, past), filters(recording, problem.simulator)
     if not made_by:
         return dict.fromkeys(hypotheses, steps)
     return {
@@ -122,8 +123,18 @@ def _steps_of(
     }
 
 
-def _steps(recording: Recording) -> _Steps:
+def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
+    """Whether what was commanded or where the system was before matters to what happens."""
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    values = hypothesis.spread(hypothesis.theta[None], 1)
+    return chain.remembers(values) > 0.0 or chain.looks_back(values) > 0.0
+
+
+def _steps(recording: Recording, past: bool = False) -> _Steps:
+    """past: without those before which nobody knows what was commanded, where there are others."""
     windows = cut(recording, 1, most=LOOKED_AT)
+    if past and not windows.fresh.all():
+        windows = windows.take(~windows.fresh)
     held = held_out_mask(recording, windows)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     return _Steps(_some(train, MOST), _some(test, MOST))

@@ -239,7 +239,7 @@ def every_truth(system, size):
 @pytest.mark.parametrize("system", ["slider", "pendulum", "cartpole", "unicycle", "ackermann"])
 @pytest.mark.parametrize(("noise", "size"), CASES)
 def test_grid_over_systems_noise_and_strengths(system, noise, size):
-    """At least nineteen of twenty families are found with their place, whatever the noise and the strength."""
+    """All families but one at most are found with their place, whatever the noise and the strength."""
     truths, missed = every_truth(system, size), []
     for truth in truths:
         report = run(record(truth.world, seed=11, episodes=8, steps=200, noise=noise))
@@ -247,4 +247,4 @@ def test_grid_over_systems_noise_and_strengths(system, noise, size):
         if all(claims(o) != {(truth.family, truth.on)} for o in options):
             missed.append((truth.family, truth.on, report["verdict"], [claims(o) for o in options]))
     print(f"{system}, noise {noise}, size {size}: {len(missed)} of {len(truths)} missed: {missed}")
-    assert len(missed) <= 0.05 * len(truths), missed
+    assert len(missed) <= 1, missed
