@@ -42,11 +42,14 @@ class ActuatorBacklash(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """The output, dragged along by the ends of the gap."""
-        half, level, out = values["half_width"][:, 0], memory["level"], np.empty_like(commands)
-        for k, command in enumerate(commands.T):
-            level[:] = np.clip(level, command - half, command + half)
-            out[:, k] = level
-        return out
+        half, level, u = values["half_width"][:, 0], memory["level"], np.ascontiguousarray(commands.T)
+        levels, high = u - half, u + half
+        for now, most in zip(levels, high, strict=True):
+            np.maximum(now, level, out=now)
+            np.minimum(now, most, out=now)
+            level = now
+        memory["level"][:] = level
+        return np.ascontiguousarray(levels.T)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -41,13 +41,14 @@ class ActuatorLag(ActuatorEffect):
     ) -> FloatArray:
         """The mean over each substep of the exponential approach to the command."""
         ratio = np.maximum(step, 1e-12) / np.maximum(values["time_constant"], 1e-9)
-        decay, share = np.exp(-ratio), -np.expm1(-ratio) / ratio
-        level, out = memory["level"], np.empty_like(commands)
-        for k, command in enumerate(commands.T):
-            gap = level - command
-            out[:, k] = command + gap * share[:, k]
-            level[:] = command + gap * decay[:, k]
-        return out
+        decay, share = np.ascontiguousarray(np.exp(-ratio).T), -np.expm1(-ratio) / ratio
+        level, u = memory["level"], np.ascontiguousarray(commands.T)
+        behind = np.empty_like(u)
+        for gap, command, kept in zip(behind, u, decay, strict=True):
+            np.subtract(level, command, out=gap)
+            np.multiply(gap, kept, out=level)
+            level += command
+        return np.asarray(commands + np.ascontiguousarray(behind.T) * share)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""

@@ -43,16 +43,23 @@ class ActuatorRateLimit(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
         """The mean over each substep of a level that moves towards the command no faster than the rate."""
-        level, out = memory["level"], np.empty_like(commands)
-        furthest = values["rate"] * step
-        for k, command in enumerate(commands.T):
-            gap, reach = command - level, furthest[:, k]
-            size = np.abs(gap)
-            share = np.minimum(1.0, size / np.maximum(reach, 1e-300))  # of the substep that is spent moving
-            mean = command - np.sign(gap) * (size * share - reach * share**2 / 2)
-            out[:, k] = np.where(size >= reach, level + np.sign(gap) * reach / 2, mean)
-            level += np.clip(gap, -reach, reach)
-        return out
+        reach = np.ascontiguousarray((values["rate"] * step).T)
+        level, levels = (
+            memory["level"],
+            np.ascontiguousarray(commands.T),
+        )  # what it becomes, substep by substep
+        low, high = np.empty_like(level), np.empty_like(level)
+        before = np.empty_like(levels)
+        for was, now, furthest in zip(before, levels, reach, strict=True):
+            was[:] = level
+            np.subtract(level, furthest, out=low)
+            np.add(level, furthest, out=high)
+            np.maximum(now, low, out=now)
+            np.minimum(now, high, out=now)
+            level = now
+        memory["level"][:] = level
+        moved = levels - before
+        return np.ascontiguousarray((levels - moved * np.abs(moved) / np.maximum(2 * reach, 1e-300)).T)
 
     def sentence(self, on: str, values: Mapping[str, str]) -> str:
         """One sentence."""
