@@ -68,11 +68,11 @@ def compare(
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
     hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
+    if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
+        hypotheses["finely"] = Hypothesis()
     completions = Completions(problem, question.recording, question.hidden)
     steps = _steps_of(question, hypotheses, completions)
     rates = {kind: _residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
-    if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
-        rates["finely"] = _residual_rates(problem, steps["before"].test, Hypothesis())
     features = _features(problem)
     gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
     seen = _with_a_past(question, steps["after"].train, after)
@@ -117,10 +117,16 @@ def _steps_of(
     steps, made_by = _steps(recording, past), filters(recording, problem.simulator)
     if not made_by:
         return dict.fromkeys(hypotheses, steps)
-    return {
-        kind: _Steps(*(undone(problem, recording, part, h, made_by) for part in (steps.train, steps.test)))
-        for kind, h in hypotheses.items()
-    }
+    out: dict[str, _Steps] = {}
+    for kind, hypothesis in hypotheses.items():
+        known = [out[k] for k in out if hypotheses[k] == hypothesis]
+        parts = (
+            []
+            if known
+            else [undone(problem, recording, w, hypothesis, made_by) for w in (steps.train, steps.test)]
+        )
+        out[kind] = known[0] if known else _Steps(*parts)
+    return out
 
 
 def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
@@ -133,11 +139,16 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
 def _steps(recording: Recording, past: bool = False) -> _Steps:
     """past: without those before which nobody knows what was commanded, where there are others."""
     windows = cut(recording, 1, most=LOOKED_AT)
-    if past and not windows.fresh.all():
-        windows = windows.take(~windows.fresh)
     held = held_out_mask(recording, windows)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
+    if past:
+        train, test = _later(train), _later(test)
     return _Steps(_some(train, MOST), _some(test, MOST))
+
+
+def _later(windows: Windows) -> Windows:
+    """Without those that begin an episode or follow on a gap, if there are others."""
+    return windows if windows.fresh.all() else windows.take(~windows.fresh)
 
 
 def _some(windows: Windows, most: int) -> Windows:

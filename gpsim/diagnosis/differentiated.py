@@ -85,7 +85,8 @@ def undone(
 
 def _even(recording: Recording) -> bool:
     steps = [np.diff(recording.episodes[i].t[low : high + 1]) for i, low, high in stretches(recording)]
-    return all((np.abs(step - recording.dt) < UNEVEN * recording.dt).all() for step in steps)
+    usual = float(np.median(np.concatenate(steps)))  # dt may be rounded
+    return all((np.abs(step - usual) < UNEVEN * usual).all() for step in steps)
 
 
 def _filter(recording: Recording, position: int, velocity: int) -> Filter | None:
@@ -100,7 +101,9 @@ def _filter(recording: Recording, position: int, velocity: int) -> Filter | None
     if misfit[-1] > EXACT * float(np.abs(v).mean()):
         return None
     best = next(i for i, error in enumerate(misfit) if error <= AS_GOOD * misfit[-1] + rounding)
-    return Filter(position, velocity, weights[best])
+    chosen = weights[best]
+    chosen[len(chosen) // 2] -= chosen.sum()  # no velocity depends on where it is
+    return Filter(position, velocity, chosen)
 
 
 def _samples(recording: Recording, position: int, velocity: int) -> tuple[FloatArray, FloatArray]:

@@ -64,6 +64,11 @@ class Hypothesis:
             rest = rest.without(index)
         return rest
 
+    def says_the_same_as(self, other: Hypothesis) -> bool:
+        """Whether the same terms stand behind the same gates, integrated alike, whatever their values."""
+        said = [sorted((t.identity, t.variant, repr(t.gate)) for t in h.terms) for h in (self, other)]
+        return self.scheme == other.scheme and said[0] == said[1]
+
     @property
     def _idlers(self) -> list[int]:
         return [

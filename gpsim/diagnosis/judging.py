@@ -24,7 +24,7 @@ from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
-from gpsim.diagnosis.search import BETTER_LAW, Found, on_its_grid, pays
+from gpsim.diagnosis.search import Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
@@ -44,11 +44,12 @@ UNEXPLAINED = {
 LACKING = (
     0.003  # of the squares that the named effects take off, that a smooth law would take off beside them
 )
-STRUCTURED, TRACE = 1e-6, 1e-5  # whiteness: or so little of them where the residual is so far from white
+FAR_FROM_WHITE, TRACE = 1e-6, 1e-5  # whiteness: or so little of them where the residual is so far from it
 PATTERN, PATTERNED = (
     1e-15,
     0.003,
 )  # whiteness, and the share of the mismatch in the pattern of a residual so far from it
+MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
 CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
@@ -84,7 +85,8 @@ def judge(
     fits += tried
     if leader.hypothesis.scheme != null.hypothesis.scheme:
         null = _null_of(problem, leader.hypothesis.scheme)
-    rivals, probabilities = _rivals(question, leader, fits)
+    mending = _mending(problem, leader, fits)
+    rivals, probabilities = _rivals(question, leader, [f for f in fits if not _among(f, mending)])
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
@@ -95,7 +97,7 @@ def judge(
         null,
         rivals,
         probabilities,
-        ranked((problem, [leader, null, *fits]), (question.searched, found.fits)),
+        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), mending),
         p_value,
         lack,
         unexplained,
@@ -123,12 +125,12 @@ def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p
     if lack is None or not lack.significant:
         return False
     named = problem.counts * np.maximum(null.variance - leader.variance, 0.0) / leader.variance
-    share = TRACE if p_value < STRUCTURED else LACKING
+    share = TRACE if p_value < FAR_FROM_WHITE else LACKING
     return bool(2.0 * lack.nats > share * float(named[problem.observed].sum()))
 
 
 def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool:
-    """Whether what is left, nowhere near white, repeats itself, and more of it than numerical errors leave.
+    """Whether what is left, nowhere near white, repeats itself, and that is a share of the mismatch.
 
     Its quick changes pass for noise (a sensor that is seldom read), its memory does not.
     """
@@ -160,11 +162,9 @@ def _near(problem: Problem, found: Found) -> list[Fit]:
 def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Without terms that do nothing: what they stood in for was found later, and nothing that holds one can lead."""
     out: list[Hypothesis] = []
-    for hypothesis in hypotheses:
-        less = hypothesis.working
-        same = [h for h in out if h.claims == less.claims and h.scheme == less.scheme]
-        if less.terms and (less is hypothesis or not same):
-            out.append(less)
+    for hypothesis in (h.working for h in hypotheses):
+        if hypothesis.terms and not any(hypothesis.says_the_same_as(other) for other in out):
+            out.append(hypothesis)
     return out
 
 
@@ -239,8 +239,6 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
     weights, of_rivals = [1.0], []
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        if by < -BETTER_LAW and _mends(question.everything, leader, rival):
-            continue
         near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
         if near and _earned(question.everything, leader, rival):
             worse = later(rival)
@@ -256,13 +254,18 @@ def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[
     return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)]
 
 
-def _mends(problem: Problem, leader: Fit, rival: Fit) -> bool:
-    """Whether a rival that is ahead has more parameters and does not pay: the leader was preferred for that.
+def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Those with more parameters that are ahead and do not pay: the leader was preferred for that.
 
     With clean sensors a richer law mends the last digits of a simpler one.
     """
-    richer = len(rival.hypothesis.parameters) > len(leader.hypothesis.parameters)
-    return richer and not pays(problem, rival, leader)
+    size, nats = len(leader.hypothesis.parameters), scores(problem, [leader, *fits])
+    ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > nats[0] + MENDING]
+    return [f for f in ahead if len(f.hypothesis.parameters) > size and not pays(problem, f, leader)]
+
+
+def _among(fit: Fit, others: Sequence[Fit]) -> bool:
+    return any(fit is other for other in others)
 
 
 def _fresh(rival: Fit, said: Sequence[Fit]) -> bool:

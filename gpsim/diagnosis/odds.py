@@ -15,16 +15,13 @@ def odds_against(ranking: Sequence[Ranked], leader: Hypothesis, claim: tuple[str
     """For diagnosis.json: `nats`, the log posterior odds of the leader, and `against`, the best without the claim.
 
     Hypotheses that the search gave up count with its own, fewer windows: their odds are understated. Where the leader
-    steps finely the rivals do, too: in coarse steps many a law passes for another. Richer laws that are ahead are left
-    out: they do not pay, or they would lead.
+    steps finely the rivals do, too: in coarse steps many a law passes for another. What is ahead
+    and merely mends the leader's last digits is left out.
     """
     same = (r.behind for r in ranking if r.everything and r.hypothesis.claims == leader.claims)
     own = min(same, default=0.0)
-    size = len(leader.parameters)
     rivals = [r for r in ranking if claim not in r.hypothesis.claims and _as_fine(r.hypothesis, leader)]
-    rivals = [
-        r for r in rivals if not (r.everything and r.behind < own and len(r.hypothesis.parameters) > size)
-    ]
+    rivals = [r for r in rivals if not r.mends]
     if not rivals:
         return {"nats": None, "against": []}
     nats = [r.behind - (own if r.everything else 0.0) for r in rivals]

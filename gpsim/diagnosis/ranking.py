@@ -15,11 +15,15 @@ from gpsim.effects import Gate
 
 @dataclass(frozen=True)
 class Ranked:
-    """A hypothesis and how many nats it is behind the best; on all training windows, or on the search's alone."""
+    """A hypothesis and how many nats it is behind the best; on all training windows, or on the search's alone.
+
+    mends: it is ahead of the answer, and of no use.
+    """
 
     hypothesis: Hypothesis
     behind: float
     everything: bool
+    mends: bool = False
 
     @property
     def entry(self) -> dict[str, Any]:
@@ -35,7 +39,9 @@ class Ranked:
 
 
 def ranked(
-    everything: tuple[Problem, Sequence[Fit]], searched: tuple[Problem, Sequence[Fit]]
+    everything: tuple[Problem, Sequence[Fit]],
+    searched: tuple[Problem, Sequence[Fit]],
+    mending: Sequence[Fit] = (),
 ) -> list[Ranked]:
     """Those fitted on all windows, then those that the search alone has fitted, on its own."""
     out: list[Ranked] = []
@@ -46,7 +52,8 @@ def ranked(
             hypothesis = fits[int(i)].hypothesis
             if _key(hypothesis) not in known:
                 known.add(_key(hypothesis))
-                out.append(Ranked(hypothesis, float(nats.max() - nats[i]), whole))
+                mends = any(fits[int(i)] is f for f in mending)
+                out.append(Ranked(hypothesis, float(nats.max() - nats[i]), whole, mends))
     return out
 
 

@@ -149,7 +149,7 @@ def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
 
 
 def _looked_at(candidate: Candidate) -> list[tuple[float, ...]]:
-    """The starting values; of a smooth law of one parameter small ones, too.
+    """The starting values; of a law that grows with its only parameter small ones, too.
 
     Where motion is sensitive to it (a pendulum that goes round), what a large change does is no line.
     """

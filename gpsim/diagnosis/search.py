@@ -177,8 +177,16 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     plainly, slightly = (
         bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
     )
-    size = [(len(f.hypothesis.terms), _gated_terms(f)) for f in (richer, poorer)]
-    return plainly, slightly and won > (BETTER_LAW if size[0] == size[1] else BEYOND_DOUBT)
+    return plainly, slightly and won > (BETTER_LAW if _better_law(richer, poorer) else BEYOND_DOUBT)
+
+
+def _better_law(richer: Fit, poorer: Fit) -> bool:
+    """Whether they differ in one law of the same place, of which the one has more parameters, and in no gate."""
+    new = [on for _, on in richer.hypothesis.claims - poorer.hypothesis.claims]
+    old = [on for _, on in poorer.hypothesis.claims - richer.hypothesis.claims]
+    alike = len(richer.hypothesis.terms) == len(poorer.hypothesis.terms)
+    more = len(richer.hypothesis.parameters) > len(poorer.hypothesis.parameters)
+    return alike and more and len(new) == 1 and new == old and _gated_terms(richer) == _gated_terms(poorer)
 
 
 def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:

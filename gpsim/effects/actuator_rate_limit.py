@@ -44,10 +44,8 @@ class ActuatorRateLimit(ActuatorEffect):
     ) -> FloatArray:
         """The mean over each substep of a level that moves towards the command no faster than the rate."""
         reach = np.ascontiguousarray((values["rate"] * step).T)
-        level, levels = (
-            memory["level"],
-            np.ascontiguousarray(commands.T),
-        )  # what it becomes, substep by substep
+        level = memory["level"]
+        levels = np.array(commands.T, order="C")  # a copy: what the level becomes, substep by substep
         low, high = np.empty_like(level), np.empty_like(level)
         before = np.empty_like(levels)
         for was, now, furthest in zip(before, levels, reach, strict=True):

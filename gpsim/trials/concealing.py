@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ ANSWER, TRUTH = "answer.json", "truth.npz"
 HASHES = "answers.sha256"
 NAME = re.compile(r"\d{4,}")  # of a trial's folder
 FEWEST, ATTEMPTS = 2000, 6
+UNFILTERED = range(2026, 2029)  # published seeds: their true model did not know what differentiating does
 SHORTEST = 40  # transitions: what an operator would keep of an episode that went wrong
 
 
@@ -56,8 +57,11 @@ def conceal(seed: int, number: int) -> Concealed:
         if np.maximum(kept - 1, 0).sum() >= FEWEST:
             recording = _recording(world, truth.measured, truth, kept)
             clean = _recording(world, truth.clean, truth, kept)
+            known = clean
+            if seed in UNFILTERED and world.velocities == "differentiated":
+                known = _recording(replace(world, velocities="measured"), truth.clean, truth, kept)
             visible = visibilities(world, _shortened(truth, kept))
-            return Concealed(world, recording, clean, visible, one_step(world, truth, recording, clean, kept))
+            return Concealed(world, recording, clean, visible, one_step(world, truth, recording, known, kept))
     raise UsageError(
         f"seed {seed}, trial {number}: no world could be run in {ATTEMPTS} attempts; take another seed"
     )

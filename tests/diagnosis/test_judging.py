@@ -1,5 +1,6 @@
 """What held-out windows may veto."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from gpsim.diagnosis import judging
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.effects import EffectParameter, Term
+from gpsim.effects import EffectParameter, Gate, Term
 
 
 @pytest.mark.parametrize(
@@ -72,15 +73,16 @@ def test_probabilities_are_parts_of_one_whole(monkeypatch, nats, later):
     assert sum(probabilities) <= 1.0 + 1e-12
 
 
-def test_a_richer_rival_that_is_ahead_and_does_not_pay_is_none(monkeypatch):
+@pytest.mark.parametrize(
+    ("nats", "count", "paid", "mends"),
+    [(71.6, 3, False, True), (71.6, 3, True, False), (71.6, 1, False, False), (4.0, 3, False, False)],
+)
+def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, nats, count, paid, mends):
     """Three numbers mended the last digits of dry friction, and left it `ambiguous` with probability 0.00."""
-    leader, richer = stub("coulomb"), stub("stribeck", count=3)
-    monkeypatch.setattr(judging, "scores", lambda *_: np.array([0.0, 71.6]))
-    monkeypatch.setattr(judging, "_later_nats", lambda *_: lambda fit: 0.0)
-    monkeypatch.setattr(judging, "_earned", lambda *_: True)
-    for paid, rivals in ((False, []), (True, [richer])):
-        monkeypatch.setattr(judging, "pays", lambda *_, paid=paid: paid)
-        assert judging._rivals(SimpleNamespace(everything=None), leader, [richer])[0] == rivals
+    leader, richer = stub("coulomb"), stub("stribeck", count=count)
+    monkeypatch.setattr(judging, "scores", lambda *_: np.array([0.0, nats]))
+    monkeypatch.setattr(judging, "pays", lambda *_: paid)
+    assert judging._mending(None, leader, [richer]) == ([richer] if mends else [])
 
 
 def test_terms_that_do_nothing_do_not_keep_a_hypothesis_from_leading():
@@ -95,5 +97,10 @@ def test_terms_that_do_nothing_do_not_keep_a_hypothesis_from_leading():
     assert both.idle
     assert both.working == alone
     assert alone.working is alone
-    assert judging._working([both, alone, Hypothesis((idle,), ((gain,),))]) == [alone, alone]
+    assert judging._working([both, alone, Hypothesis((idle,), ((gain,),))]) == [alone]
     assert judging._working([alone, both]) == [alone]
+    late = Hypothesis((replace(lag, gate=Gate(since=2.0)), idle), ((time,), (gain,)))
+    assert [len(h.terms) for h in judging._working([alone, late])] == [
+        1,
+        1,
+    ]  # it begins later: another answer

@@ -10,12 +10,11 @@ from gpsim.diagnosis.odds import odds_against
 from gpsim.diagnosis.ranking import Ranked
 from gpsim.diagnosis.telling import paragraphs
 from gpsim.diagnosis.telling_apart import _advice
-from gpsim.effects import EffectParameter, Term
+from gpsim.effects import Term
 
 FRICTION = Term("coulomb_friction", "x", {"force": 1.0})
 SPRING = Term("spring", "x", {"stiffness": 1.0, "rest_position": 0.0})
 DRAG = Term("quadratic_drag", "x", {"drag": 1.0})
-PARAMETER = EffectParameter("drag", "1", 0.0, 9.0, (1.0,), 1.0)
 
 
 def said(*terms, behind, scheme="fine", everything=True):
@@ -48,9 +47,10 @@ def test_what_the_search_gave_up_counts_by_its_own_windows():
 def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival():
     """Clean sensors: Stribeck's curve mends the last digits of Coulomb's friction, odds of 0 to 1 were printed."""
     leader = said(FRICTION, behind=71.6)
-    pair = Ranked(Hypothesis((DRAG, SPRING), ((PARAMETER,), (PARAMETER,)), "fine"), 0.0, True)
-    ranking = [pair, leader, said(behind=90.0)]
-    assert odds_against(ranking, leader.hypothesis, FRICTION.identity)["nats"] == pytest.approx(18.4)
+    mending = Ranked(Hypothesis((DRAG,), ((),), "fine"), 0.0, True, mends=True)
+    assert odds_against([mending, leader, said(behind=90.0)], leader.hypothesis, FRICTION.identity)[
+        "nats"
+    ] == pytest.approx(18.4)
 
 
 def test_three_rivals_of_which_two_are_one():

@@ -1,5 +1,6 @@
 """Which hypotheses the search goes on with."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,16 +8,17 @@ import pytest
 
 from gpsim.diagnosis import search
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.effects import Gate, Term
+from gpsim.effects import EffectParameter, Gate, Term
 
 
-def found(objective, *families, scheme="fine", region=False):
+def found(objective, *families, scheme="fine", region=False, numbers=0, on="q"):
     gate = Gate(region={"q": (0.0, 1.0)}) if region else Gate()
     terms = tuple(
-        Term(family, "q", {}, gate=gate if i == 0 else Gate(), variant="")
-        for i, family in enumerate(families)
+        Term(family, on, {}, gate=gate if i == 0 else Gate(), variant="") for i, family in enumerate(families)
     )
-    hypothesis = Hypothesis(terms, tuple(() for _ in terms), scheme)
+    declared = (EffectParameter("p", "1", 0.0, 9.0, (1.0,), 1.0),) * numbers
+    terms = tuple(replace(term, values={"p": 1.0} if numbers else {}) for term in terms)
+    hypothesis = Hypothesis(terms, tuple(declared for _ in terms), scheme)
     return SimpleNamespace(hypothesis=hypothesis, objective=objective, starts=None)
 
 
@@ -52,8 +54,10 @@ def test_the_best_in_coarse_steps_are_tried_finely(monkeypatch):
 @pytest.mark.parametrize(
     ("richer", "poorer", "won", "paid"),
     [
-        (found(0.0, "stribeck_friction"), found(0.0, "coulomb_friction"), 7.0, True),
-        (found(0.0, "stribeck_friction"), found(0.0, "coulomb_friction"), 4.5, False),
+        (found(0.0, "stribeck_friction", numbers=3), found(0.0, "coulomb_friction"), 7.0, True),
+        (found(0.0, "stribeck_friction", numbers=3), found(0.0, "coulomb_friction"), 4.5, False),
+        (found(0.0, "stribeck_friction", numbers=3, on="x"), found(0.0, "coulomb_friction"), 7.0, False),
+        (found(0.0, "viscous_friction"), found(0.0, "coulomb_friction"), 7.0, False),
         (found(0.0, "coulomb_friction", "spring"), found(0.0, "coulomb_friction"), 7.0, False),
         (found(0.0, "coulomb_friction", region=True), found(0.0, "coulomb_friction"), 7.0, False),
         (found(0.0, "coulomb_friction", "spring"), found(0.0, "coulomb_friction"), 11.0, True),

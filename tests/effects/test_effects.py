@@ -22,11 +22,15 @@ def actuate(family, commands, h=H, **values):
     columns = {k: np.array([[v]]) for k, v in values.items()}
     u = np.asarray(commands, dtype=float)[None]
     t, step = h * np.arange(u.shape[1])[None], np.full(u.shape, h)
+    given = u.copy()
     at_once = effect.actuate(u, columns, effect.begin(1, 0.5, h), step, t)[0]
     memory = effect.begin(1, 0.5, h)
-    one_by_one = [
-        effect.actuate(u[:, [i]], columns, memory, step[:, [i]], t[:, [i]])[0, 0] for i in range(u.shape[1])
-    ]
+    one_by_one = []
+    for i in range(u.shape[1]):
+        command = u[:, i : i + 1].copy()
+        one_by_one.append(effect.actuate(command, columns, memory, step[:, [i]], t[:, [i]])[0, 0])
+        assert command == given[:, i]
+    np.testing.assert_array_equal(u, given)  # what was commanded is another's
     np.testing.assert_allclose(one_by_one, at_once, rtol=0, atol=1e-14)
     return at_once
 
