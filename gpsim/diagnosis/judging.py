@@ -11,8 +11,6 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import (
     autocorrelation,
-    channel_objectives,
-    correlation_time,
     gain,
     scores,
     whiteness,
@@ -24,6 +22,7 @@ from gpsim.diagnosis.leaning import without_a_term
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
+from gpsim.diagnosis.rivals import held_out_objective, rivals_of
 from gpsim.diagnosis.search import Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.workers import Order, fit_all
@@ -35,8 +34,6 @@ REFITTED, WITHIN = (
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
 BEHIND = 60.0  # nats after a few iterations that no further ones make good
-MOST_RIVALS = 6
-TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
 UNEXPLAINED = {
     1e-2: 0.15,
     1e-3: 0.03,
@@ -49,9 +46,7 @@ PATTERN, PATTERNED = (
     1e-15,
     0.003,
 )  # whiteness, and the share of the mismatch in the pattern of a residual so far from it
-MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
 CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
-FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
 
 
@@ -85,8 +80,7 @@ def judge(
     fits += tried
     if leader.hypothesis.scheme != null.hypothesis.scheme:
         null = _null_of(problem, leader.hypothesis.scheme)
-    mending = _mending(problem, leader, fits)
-    rivals, probabilities = _rivals(question, leader, [f for f in fits if not _among(f, mending)])
+    rivals, probabilities, mending = rivals_of(question, leader, fits)
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
@@ -103,17 +97,6 @@ def judge(
         unexplained,
         noise,
     )
-
-
-def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
-    """Negative log likelihood of windows whose start states alone are fitted."""
-    if not len(problem.windows):
-        return 0.0
-    return _held_out_fit(problem, hypothesis).objective
-
-
-def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
-    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
 
 
 def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p_value: float) -> bool:
@@ -221,92 +204,6 @@ def _needed(question: Question, leader: Fit, without: Fit) -> bool:
     worse -= held_out_objective(grid, without.hypothesis)
     less = on_its_grid(question.everything, without, leader)
     return worse < CONTRADICTS * gain(question.everything, leader, less)
-
-
-def _rivals(question: Question, leader: Fit, fits: Sequence[Fit]) -> tuple[list[Fit], list[float]]:
-    """Other explanations that these data cannot rule out, and the probabilities of the leader and of each of them.
-
-    Training and held-out windows count together: all that was recorded has to fail to tell them from the leader.
-    What is left of the probability belongs to explanations that are further behind.
-    """
-    others = _others(leader, fits)
-    if not others:
-        return [], [1.0]
-    nats = scores(question.everything, [leader, *others])
-    later = _later_nats(question, leader)
-    rivals: list[Fit] = []
-    counted: list[Fit] = []
-    weights, of_rivals = [1.0], []
-    for i in np.argsort(-nats[1:]):
-        rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
-        if near and _earned(question.everything, leader, rival):
-            worse = later(rival)
-            by += worse
-            said = worse < TIE and by < TIE
-        weight = float(np.exp(-max(by, -FAR_AHEAD)))
-        if said:
-            rivals.append(rival)
-            of_rivals.append(weight)
-        if said or _fresh(rival, counted):  # what is reported is part of the whole
-            counted.append(rival)
-            weights.append(weight)
-    return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)]
-
-
-def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """Those with more parameters that are ahead and do not pay: the leader was preferred for that.
-
-    With clean sensors a richer law mends the last digits of a simpler one.
-    """
-    size, nats = len(leader.hypothesis.parameters), scores(problem, [leader, *fits])
-    ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > nats[0] + MENDING]
-    return [f for f in ahead if len(f.hypothesis.parameters) > size and not pays(problem, f, leader)]
-
-
-def _among(fit: Fit, others: Sequence[Fit]) -> bool:
-    return any(fit is other for other in others)
-
-
-def _fresh(rival: Fit, said: Sequence[Fit]) -> bool:
-    """Whether it is not one of those that were said, with something added."""
-    return not any(o.hypothesis.claims <= rival.hypothesis.claims for o in said)
-
-
-def _others(leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
-    """Fits that are not the leading explanation with something added."""
-    claims = leader.hypothesis.claims
-    if not claims:
-        return []
-    others = [f for f in fits if not claims <= f.hypothesis.claims and not f.hypothesis.idle]
-    if leader.hypothesis.scheme == "fine":  # in coarse steps many a law passes for another
-        others = [f for f in others if f.hypothesis.scheme == "fine"]
-    return others
-
-
-def _later_nats(question: Question, leader: Fit) -> Callable[[Fit], float]:
-    """By how many nats a fit is behind the leader on held-out windows, which count for as much as they are worth."""
-    held_out = question.held_out
-    if not len(held_out.windows):
-        return lambda fit: 0.0
-    tau = np.maximum(correlation_time(question.everything, leader.residuals), 1.0)
-
-    def objectives(found: Fit) -> FloatArray:
-        return channel_objectives(held_out, _held_out_fit(held_out, found.hypothesis))
-
-    own = objectives(leader)
-    return lambda found: float(((objectives(found) - own) / tau).sum())
-
-
-def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
-    """Whether every term of a rival that says more than the leader pays; without it, it is another rival."""
-    if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
-        return True
-    parts = [rival.hypothesis.without(i) for i in range(len(rival.hypothesis.terms))]
-    return all(
-        pays(problem, rival, less)
-        for less in fit_all(problem, [Order(part, rival.starts, 12, 0.1) for part in parts])
-    )
 
 
 def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, FloatArray]:

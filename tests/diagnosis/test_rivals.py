@@ -1,0 +1,54 @@
+"""Which explanations stand beside the leading one."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis import rivals
+
+
+def stub(name, objective=0.0, count=1):
+    claims = frozenset({(name, "x")})
+    hypothesis = SimpleNamespace(
+        claims=claims, idle=False, scheme="fine", terms=[name] * count, parameters=[name] * count
+    )
+    return SimpleNamespace(hypothesis=hypothesis, name=name)
+
+
+def found_by(monkeypatch, nats, later):
+    """Those of a leader, with nats of each fit on training windows and by how much it is behind on held-out ones."""
+    leader, *others = [stub(name) for name in nats]
+    monkeypatch.setattr(rivals, "scores", lambda _, fits: np.array([nats[f.name] for f in fits]))
+    monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: later.get(fit.name, 0.0))
+    monkeypatch.setattr(rivals, "_earned", lambda *_: True)
+    monkeypatch.setattr(rivals, "pays", lambda *_: True)
+    return rivals.rivals_of(SimpleNamespace(everything=None), leader, others)[:2]
+
+
+@pytest.mark.parametrize(
+    ("nats", "later"),
+    [
+        ({"a": 0.0, "b": 130.0, "c": -1.0}, {}),
+        ({"a": 0.0, "b": 5.0, "c": 1.0}, {"b": 4.0}),
+        ({"a": 0.0, "b": 130.0, "c": -1.0}, {"b": 200.0}),
+        ({"a": 0.0, "b": -500.0}, {}),
+    ],
+)
+def test_probabilities_are_parts_of_one_whole(monkeypatch, nats, later):
+    said, probabilities = found_by(monkeypatch, nats, later)
+    assert len(probabilities) == len(said) + 1
+    assert all(0.0 < p <= 1.0 for p in probabilities)
+    assert sum(probabilities) <= 1.0 + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("nats", "count", "paid", "mends"),
+    [(71.6, 3, False, True), (71.6, 3, True, False), (71.6, 1, False, False), (4.0, 3, False, False)],
+)
+def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, nats, count, paid, mends):
+    """Three numbers mended the last digits of dry friction, and left it `ambiguous` with probability 0.00."""
+    leader, richer = stub("coulomb"), stub("stribeck", count=count)
+    monkeypatch.setattr(rivals, "scores", lambda *_: np.array([0.0, nats]))
+    monkeypatch.setattr(rivals, "pays", lambda *_: paid)
+    assert rivals._mending(None, leader, [richer]) == ([richer] if mends else [])
