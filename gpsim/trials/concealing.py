@@ -58,8 +58,9 @@ def conceal(seed: int, number: int) -> Concealed:
             recording = _recording(world, truth.measured, truth, kept)
             clean = _recording(world, truth.clean, truth, kept)
             known = clean
-            if seed in UNFILTERED and world.velocities == "differentiated":
-                known = _recording(replace(world, velocities="measured"), truth.clean, truth, kept)
+            if seed in UNFILTERED:
+                bare = replace(world, velocities=world.velocities and "measured", wrapped=False)
+                known = _recording(bare, truth.clean, truth, kept)
             visible = visibilities(world, _shortened(truth, kept))
             return Concealed(world, recording, clean, visible, one_step(world, truth, recording, known, kept))
     raise UsageError(
