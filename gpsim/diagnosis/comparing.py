@@ -118,14 +118,10 @@ def _steps_of(
     if not made_by:
         return dict.fromkeys(hypotheses, steps)
     out: dict[str, _Steps] = {}
-    for kind, hypothesis in hypotheses.items():
-        known = [out[k] for k in out if hypotheses[k] == hypothesis]
-        parts = (
-            []
-            if known
-            else [undone(problem, recording, w, hypothesis, made_by) for w in (steps.train, steps.test)]
-        )
-        out[kind] = known[0] if known else _Steps(*parts)
+    for kind, h in hypotheses.items():
+        same = next((k for k in out if hypotheses[k] == h), None)
+        parts = (undone(problem, recording, w, h, made_by) for w in (steps.train, steps.test))
+        out[kind] = out[same] if same else _Steps(*parts)
     return out
 
 

@@ -20,13 +20,13 @@ from gpsim.diagnosis.predicting import traced
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.windows import Windows, at, stretches
+from gpsim.effects.elapsed import even
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
 WIDEST = 5  # samples to either side of a filter
 EXACT = 1e-3  # of a velocity's typical size: how closely a filter has to say what was written down
 AS_GOOD = 2.0  # times the misfit of the widest filter that a narrower one may have
-UNEVEN = 1e-3  # of a step: beyond, a filter's weights would depend on the clock
 ROUNDS = 5  # in which the motion around a sample is fitted to the positions there
 ROWS = 20_000  # samples that a filter is fitted to
 
@@ -84,9 +84,10 @@ def undone(
 
 
 def _even(recording: Recording) -> bool:
+    """Whether the clock is even: a filter's weights would depend on it else."""
     steps = [np.diff(recording.episodes[i].t[low : high + 1]) for i, low, high in stretches(recording)]
-    usual = float(np.median(np.concatenate(steps)))  # dt may be rounded
-    return all((np.abs(step - usual) < UNEVEN * usual).all() for step in steps)
+    together = np.concatenate(steps)
+    return even(together, np.median(together, keepdims=True))  # dt may be rounded
 
 
 def _filter(recording: Recording, position: int, velocity: int) -> Filter | None:

@@ -19,7 +19,7 @@ from gpsim.effects import EffectParameter, Gate
 NO_GATE = Gate()
 SCANNED, STEPS = (0.5, 0.05, 0.005), 25  # of a value, to either side, and places that are looked at
 LEAST_TIMES = 1e-9  # as much of a limit, which grows with that
-SMALL = 0.05  # of a starting value
+SMALL = 0.05  # of what a starting value changes
 CHUNK = 8  # offers that one process screens in a row
 MOST = 1e4  # standard deviations that a direction is clipped to
 
@@ -156,7 +156,7 @@ def _looked_at(candidate: Candidate) -> list[tuple[float, ...]]:
     starts, p = starts_of(candidate), candidate.declared[0]
     if len(candidate.declared) > 1 or p.falls or p.step is not None:
         return starts
-    return [*starts, *((p.none + SMALL * (start - p.none),) for (start,) in starts)]
+    return [*starts, *((stronger(p, start, SMALL),) for (start,) in starts)]
 
 
 def child_of(parent: Hypothesis, candidate: Candidate, start: Sequence[float]) -> Hypothesis:

@@ -100,7 +100,9 @@ def test_the_fit_shows_what_was_named_and_not_what_the_filter_did(name):
         recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0)
     ).report
     errors = report["fit"]["one_step"]["q_acc"]
-    assert errors["after"] < 0.2 * errors["before"]
+    assert (
+        errors["after"] < (0.2 if name == "backward" else 0.1) * errors["before"]
+    )  # that one doubles the noise
     assert errors["after"] < 1.5 * errors["noise_floor"]
 
 
