@@ -22,6 +22,7 @@ from gpsim.diagnosis.judging import Judgement, judge
 from gpsim.diagnosis.leaning import lean
 from gpsim.diagnosis.locating import depends_on, locate
 from gpsim.diagnosis.odds import odds_against
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.preparing import Question, prepare, settled_question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import STRUCTURED, Found, Note, search
@@ -162,6 +163,8 @@ def _effects(
     if not found.hypothesis.terms:
         return []
     bounds = intervals(problem, found)
+    calls = [(question, judgement, found, i) for i in range(len(found.hypothesis.terms))]
+    lesser = side_by_side(_without, calls)
     out, at = [], 0
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
@@ -174,7 +177,7 @@ def _effects(
             parameters[p.name] |= {"at_bound": value in (p.low, p.high)}
         at += len(declared)
         parameters |= _in_other_words(question, found, term, parameters)
-        without = _without(question, judgement, found, index)
+        without = lesser[index]
         spoken = {name: f"{v['value']:.4g} {v['unit']}".removesuffix(" 1") for name, v in parameters.items()}
         out.append(
             {

@@ -16,10 +16,11 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.bins import TURN, bin_edges, goes_round, nearest_turn, turns
 from gpsim.diagnosis.edges import FAR, NEAR, declared_edges, gate_between, placed
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, screened, starts_of, stronger
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import effect_of, has_patch
 
 GATED, PROMISING, PLACED = (
@@ -59,6 +60,8 @@ def gated_children(
 ) -> list[Fit]:
     """Terms that did well everywhere once more, each in the region or since the moment that promises most.
 
+    The gated term is the last one; where its edges lie is known to a bin. The best come first.
+
     channels: where gates may look, None among them for time; `region_channels` unless given. few: directions around
     the same parent on a few windows, to look at all other terms, too; some show behind a gate only. Where these are all
     windows, thresholds are looked at from all their starting values and limits from the lowest, too: acting everywhere
@@ -95,12 +98,17 @@ def gated_children(
     patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
     children = [_child(problem, directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
     fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
-    last = len(directions.parent.hypothesis.terms)
-    fits.sort(key=lambda f: f.objective)
-    coarse = side_by_side(placed, [(problem, f, last, NEAR, COARSE) for f in fits[:PLACED]])
-    coarse.sort(key=lambda f: f.objective)
+    return sorted(fits, key=lambda f: f.objective)
+
+
+def with_edges(problem: Problem, children: Sequence[Fit], count: int = PLACED) -> list[Fit]:
+    """The gated children, of which the best `count` have their edges placed, and the best one's closely."""
+    fits = sorted(children, key=lambda f: f.objective)
+    calls = [(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE) for f in fits[:count]]
+    coarse = sorted(side_by_side(placed, calls), key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
-    return [placed(problem, f, last, NEAR, FINEST) for f in coarse[:1]] + coarse[1:] + fits[PLACED:]
+    best = [placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINEST) for f in coarse[:1]]
+    return best + coarse[1:] + fits[count:]
 
 
 def _best_starts(proposals: Sequence[Proposal]) -> list[Proposal]:

@@ -18,16 +18,18 @@ from gpsim.diagnosis.gates import (
     may_be_limited,
     polished,
     region_channels,
+    with_edges,
 )
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.leaning import lean, likeliest, sampled, simplest
+from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.replacing import AS_WELL, left_open, specialised, swapped
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all
 
 MOST_TERMS = 7
 MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about half a minute of one core
@@ -156,14 +158,15 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         lack = lack_of_fit(problem, leader)
         structured = lack is not None and lack.significant
     around = None if structured else directions
-    gated = [f for i in range(len(leader.hypothesis.terms)) for f in _gated(part, seen, i, offers, around)]
+    calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
+    gated = [f for found in side_by_side(_gated, calls) for f in found]
     if structured and spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)
         few = Directions(*sampled(part, seen, GLANCED_AT))
         gated += gated_children(part, directions, everywhere, offers, few=few)
     elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, [None], few=directions)
-    gated = sorted(gated, key=lambda f: f.objective)[:GATES]
+    gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATES], GATES)
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
 
 

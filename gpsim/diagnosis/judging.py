@@ -19,13 +19,13 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from gpsim.diagnosis.leaning import without_a_term
+from gpsim.diagnosis.orders import Order, fit_all
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
 from gpsim.diagnosis.rivals import held_out_objective, rivals_of
 from gpsim.diagnosis.search import Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all
 from gpsim.effects.chain import Scheme
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]

@@ -20,11 +20,11 @@ from gpsim.channels import FloatArray, IntArray, difference
 from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.leaning import sampled
 from gpsim.diagnosis.numerics import numerical_error
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import Fit
 from gpsim.diagnosis.simulate import Extra, simulate
-from gpsim.diagnosis.workers import side_by_side
 
 KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input
 WINDOWS = 240  # evenly spread ones are looked at

@@ -10,10 +10,11 @@ from gpsim.diagnosis.evidence import scores
 from gpsim.diagnosis.gates import FINE
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.numerics import rescored
+from gpsim.diagnosis.orders import Order, fit_all, fit_order
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import LEAST_PART, pays
 from gpsim.diagnosis.shooting import Fit
-from gpsim.diagnosis.workers import Order, fit_all, fit_order, side_by_side
 from gpsim.effects import Gate
 from gpsim.evenly import evenly
 

@@ -6,15 +6,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.edges import NEAR, placed
-from gpsim.diagnosis.gates import FINE, gated_children, makes_sense
+from gpsim.diagnosis.gates import FINE, gated_children, makes_sense, with_edges
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.leaning import CLEAR, sampled
 from gpsim.diagnosis.numerics import rescored
+from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, child_of, screened, stretched
 from gpsim.diagnosis.search import grown, pays
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects import Gate, Term
 
 SWAPPED = 3  # candidates fitted on all windows to replace a term
@@ -142,13 +143,13 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
     directions = Directions(part, parent)
     everywhere = grown(part, directions, there, JUMPS)
-    found = gated_children(part, directions, everywhere, there, (None,))
+    found = with_edges(part, gated_children(part, directions, everywhere, there, (None,)))
     return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
 
 
 def _later(problem: Problem, part: Problem, directions: Directions, offers: Sequence[Candidate]) -> list[Fit]:
     """In place of a slight term: what began at one moment."""
-    found = gated_children(part, directions, [], offers, (None,), few=directions)
+    found = with_edges(part, gated_children(part, directions, [], offers, (None,), few=directions))
     return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found[:JUMPS]])
 
 

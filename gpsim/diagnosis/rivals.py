@@ -9,11 +9,11 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import channel_objectives, correlation_time, scores
 from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.orders import Order, fit_all
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import pays
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all
 
 MOST_RIVALS = 6
 TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out

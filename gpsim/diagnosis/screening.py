@@ -11,9 +11,9 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.linearised import jacobians
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
-from gpsim.diagnosis.workers import side_by_side
 from gpsim.effects import EffectParameter, Gate
 
 NO_GATE = Gate()

@@ -15,13 +15,14 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import PER_TERM, gain, price, scores, whiteness
-from gpsim.diagnosis.gates import gated_children
+from gpsim.diagnosis.gates import gated_children, with_edges
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.numerics import rescored, settled
+from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem, mean_squares, window_costs
 from gpsim.diagnosis.screening import Directions, child_of, screened, stretched
 from gpsim.diagnosis.shooting import Fit, fit
-from gpsim.diagnosis.workers import Order, fit_all, side_by_side
 from gpsim.effects.chain import Scheme
 
 Note = Callable[[int, int, str], None]
@@ -94,7 +95,8 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
             if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
-                children += gated_children(problem, directions, plain, offers)
+                gated = gated_children(problem, directions, plain, offers)
+                children += with_edges(problem, gated)
             done += FITTED[depth]
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
-from gpsim.diagnosis.effort import spend, spend_on_commands
+from gpsim.diagnosis.effort import CALL, spend, spend_on_commands
+from gpsim.diagnosis.pool import at_once, available
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
-from gpsim.effects.elapsed import even, last_at_most
+from gpsim.effects.elapsed import last_at_most
+from gpsim.simulators.plant import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
 Drive = Callable[[int, int, FloatArray], FloatArray]
@@ -22,7 +25,27 @@ Transitions before the window are -1, -2, ..., their commands are known whatever
 Extra = Callable[[FloatArray, FloatArray], FloatArray]
 """State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
+PART = int(CALL)  # rows at least that a part has: the overhead of its substeps is not split
+WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
 DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """What follows from all windows and thetas together, and must not depend on which of them are simulated here.
+
+    even: whether all clocks are; usual: s, a substep; slots: how many substeps back the sensors look; first: copies
+    with commands of their own; which: (C,) the place in `first` of each copy's commands; leaps: whether whole control
+    steps lead up to the windows.
+    """
+
+    n: int
+    even: bool
+    usual: float
+    slots: int
+    first: IntArray
+    which: IntArray
+    leaps: bool = False
 
 
 def simulate(
@@ -37,18 +60,83 @@ def simulate(
     """(C, W, L + 1, S): what the sensors would say.
 
     starts: (C, W, S) true states at the windows' first samples; thetas: (C, P), spread over the windows as values of
-    the terms by `spread(thetas, W)`; n: steps of each transition.
+    the terms by `spread(thetas, W)`; n: steps of each transition. Large batches are simulated in parts, one a core.
     """
-    copies, count = starts.shape[:2]
     starts = _tamed(starts)  # a step may have sent one anywhere
+    setting, windows = _set(chain, windows, spread, thetas, n)
+    _count(chain, windows, len(thetas), setting)
+    parts = _parts(len(thetas) * len(windows), windows.length * n)
+    if parts < 2 or not setting.even or extra is not None:
+        return _simulated(chain, windows, starts, spread, thetas, setting, extra)
+    rows = np.array_split(np.arange(len(windows)), parts)
+    calls = [(chain, windows.take(r), starts[:, r], spread, thetas, setting) for r in rows]
+    return np.concatenate(at_once(_simulated, calls), axis=1)
+
+
+def _simulated(
+    chain: Chain,
+    windows: Windows,
+    starts: FloatArray,
+    spread: Spread,
+    thetas: FloatArray,
+    setting: _Setting,
+    extra: Extra | None = None,
+) -> FloatArray:
+    copies, count = starts.shape[:2]
     rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
-    spend(len(rows), windows.length * n, dry=chain.dry)
     with np.errstate(all="ignore"):
         drive = (
-            _precomputed(chain, windows, spread, thetas, n) if chain.actuates else _as_recorded(windows, rows)
+            _precomputed(chain, windows, spread, thetas, setting)
+            if chain.actuates
+            else _as_recorded(windows, rows)
         )
-        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, n, drive, extra)
+        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
     return out.reshape(copies, count, windows.length + 1, -1)
+
+
+def _set(
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
+) -> tuple[_Setting, Windows]:
+    """The setting, and the windows with as much of what was commanded before them as matters."""
+    first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
+    if not (chain.actuates or chain.watches):
+        return _Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
+    values, even = spread(thetas, len(windows)), windows.even
+    slots = _slots(chain, windows, values, n) if chain.watches else 0
+    windows = _what_matters(chain, windows, values, slots / n)
+    if chain.actuates:  # parameters of other sites do not change what becomes of a command
+        single = [
+            np.stack(list(v.values()), axis=1) for i, v in enumerate(spread(thetas, 1)) if chain.acts(i)
+        ]
+        _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
+    steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
+    leaps = even and chain.leaps and not chain.watches  # sensors look at the substeps before a window
+    return _Setting(n, even, float(np.median(steps)), slots, first, which.reshape(-1), leaps), windows
+
+
+def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sensors: float) -> Windows:
+    """The windows with as much of what was commanded before them as actuators and `sensors` [samples] remember."""
+    shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
+    commands = chain.remembers(values) / max(shortest, 1e-12)
+    if not np.isfinite(commands):
+        return windows
+    return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
+
+
+def _count(chain: Chain, windows: Windows, copies: int, setting: _Setting) -> None:
+    """Count the effort, which is the same in parts."""
+    rows, inside = copies * len(windows), windows.length * setting.n
+    before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
+    spend(rows, inside, dry=chain.dry)
+    if chain.actuates:
+        spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
+    if chain.looks:
+        spend_on_commands(rows, inside, chain.actuators)
+
+
+def _parts(rows: int, substeps: int) -> int:
+    """In how many parts a batch is simulated: as many as there are cores for, where each is worth sending."""
+    return min(available(), rows // PART) if rows * substeps > WORTH_SENDING else 1
 
 
 def _as_recorded(windows: Windows, rows: IntArray) -> Drive:
@@ -60,35 +148,34 @@ def _as_recorded(windows: Windows, rows: IntArray) -> Drive:
     return drive
 
 
-def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int) -> Drive:
+def _precomputed(
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: _Setting
+) -> Drive:
     """All commands at once: they do not depend on the simulated state, nor on parameters of other sites.
 
     Where they do depend on the state, those before the window are taken at the measured one, those in it step by step.
     """
-    count = len(windows)
-    single = [np.stack(list(v.values()), axis=1) for i, v in enumerate(spread(thetas, 1)) if chain.acts(i)]
-    _, first, inverse = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
-    values = spread(thetas[first], count)
-    rows = np.tile(np.arange(count), len(first))
-    windows = _what_matters(chain, windows, values, spread(thetas, count), n)
+    count, n, first = len(windows), setting.n, setting.first
+    rows, values = np.tile(np.arange(count), len(first)), spread(thetas[first], count)
+    coarser = chain.looks and not setting.even
+    memory = chain.rest(len(rows), setting.usual / DENSER if coarser else setting.usual)
+    if setting.leaps:
+        memory = _led_up_to(chain, windows, rows, values, setting)
+        windows = windows.remembering(0)
     before = n * windows.before_actions.shape[1]
     end = before if chain.looks else None
     actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
     begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
     t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
-    spend_on_commands(len(rows), n * actions.shape[1], chain.actuators)
-    usual = float(np.median(steps))
-    memory = chain.rest(len(rows), usual / DENSER if chain.looks and not _even(windows) else usual)
     step = np.repeat(steps, n, axis=1)[:, :end]
     states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
     if chain.looks:
         states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1]
-    acted = chain.commands(
-        np.repeat(actions, n, axis=1)[:, :end][rows], states[rows], values, memory, step[rows], t[rows]
-    )
+    commands = np.repeat(actions, n, axis=1)[:, :end]
+    acted = chain.commands(commands[rows], states[rows], values, memory, step[rows], t[rows])
     by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
-    which = (inverse.reshape(-1)[:, None] * count + np.arange(count)).ravel()
+    which = (setting.which[:, None] * count + np.arange(count)).ravel()
     if not chain.looks:
         return lambda k, j, state: by_time[before + n * k + j][which]
     held, every = {key: kept[which] for key, kept in memory.items()}, spread(thetas, count)
@@ -97,7 +184,6 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     def drive(k: int, j: int, state: FloatArray) -> FloatArray:
         if k < 0:
             return np.asarray(by_time[before + n * k + j][which])
-        spend_on_commands(len(row), 1, chain.actuators)
         begin = windows.t[row, k]
         substep = (windows.t[row, k + 1] - begin) / n
         return chain.command(windows.actions[row, k], state, every, held, substep, begin + j * substep)
@@ -105,16 +191,15 @@ def _precomputed(chain: Chain, windows: Windows, spread: Spread, thetas: FloatAr
     return drive
 
 
-def _what_matters(
-    chain: Chain, windows: Windows, values: Sequence[Values], every: Sequence[Values], n: int
-) -> Windows:
-    """The windows with as much of what was commanded before them as actuators and sensors remember."""
-    shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
-    commands = chain.remembers(values) / max(shortest, 1e-12)
-    if not np.isfinite(commands):
-        return windows
-    sensors = _slots(chain, windows, every, n) / n
-    return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
+def _led_up_to(
+    chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values], setting: _Setting
+) -> Memory:
+    """The actuators' memory at the windows' beginning, from whole control steps."""
+    actions, t = windows.before_actions[rows], windows.before_t[rows]
+    memory = chain.rest(len(rows), setting.usual * setting.n)
+    states = np.empty((*t.shape, 0))  # nobody looks at them
+    chain.commands(actions, states, values, memory, np.diff(t, axis=1), t[:, :-1])
+    return chain.finer(memory, setting.n)
 
 
 def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:
@@ -132,17 +217,18 @@ def _run(
     rows: IntArray,
     starts: FloatArray,
     values: Sequence[Values],
-    n: int,
+    setting: _Setting,
     drive: Drive,
     extra: Extra | None,
 ) -> FloatArray:
+    n = setting.n
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     clock = np.ascontiguousarray(windows.t.T[:, rows])
     state, step = starts, (clock[1] - clock[0]) / n
     watching = chain.watches
     seen = {}
     if watching:
-        seen = chain.watchers(*_history(chain, windows, rows, starts, values, n, drive))
+        seen = chain.watchers(*_history(chain, windows, rows, starts, values, setting, drive))
     out[:, 0] = chain.measure(state, values, seen, step)
     for k in range(windows.length):
         t = clock[k]
@@ -163,19 +249,19 @@ def _history(
     rows: IntArray,
     starts: FloatArray,
     values: Sequence[Values],
-    n: int,
+    setting: _Setting,
     drive: Drive,
 ) -> tuple[FloatArray, FloatArray | None]:
     """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began.
 
     And how long after the one before each of them is, (B, K) s, where the clock is uneven.
     """
+    n, regular = setting.n, setting.even
     own = (windows.t[rows, 1] - windows.t[rows, 0]) / n
-    regular = _even(windows)
     lengths = np.diff(windows.before_t, axis=1) / n
     still, state = windows.rested[rows, None], starts
     past, steps = [starts], []
-    for back in range(1, min(_slots(chain, windows, values, n), n * windows.before_actions.shape[1] + 1)):
+    for back in range(1, min(setting.slots, n * windows.before_actions.shape[1] + 1)):
         k, j = divmod(-back, n)
         step, end = own, windows.t[rows, 0] - (back - 1) * own
         if not regular:
@@ -190,18 +276,12 @@ def _history(
 
 def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> int:
     """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
-    if _even(windows):
+    if windows.even:
         return chain.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
     clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
     rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
     first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.looks_back(values))
     return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
-
-
-def _even(windows: Windows) -> bool:
-    """Whether every step in the windows and before them is as long as the others."""
-    steps = np.diff(windows.t, axis=1)
-    return even(steps, steps[:, 0]) and even(np.diff(windows.before_t, axis=1), steps[:, 0])
 
 
 def _tamed(state: FloatArray) -> FloatArray:

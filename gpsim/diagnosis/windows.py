@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.effects.chain import PRE_ROLL
+from gpsim.effects.elapsed import even
 from gpsim.evenly import evenly
 from gpsim.gaps import gaps, pieces
 from gpsim.recordings import Episode, Recording
@@ -55,6 +57,12 @@ class Windows:
     def rested(self) -> BoolArray:
         """(W,) whether the window begins its episode, before which the system stood still."""
         return self.fresh if self.lost is None else self.fresh & ~self.lost
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether every step in the windows and before them is as long as the others."""
+        steps = np.diff(self.t, axis=1)
+        return even(steps, steps[:, 0]) and even(np.diff(self.before_t, axis=1), steps[:, 0])
 
     def remembering(self, samples: int) -> Windows:
         """The windows with so many transitions before them, or as many as there are."""

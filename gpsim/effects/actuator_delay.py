@@ -34,13 +34,22 @@ class ActuatorDelay(ActuatorEffect):
         return (EffectParameter("delay", "s", 0.0, place.longest_delay, starts, dt),)
 
     def begin(self, count: int, longest: float, step: float) -> Memory:
-        """The commands of the last `longest` seconds, the newest last: none yet; and how long each one lasted [s]."""
+        """The commands of the last `longest` seconds: none yet; and how long each one lasted [s], the newest last.
+
+        The commands are in a ring: `head` is where the oldest lies, and the next one will.
+        """
         past = np.zeros((count, max(int(np.ceil(longest / step)) + 2, 2)))
-        return {"past": past, "length": np.full_like(past, step), "uneven": np.zeros(count)}
+        length = np.full_like(past, step)
+        return {"past": past, "head": np.zeros(count), "length": length, "uneven": np.zeros(count)}
 
     def remembers(self, values: Values) -> float:
         """The longest delay [s]."""
         return float(np.max(values["delay"], initial=0.0))
+
+    def finer(self, memory: Memory, times: int) -> Memory:
+        """Every command of the past so many times, as long as before in all."""
+        past, length = (np.repeat(a, times, axis=1) for a in (_in_order(memory), memory["length"] / times))
+        return memory | {"past": past, "length": length}
 
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
@@ -65,11 +74,17 @@ class ActuatorDelay(ActuatorEffect):
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(B, K) each: the two commands of a substep a delay ago, and the earlier one's share of it."""
-        past = memory["past"]
-        depth, (rows, count) = past.shape[1], commands.shape
-        line = np.concatenate([past, commands], axis=1)
+        past, (rows, count) = memory["past"], commands.shape
+        depth = past.shape[1]
         back = np.minimum(values["delay"] / step, depth - 1.0)
         whole = back.astype(np.int64)
+        if count == 1:  # step by step, all of a long past would be moved each time
+            row, head = np.arange(rows)[:, None], memory["head"].astype(np.int64)[:, None]
+            earlier = past[row, (head - whole - 1) % depth]
+            past[row, head] = commands  # over the oldest
+            memory["head"][:] = ((head + 1) % depth)[:, 0]
+            return earlier, past[row, (head - whole) % depth], back - whole
+        line = np.concatenate([_in_order(memory), commands], axis=1)
         place = np.arange(depth, depth + count) + (depth + count) * np.arange(rows)[:, None] - whole
         past[:] = line[:, count:]
         return line.take(place - 1), line.take(place), back - whole
@@ -87,11 +102,21 @@ def _uneven(memory: Memory, step: FloatArray) -> bool:
     return True
 
 
+def _in_order(memory: Memory) -> FloatArray:
+    """The past commands (B, K) of the memory, which is changed: the newest last."""
+    past, head = memory["past"], memory["head"]
+    if head.any():
+        columns = head.astype(np.int64)[:, None] + np.arange(past.shape[1])
+        past[:] = np.take_along_axis(past, columns % past.shape[1], axis=1)
+        head[:] = 0.0
+    return past
+
+
 def _met(
     commands: FloatArray, delay: FloatArray, memory: Memory, step: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """(B, K, P) each: the commands given a delay (B, 1) before each substep, and which shares of it they last."""
-    past, length, (count, steps) = memory["past"], memory["length"], commands.shape
+    past, length, (count, steps) = _in_order(memory), memory["length"], commands.shape
     line, lengths = np.concatenate([past, commands], axis=1), np.concatenate([length, step], axis=1)
     depth, width = past.shape[1], line.shape[1]
     past[:], length[:] = line[:, steps:], lengths[:, steps:]

@@ -22,6 +22,7 @@ class ActuatorLag(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_lag"
     order: ClassVar[int] = 95
+    holds: ClassVar[bool] = False
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """time_constant [s]."""

@@ -21,6 +21,7 @@ class ActuatorRateLimit(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_rate_limit"
     order: ClassVar[int] = 90
+    holds: ClassVar[bool] = False
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Rate [the action's per second]; from several starts."""

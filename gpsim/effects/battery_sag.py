@@ -22,6 +22,7 @@ class BatterySag(ActuatorEffect):
 
     family: ClassVar[str] = "battery_sag"
     order: ClassVar[int] = 60
+    holds: ClassVar[bool] = False
     drifts: ClassVar[bool] = True
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -68,6 +68,21 @@ class Chain:
             memory |= {f"{i}/{key}": values for key, values in part.items()}
         return memory
 
+    @cached_property
+    def leaps(self) -> bool:
+        """Whether whole control steps take commands to where a fine grid does: each effect is exact for a held one."""
+        ways = [[e for _, e, column in self._actuators if column == c] for _, _, c in self._actuators]
+        gated = any(self.terms[i].gate for i, _, _ in self._actuators)
+        return not gated and all(effect.holds for way in ways for effect in way[:-1])
+
+    def finer(self, memory: Memory, times: int) -> Memory:
+        """The actuators' memory for a grid that is so many times finer from here on."""
+        return {
+            f"{i}/{key}": values
+            for i, effect, _ in self._actuators
+            for key, values in effect.finer(_part(memory, i), times).items()
+        }
+
     def commands(
         self,
         actions: FloatArray,
@@ -256,8 +271,16 @@ class Chain:
         """(B, S): about where a substep ends, for gates that look at the state."""
         if self.scheme != "fine" or self.refinement == 1:
             return state
-        rates = self.simulator.rates(state, action, self.parameters)
+        rates = np.zeros((len(state), len(self.simulator.rate)))
+        if not self._looks_at_positions:
+            rates = self.simulator.rates(state, action, self.parameters)
         return np.asarray(state + step[:, None] * self.simulator.derivative(state, rates))
+
+    @cached_property
+    def _looks_at_positions(self) -> bool:
+        """Whether gates look at nothing but positions and commands, which rates do not move at once."""
+        known = {c.name for c in self.simulator.coordinates} | set(self.simulator.action.names)
+        return all(known.issuperset(term.gate.region) for term in self.terms)
 
     def _corrected(
         self, values: Sequence[Values], shares: Mapping[int, FloatArray]

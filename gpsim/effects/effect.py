@@ -154,6 +154,7 @@ class ActuatorEffect(Effect):
     """What happens to a command on its way to the simulator."""
 
     site: ClassVar[Site] = "actuator"
+    holds: ClassVar[bool] = True  # is what it makes of held commands held? (else it changes within a substep)
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Every action."""
@@ -166,6 +167,10 @@ class ActuatorEffect(Effect):
     def remembers(self, values: Values) -> float:
         """How long [s] a command matters after it was given."""
         return 0.0
+
+    def finer(self, memory: Memory, times: int) -> Memory:
+        """The memory for a grid that is so many times finer from here on."""
+        return memory
 
     def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
         """Between which sizes of a command what comes out follows it, and does not stand still."""

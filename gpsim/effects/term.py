@@ -72,9 +72,12 @@ def _between(
     """The share of the way from begin to end that lies in [low, high]."""
     left, right = np.minimum(begin, end), np.maximum(begin, end)
     way = right - left
+    moving = way > 0
     inside = np.minimum(right, high) - np.maximum(left, low)
-    share = np.clip(inside / np.where(way > 0, way, 1.0), 0.0, 1.0)
-    return np.asarray(np.where(way > 0, share, (begin >= low) & (begin <= high)))
+    if moving.all():  # as nearly always
+        return np.asarray(np.minimum(np.maximum(inside / way, 0.0), 1.0))
+    share = np.clip(inside / np.where(moving, way, 1.0), 0.0, 1.0)
+    return np.asarray(np.where(moving, share, (begin >= low) & (begin <= high)))
 
 
 def _after(moment: FloatArray | float, t: FloatArray, step: FloatArray) -> FloatArray:

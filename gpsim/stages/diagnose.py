@@ -14,8 +14,8 @@ from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.hidden import guessed, hidden_channels
 from gpsim.diagnosis.holding_out import first_held_out
+from gpsim.diagnosis.pool import cores
 from gpsim.diagnosis.traces import course, traces
-from gpsim.diagnosis.workers import cores
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.files import Json, file_digest, plain, write_json

@@ -15,11 +15,12 @@ from gpsim.diagnosis.bins import bin_edges, range_around
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.edges import FAR, placed
 from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.pool import cores
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.telling import paragraphs
-from gpsim.diagnosis.workers import Order, cores, fit_all
 from gpsim.effects import Gate, Term
 from gpsim.simulators import Simulator, make_simulator
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.gates import _best_run, gated_children, may_be_limited
+from gpsim.diagnosis.gates import _best_run, gated_children, may_be_limited, with_edges
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.replacing import left_open
@@ -55,7 +55,9 @@ def test_a_limit_that_began_late_is_found_from_what_acting_everywhere_made_of_it
     (_, _, start), *_ = screened(directions, [offer])
     plain = fit(problem, Hypothesis().plus(offer.term(start), offer.declared), nothing.starts)
     assert plain.hypothesis.theta[0] > 3.5
-    found = gated_children(problem, directions, [plain], [offer], [None], few=directions)[0]
+    found = with_edges(
+        problem, gated_children(problem, directions, [plain], [offer], [None], few=directions)
+    )[0]
     assert found.hypothesis.theta[0] == pytest.approx(1.0, abs=0.05)
     assert found.hypothesis.terms[0].gate.since == pytest.approx(since, abs=0.5)
 
@@ -90,7 +92,7 @@ def test_a_region_of_a_heading_is_found_whole_wherever_the_circle_is_cut(middle)
     directions = Directions(problem, nothing)
     (_, _, start), *_ = screened(directions, [offer])
     plain = fit(problem, Hypothesis().plus(offer.term(start), offer.declared), nothing.starts)
-    found = gated_children(problem, directions, [plain], [offer], ["yaw"])[0]
+    found = with_edges(problem, gated_children(problem, directions, [plain], [offer], ["yaw"]))[0]
     low, high = found.hypothesis.terms[0].gate.region["yaw"]
     assert found.hypothesis.theta[0] == pytest.approx(0.6, abs=0.02)
     assert high - low == pytest.approx(1.2, abs=0.05)

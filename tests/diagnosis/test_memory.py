@@ -11,6 +11,7 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.windows import cut
 from gpsim.effects import Gate, Term
+from gpsim.effects.chain import Chain
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.simulators import make_simulator
 
@@ -53,6 +54,37 @@ def test_the_rest_of_the_past_does_not_matter(monkeypatch, terms):
     whole = problem.windows.before_actions.shape[1]
     assert (lengths[0] == whole) == ("actuator_backlash" in terms[0])
     assert np.isfinite(short).all()
+
+
+LED_UP = {
+    "delay": True,
+    "delay, backlash and rate limit": True,
+    "delay and lag": True,
+    "rate limit and lag": False,
+    "backlash in a region": False,
+}
+ACTUATORS = {
+    "delay": Term("actuator_delay", "force", {"delay": 0.047}),
+    "backlash": Term("actuator_backlash", "force", {"half_width": 0.4}),
+    "rate limit": Term("actuator_rate_limit", "force", {"rate": 30.0}),
+    "lag": Term("actuator_lag", "force", {"time_constant": 0.05}),
+    "backlash in a region": Term(
+        "actuator_backlash", "force", {"half_width": 0.4}, Gate(region={"q": (-1.0, 1.0)})
+    ),
+}
+
+
+@pytest.mark.parametrize(("names", "leaps"), LED_UP.items(), ids=LED_UP)
+def test_whole_control_steps_lead_up_to_a_window_where_that_comes_to_the_same(monkeypatch, names, leaps):
+    problem, _ = posed(155)
+    terms = tuple(ACTUATORS[name] for name in names.replace(" and ", ", ").split(", "))
+    hypothesis = Hypothesis(terms, tuple(() for _ in terms))
+    starts = problem.windows.measured[None, :, 0]
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    assert chain.leaps == leaps
+    leapt = problem.residuals(hypothesis, np.zeros((1, 0)), starts)
+    monkeypatch.setattr(Chain, "leaps", False)
+    np.testing.assert_allclose(problem.residuals(hypothesis, np.zeros((1, 0)), starts), leapt, atol=1e-7)
 
 
 @pytest.mark.parametrize(("jitter", "gated"), [(0.0, False), (0.6, False), (0.6, True)])

@@ -284,3 +284,18 @@ def test_a_patch_names_the_law_that_it_is_a_piece_of():
         assert FAMILIES[family].needs_region
         grips = [effect_of(f).grip(q, q + 1.0, values, None) for f in (family, whole)]
         np.testing.assert_array_equal(*grips)
+
+
+def test_a_delay_says_the_same_step_by_step_and_all_at_once():
+    """Its past is in a ring when it is asked step by step, and in order when it is not."""
+    rng, law, step = np.random.default_rng(0), effect_of("actuator_delay"), np.full((6, 300), 0.01)
+    commands, t = rng.normal(size=(6, 300)), np.cumsum(step, axis=1) - step
+    values = {
+        "delay": np.array([0.0, 0.004, 0.05, 0.123, 0.3, 0.5])[:, None]
+    }  # the last one beyond what it remembers
+    whole = law.actuate(commands, values, law.begin(6, 0.3, 0.01), step, t)
+    memory, parts, sizes = law.begin(6, 0.3, 0.01), [], [1] * 70 + [50] + [1] * 9 + [2] + [1] * 169
+    for first, size in zip(np.cumsum([0, *sizes]), sizes, strict=False):
+        part = slice(first, first + size)
+        parts.append(law.actuate(commands[:, part], values, memory, step[:, part], t[:, part]))
+    np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)

@@ -1,0 +1,34 @@
+"""Independent fits, ordered together and made side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.pool import side_by_side
+from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.shooting import Fit, fit
+
+
+@dataclass(frozen=True)
+class Order:
+    """A fit to make: the hypothesis, where its windows start (W, S), how long and how closely."""
+
+    hypothesis: Hypothesis
+    starts: FloatArray
+    iterations: int
+    tolerance: float = 0.5
+
+
+def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
+    """The fits of all orders, in their order; raises what a fit raises."""
+    return side_by_side(fit_order, [(problem, order) for order in orders])
+
+
+def fit_order(problem: Problem, order: Order) -> Fit:
+    """The fit of one order."""
+    return fit(
+        problem, order.hypothesis, order.starts, iterations=order.iterations, tolerance=order.tolerance
+    )

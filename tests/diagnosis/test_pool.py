@@ -1,0 +1,81 @@
+"""Fits in worker processes: the same results, whatever their number, and with a user's own system too."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.effort import spent
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.pool import cores
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.simulate import _parts, simulate
+from gpsim.effects import Gate, Term
+from gpsim.effects.chain import Chain
+from gpsim.recordings import Episode, Recording
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
+
+
+@pytest.mark.parametrize("reference", ["slider", "user"])
+def test_two_processes_fit_what_one_does(reference):
+    rng = np.random.default_rng(0)
+    if reference == "user":
+        simulator, count, dt = make_simulator(f"{EXAMPLE}:CascadedTanks"), 2, 4.0
+    else:
+        simulator, count, dt = make_simulator("slider"), 2, 0.02
+    episodes = tuple(
+        Episode(str(i), dt * np.arange(101), 3 + rng.normal(size=(101, count)), 2 + rng.normal(size=(100, 1)))
+        for i in range(5)
+    )
+    recording = Recording(
+        simulator.name, simulator.state, simulator.action, episodes, dt, simulator.defaults(), "euler"
+    )
+    problem = prepare(recording, simulator, simulator.defaults()).searched
+    orders = [Order(Hypothesis(scheme=s), problem.windows.measured[:, 0], 3) for s in ("fine", "euler")]
+    alone = fit_all(problem, orders)
+    with cores(2):
+        together = fit_all(problem, orders)
+    for one, two in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(one.residuals, two.residuals)
+        assert one.objective == two.objective
+
+
+SPRING = {"stiffness": 3.0, "rest_position": 0.1}
+GATED = Gate(region={"x": (-0.2, 0.3)})
+TERMS = {
+    "nothing": [],
+    "late and sticking": [
+        Term("actuator_delay", "force", {"delay": 0.03}),
+        Term("coulomb_friction", "x", {"force": 2.0}),
+    ],
+    "in a region": [Term("actuator_gain", "force", {"gain": 0.7}, GATED), Term("spring", "x", SPRING, GATED)],
+    "read late": [
+        Term("sensor_delay", "x", {"delay": 0.03}),
+        Term("actuator_lag", "force", {"time_constant": 0.05}),
+    ],
+}
+
+
+@pytest.mark.parametrize("terms", TERMS.values(), ids=TERMS.keys())
+def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
+    """To the last digit, and at the same effort: what a search finds must not depend on the cores."""
+    recording = record(World("cartpole"), episodes=12, steps=155)
+    problem = prepare(recording, make_simulator("cartpole"), recording.parameters).everything
+    chain = Chain(problem.simulator, problem.parameters, tuple(terms), "fine", problem.dt)
+    starts = np.tile(problem.windows.measured[:, 0], (12, 1, 1))
+    starts += 0.01 * np.random.default_rng(0).normal(size=starts.shape)
+    hypothesis = Hypothesis(tuple(terms), tuple(() for _ in terms))
+    simulated = lambda: simulate(chain, problem.windows, starts, hypothesis.spread, np.zeros((12, 0)), 4)  # noqa: E731
+    begun = spent()
+    alone, effort = simulated(), spent() - begun
+    with cores(2):
+        assert _parts(starts.shape[0] * starts.shape[1], 4 * problem.windows.length) == 2
+        begun = spent()
+        together = simulated()
+        assert spent() - begun == pytest.approx(effort)
+    np.testing.assert_array_equal(alone, together)
