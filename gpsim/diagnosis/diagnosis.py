@@ -13,7 +13,7 @@ from gpsim.channels import FloatArray
 from gpsim.corrected_effects import EffectsPlant
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.comparing import Comparison, compare
-from gpsim.diagnosis.effort import spent
+from gpsim.diagnosis.effort import begin, spent
 from gpsim.diagnosis.evidence import gain
 from gpsim.diagnosis.holding_out import held_out_names
 from gpsim.diagnosis.hypothesis import Hypothesis
@@ -57,6 +57,7 @@ def diagnose(
     note: Note = lambda done, total, text: None,
 ) -> Diagnosis:
     """Locate, name, model and judge; raises UsageError where nothing can be said."""
+    begin()
     note(0, 100, "cutting windows")
     question = prepare(recording, simulator, parameters)
     simulator = question.everything.simulator  # in which the recording's angles wrap

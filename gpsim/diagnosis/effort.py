@@ -29,6 +29,12 @@ def add(amount: float) -> None:
     _spent += amount
 
 
+def begin() -> None:
+    """A diagnosis begins: nothing is spent."""
+    global _spent
+    _spent = 0.0
+
+
 def spent() -> float:
-    """All that this process has counted."""
+    """All that this process has counted since it began."""
     return _spent

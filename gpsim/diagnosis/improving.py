@@ -32,8 +32,9 @@ from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
 
 MOST_TERMS = 7
-MOST_EFFORT = 1.5e8  # simulated rows after which no further round begins: about half a minute of one core
-SWAPPING = 2.5e8  # as many more after which no further term is replaced and no further rival leaned
+MOST_EFFORT = 1.2e8  # simulated rows after which no further round begins: about twenty seconds of one core
+SWAPPING = 1.2e8  # as many more after which no further term is replaced and no further rival leaned,
+ALTOGETHER = 4.5e8  # and so many of the whole diagnosis, the search included, after which neither is done
 ADDED, GATES, LEANED = (
     3,
     3,
@@ -53,7 +54,8 @@ def improved(
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     leader = lean(problem, polished(problem, _finely(problem, leader)))
     tried: list[Fit] = []
-    most = spent() + MOST_EFFORT
+    most = min(spent() + MOST_EFFORT, ALTOGETHER)
+    enough = min(most + SWAPPING, ALTOGETHER)
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
         leader, children = _extended(problem, leader, offers, most)
@@ -61,13 +63,13 @@ def improved(
         others = [
             f
             for i in range(len(leader.hypothesis.terms))
-            if spent() < most + SWAPPING
+            if spent() < enough
             for f in swapped(problem, leader, i, offers)
         ]
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
-        leaned = [lean(problem, f) for f in near[:LEANED] if spent() < most + SWAPPING]
+        leaned = [lean(problem, f) for f in near[:LEANED] if spent() < enough]
         others += [f for f in leaned if not any(f is g for g in near)]
         tried += [*children, *others]
         best = simplest(problem, [leader, *others])

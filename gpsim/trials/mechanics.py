@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import laws, newer_kinds, outside
+from gpsim.trials import laws, outside
 from gpsim.trials.systems import SYSTEMS, dynamics, load_on_track
 from gpsim.trials.worlds import TrueEffect
 
@@ -27,8 +27,8 @@ class Body:
         self._offsets = [e for e in effects if e.family == "parameter_offset"]
         self._smooth = [(e, index[e.on]) for e in effects if e.family in laws.SMOOTH]
         self._outside = [(e, index[e.on]) for e in effects if e.family in outside.FORCES]
-        self._coupled = [e for e in effects if e.family == "gyroscopic"]
-        self._uneven = [(e, index[e.on]) for e in effects if e.family == "uneven_inertia"]
+        self._coupled = [e for e in effects if e.family in outside.COUPLED]
+        self._uneven = [(e, index[e.on]) for e in effects if e.family in outside.INERTIA]
         self._hidden = [
             (e, index[e.on], outside.HIDDEN[e.family]) for e in effects if e.family in outside.HIDDEN
         ]
@@ -98,8 +98,8 @@ class Body:
         names, p = self._system.names, self._actual(s, t)
         inverse, force = dynamics(self._system.name, p, s, u)
         for effect, c in self._uneven:
-            extra, slope = newer_kinds.uneven_inertia(effect.values, s[:, 2 * c])
-            inverse = newer_kinds.with_inertia(inverse, c, extra)
+            extra, slope = outside.INERTIA[effect.family](effect.values, s[:, 2 * c])
+            inverse = with_inertia(inverse, c, extra)
             force[:, c] -= 0.5 * slope * s[:, 2 * c + 1] ** 2  # Lagrange: d/dt (I v) - I' v^2 / 2
         for effect, c in self._smooth:
             push = laws.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
@@ -107,10 +107,12 @@ class Body:
         for effect, c in self._outside:
             force[:, c] += outside.FORCES[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1], wall)
         for effect in self._coupled:
-            force += outside.gyroscopic(effect.values, s)
+            force += outside.COUPLED[effect.family](effect.values, s)
         drift = []
         for i, (effect, c, law) in enumerate(self._hidden):
             part = z[:, 2 * i : 2 * i + 2]
+            if (more := law.inertia(effect.values, part)) is not None:
+                inverse = with_inertia(inverse, c, more)
             force[:, c] += law.force(effect.values, s[:, 2 * c], s[:, 2 * c + 1], part)
             drift.append(law.drift(effect.values, s[:, 2 * c], s[:, 2 * c + 1], part))
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
@@ -165,3 +167,10 @@ class Body:
                 force = laws.GRIP[effect.family](effect.values, s[:, 2 * c + 1], load)
                 most += force * effect.acts(s, t, self._system.names) if effect.gated else force
         return most
+
+
+def with_inertia(inverse: FloatArray, coordinate: int, extra: FloatArray) -> FloatArray:
+    """(B, C, C) inverse mass matrix with `extra` (B,) more on one diagonal element (Sherman and Morrison, 1950)."""
+    column, row = inverse[:, :, coordinate], inverse[:, coordinate, :]
+    share = extra / (1.0 + extra * inverse[:, coordinate, coordinate])
+    return np.asarray(inverse - share[:, None, None] * column[:, :, None] * row[:, None, :])

@@ -7,20 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.newer_kinds import fisheye, last_tick
-from gpsim.trials.outside import eccentric
+from gpsim.trials.outside import BENT, RECALLED
 from gpsim.trials.worlds import TrueEffect
 
-FAMILIES = (
-    "marker_offset",
-    "frame_rotation",
-    "sensor_scale",
-    "sensor_bias",
-    "sensor_delay",
-    "eccentric_encoder",
-    "slow_sensor",
-    "fisheye_camera",
-)
+FAMILIES = ("marker_offset", "frame_rotation", "sensor_scale", "sensor_bias", "sensor_delay")
 
 
 def sense(
@@ -36,11 +26,14 @@ def sense(
         column = names.index(effect.on)
         back = max(index - round(effect.values["delay"] / h), 0)
         now[:, column] = past[back, :, column]
-    for effect in (e for e in ordered if e.family == "slow_sensor"):
+    for effect in (e for e in effects if e.family in RECALLED):
         column = names.index(effect.on)
-        now[:, column] = past[last_tick(effect.values, index, h), :, column]
+        now[:, column] = RECALLED[effect.family](effect.values, past[: index + 1, :, column], h)
     for effect in ordered:
         _read(effect, names, now)
+    for effect in (e for e in effects if e.family in BENT):
+        part = slice(0, 2) if effect.on == "pose" else names.index(effect.on)
+        now[:, part] = BENT[effect.family](effect.values, now[:, part])
     return np.asarray(now)
 
 
@@ -56,8 +49,3 @@ def _read(effect: TrueEffect, names: tuple[str, ...], now: FloatArray) -> None:
         now[:, names.index(effect.on)] += k["offset"]
     elif effect.family == "sensor_scale":
         now[:, names.index(effect.on)] *= k["scale"]
-    elif effect.family == "eccentric_encoder":
-        column = names.index(effect.on)
-        now[:, column] = eccentric(k, now[:, column])
-    elif effect.family == "fisheye_camera":
-        now[:, :2] = fisheye(k, now[:, :2])

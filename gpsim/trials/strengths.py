@@ -83,6 +83,14 @@ class Scales:
         c = system.coordinates.index(coordinate)
         return float(np.sqrt(np.mean((acceleration[:, c] / inverse[:, c, c]) ** 2)))
 
+    def inertia(self, coordinate: str) -> float:
+        """What a force on a coordinate alone has to move; of a cart-pole with the pole up, where that is least."""
+        system = SYSTEMS[self.world.system]
+        rest = np.zeros((1, len(system.state)))
+        inverse, _ = dynamics(system.name, self.world.parameters, rest, np.zeros((1, 1)))
+        c = system.coordinates.index(coordinate)
+        return 1.0 / float(inverse[0, c, c])
+
     def action(self, name: str) -> float:
         """What 95 % of the commands stay below."""
         column = list(SYSTEMS[self.world.system].action).index(name)
@@ -102,6 +110,14 @@ class Scales:
 def rounded(value: float) -> float:
     """Four significant digits, so that the answers can be read."""
     return float(f"{value:.4g}")
+
+
+def waves(s: Scales, on: str, d: Dial, low: float, high: float) -> dict[str, float]:
+    """A wave number with `low` to `high` periods over two standard deviations either side, and a phase."""
+    return {
+        "wave_number": rounded(2 * np.pi * d.any(low, high) / (4 * s.reach(on))),
+        "phase": d.any(0, 2 * np.pi),
+    }
 
 
 def _milliseconds(value: float) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials import laws, outside
-from gpsim.trials.newer_kinds import HIDDEN_TWIST
 from gpsim.trials.systems import SYSTEMS
 from gpsim.trials.worlds import TrueEffect
 
@@ -20,7 +19,9 @@ class Vehicle:
         order = list(laws.TWIST)
         self._twist = sorted((e for e in effects if e.family in order), key=lambda e: order.index(e.family))
         self._outside = [e for e in effects if e.family in outside.TWIST]
-        self._hidden = [(e, HIDDEN_TWIST[e.family]) for e in effects if e.family in HIDDEN_TWIST]
+        self._hidden = [
+            (e, outside.HIDDEN_TWIST[e.family]) for e in effects if e.family in outside.HIDDEN_TWIST
+        ]
 
     def begin(self, s: FloatArray) -> FloatArray:
         """(B, H) hidden states at the start."""

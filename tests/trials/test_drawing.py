@@ -5,6 +5,7 @@ from collections import Counter
 import pytest
 
 from gpsim.trials import drawing, outside
+from gpsim.trials.kinds_everybody import EVERYBODYS
 from gpsim.trials.strengths import CATALOGUE
 
 
@@ -40,31 +41,29 @@ def test_the_same_trial_is_the_same_world():
     assert drawing.draw(7, 3) != drawing.draw(8, 3)
 
 
-FINAL = {name for name, kind in outside.KINDS.items() if kind.final}
-NEWER = {name for name, kind in outside.KINDS.items() if kind.since_seed is not None}
+EVERY_SEEDS = set(EVERYBODYS.kinds)
+OF_2026, OF_2028, OF_2029 = (set(g.kinds) for g in outside.GENERATIONS)
 
 
 def drawn(seed):
     return {kind for system in drawing.SYSTEMS for kind in outside.allowed(seed, system)}
 
 
-def test_tuning_never_sees_the_kinds_kept_for_the_end():
-    assert len(FINAL) == len(NEWER) == 10
-    for seed in (1, 50, outside.LAST_TUNING_SEED):
-        assert not (FINAL | NEWER) & drawn(seed)
-        assert len(drawn(seed)) == 10
+def test_tuning_never_sees_the_kinds_kept_for_measurements():
+    for seed in (1, 50, 99):
+        assert drawn(seed) == EVERY_SEEDS
 
 
-def test_half_of_the_kinds_are_new_in_2028_and_no_earlier_seed_draws_them():
-    for seed in (0, 100, 2026, 2027):
-        assert len(drawn(seed)) == 20
-        assert drawn(seed) >= FINAL
-        assert not NEWER & drawn(seed)
-    for seed in (2028, 3000):
-        assert len(drawn(seed)) == 20
-        assert drawn(seed) >= NEWER
-        assert not FINAL & drawn(seed)
-    assert {drawing._family(3001, "unknown", rank) for rank in range(20)} == drawn(3001)
+def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them():
+    for seeds, new in (
+        ((0, 100, 2026, 2027), OF_2026),
+        ((2028,), OF_2028),
+        ((2029, 3000), OF_2029),
+    ):
+        for seed in seeds:
+            assert len(drawn(seed)) == 20
+            assert drawn(seed) == EVERY_SEEDS | new
+            assert {drawing._family(seed, "unknown", rank) for rank in range(20)} == drawn(seed)
 
 
 def test_newer_kinds_leave_the_draws_of_earlier_seeds_as_they_were():
@@ -80,6 +79,28 @@ def test_newer_kinds_leave_the_draws_of_earlier_seeds_as_they_were():
         "position_gain", "fan", "exponential_aero", "gusts",
     ]  # fmt: skip
     assert [drawing._family(7, "unknown", rank) for rank in range(10)] == before
+    before = [
+        "eddy_brake", "slow_sensor", "hot_motor", "cogging", "curve_slowdown", "bouc_wen", "heading_slope",
+        "fisheye_camera", "uneven_inertia", "hardening_spring", "fan", "quantised_actuator", "towed_trolley",
+        "rubber_buffer", "position_gain", "lost_commands", "exponential_aero", "worm_gear",
+        "wheel_speed_limit", "gusts",
+    ]  # fmt: skip
+    assert [drawing._family(2028, "unknown", rank) for rank in range(20)] == before
+
+
+@pytest.mark.parametrize(
+    ("seed", "system", "episodes", "steps", "effect"),
+    [
+        (7, "unicycle", 35, 191, ("heading_slope", "vehicle", {"amplitude": 0.1138, "phase": 5.159})),
+        (2027, "slider", 27, 173, ("bouc_wen", "q", {"amplitude": 0.9112, "width": 0.03284})),
+        (2028, "slider", 28, 390, ("eddy_brake", "q", {"amplitude": 1.001, "speed": 0.4529})),
+    ],
+)
+def test_worlds_of_earlier_seeds_are_what_they_were(seed, system, episodes, steps, effect):
+    world = drawing.draw(seed, 5)
+    (found,) = world.effects
+    assert (world.system, world.episodes, world.steps) == (system, episodes, steps)
+    assert (found.family, found.on, dict(found.values)) == effect
 
 
 @pytest.fixture(scope="module")

@@ -1,19 +1,15 @@
-"""Ten newer kinds of physics outside the catalogue: no seed before NEWER_SINCE draws them (see `outside.KINDS`).
+"""Ten kinds of physics outside the catalogue that no seed before 2028 draws, and only that one.
 
 Nobody diagnosed a world with one of them before that measurement; they are tested as physics only.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.actuators import Actuator
-from gpsim.trials.hidden import Hidden, Values
-
-NEWER_SINCE = 2028
+from gpsim.trials.hidden import Hidden, HiddenTwist, Values
+from gpsim.trials.kinds import EVERY, MECHANICAL, VEHICLE, Generation, Kind
 
 
 def eddy_brake(k: Values, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
@@ -47,13 +43,6 @@ def uneven_inertia(k: Values, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A cos(k q + phase), by which a coordinate's inertia differs from the base's, and its derivative by q."""
     angle = k["wave_number"] * q + k["phase"]
     return k["amplitude"] * np.cos(angle), -k["amplitude"] * k["wave_number"] * np.sin(angle)
-
-
-def with_inertia(inverse: FloatArray, coordinate: int, extra: FloatArray) -> FloatArray:
-    """(B, C, C) inverse mass matrix with `extra` (B,) more on one diagonal element (Sherman and Morrison, 1950)."""
-    column, row = inverse[:, :, coordinate], inverse[:, coordinate, :]
-    share = extra / (1.0 + extra * inverse[:, coordinate, coordinate])
-    return np.asarray(inverse - share[:, None, None] * column[:, :, None] * row[:, None, :])
 
 
 class WormGear:
@@ -101,13 +90,6 @@ class HotMotor:
         return np.asarray(out)
 
 
-ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
-    "worm_gear": WormGear,
-    "lost_commands": LostCommands,
-    "hot_motor": HotMotor,
-}
-
-
 def wheel_speed_limit(
     k: Values, v: FloatArray, w: FloatArray, s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -118,7 +100,7 @@ def wheel_speed_limit(
     return (left + right) / 2, (right - left) / (2 * k["half_track"])
 
 
-class Trolley:
+class Trolley(HiddenTwist):
     """A trolley on a drawbar of length L that swivels freely; its angle phi behind the vehicle is the hidden state.
 
     Its wheels do not slip, so phi' = w - v / L sin(phi), and its pull turns the vehicle back: w - b v / L sin(phi).
@@ -137,13 +119,15 @@ class Trolley:
         return v, turning, (turning - swing)[:, None]
 
 
-HIDDEN_TWIST: Mapping[str, Trolley] = {"towed_trolley": Trolley()}
-
-
 def last_tick(k: Values, index: int, h: float) -> int:
     """The fine step at which a slow sensor read last, at or before `index`; its ticks begin with the episode."""
     ticks = np.floor((index + 0.5) * h / k["period"])
     return min(int(ticks * k["period"] / h + 0.5), index)
+
+
+def slow_sensor(k: Values, past: FloatArray, h: float) -> FloatArray:
+    """What was at the last tick."""
+    return np.asarray(past[last_tick(k, len(past) - 1, h)])
 
 
 def fisheye(k: Values, position: FloatArray) -> FloatArray:
@@ -153,3 +137,32 @@ def fisheye(k: Values, position: FloatArray) -> FloatArray:
     """
     far = (position**2).sum(axis=1) / k["height"] ** 2
     return np.asarray(position / np.sqrt(1.0 + far)[:, None])
+
+
+GENERATION = Generation(
+    since=2028,
+    kinds={
+        "eddy_brake": Kind("force", MECHANICAL, "a magnetic brake that lets go when the body is fast"),
+        "rubber_buffer": Kind(
+            "hidden", MECHANICAL, "a spring and a damper in a row: it forgets where it began"
+        ),
+        "uneven_inertia": Kind(
+            "inertia", MECHANICAL, "an unbalanced drive: the inertia varies with position"
+        ),
+        "worm_gear": Kind("actuator", MECHANICAL, "friction that grows with the force transmitted"),
+        "lost_commands": Kind("actuator", EVERY, "outages in which the last command goes on"),
+        "hot_motor": Kind("actuator", EVERY, "a gain that falls with the mean square of the command"),
+        "wheel_speed_limit": Kind("twist", VEHICLE, "each of two wheels turns only so fast"),
+        "towed_trolley": Kind("twist", VEHICLE, "a trolley on a drawbar pulls the vehicle straight"),
+        "slow_sensor": Kind("sensor", EVERY, "a sensor that reads less often than recorded"),
+        "fisheye_camera": Kind("sensor", VEHICLE, "a camera's radial distortion of the pose", ("pose",)),
+    },
+    forces={"eddy_brake": eddy_brake},
+    hidden={"rubber_buffer": RubberBuffer()},
+    inertia={"uneven_inertia": uneven_inertia},
+    actuators={"worm_gear": WormGear, "lost_commands": LostCommands, "hot_motor": HotMotor},
+    twist={"wheel_speed_limit": wheel_speed_limit},
+    hidden_twist={"towed_trolley": Trolley()},
+    bent={"fisheye_camera": fisheye},
+    recalled={"slow_sensor": slow_sensor},
+)

@@ -1,13 +1,13 @@
-"""The ten newer kinds outside the catalogue as physics: limits, energy, and nothing at all at strength zero."""
+"""The ten kinds outside the catalogue that began with seed 2028, as physics: limits and energy."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, newer_kinds, outside
-from gpsim.trials.hidden import Hidden
-from gpsim.trials.mechanics import Body
+from gpsim.trials import drawing, kinds_2028
+from gpsim.trials.kinds import MECHANICAL
+from gpsim.trials.mechanics import Body, with_inertia
 from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.replaying import Replay
 from gpsim.trials.running import Chain, run
@@ -15,64 +15,14 @@ from gpsim.trials.sensors import sense
 from gpsim.trials.strengths import Dial, Scales
 from gpsim.trials.systems import SYSTEMS, dynamics
 from gpsim.trials.vehicle import Vehicle
-from gpsim.trials.visibility import visibilities
 from gpsim.trials.worlds import TrueEffect
 
-NEWER = sorted(name for name, kind in outside.KINDS.items() if kind.since_seed is not None)
-WAVES = {"wave_number": 5.0, "phase": 0.4}
-NOTHING = {
-    "eddy_brake": {"amplitude": 0.0, "speed": 1.0},
-    "rubber_buffer": {"stiffness": 0.0, "time": 0.5},
-    "uneven_inertia": {"amplitude": 0.0, **WAVES},
-    "worm_gear": {"friction": 0.0, "speed": 0.1},
-    "lost_commands": {"share": 0.0, "outage": 0.06, "phase": 1.0},
-    "hot_motor": {"loss": 0.0, "rated": 1.0, "time": 1.0},
-    "wheel_speed_limit": {"half_track": 0.2, "limit": 1e9},
-    "towed_trolley": {"length": 0.4, "pull": 0.0},
-    "slow_sensor": {"period": 0.001},
-    "fisheye_camera": {"height": 1e12},
-}
-CASES = [(kind, system) for kind in NEWER for system in outside.KINDS[kind].systems]
-
-
-def world_of(system, effects=(), **changes):
-    """A short, perfect world of a system."""
-    place = SYSTEMS[system]
-    velocities = None if place.vehicle else "measured"
-    base = drawing._world(3001, 7, 1, "unknown", False, place, velocities, [], np.random.default_rng(3))
-    small = {"episodes": 4, "steps": 60, "dt": 0.02, "noise": dict.fromkeys(place.state, 0.0)}
-    return replace(base, **{**small, "effects": tuple(effects), "excitation": "sines", **changes})
-
-
-def effect_of(kind, system, strength):
-    world = world_of(system)
-    on = drawing.places_of(kind, SYSTEMS[system], "measured")[0]
-    values = OUTSIDE[kind](Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
-    return TrueEffect(kind, on, values, outside=True)
-
-
-@pytest.mark.parametrize(("kind", "system"), CASES)
-def test_plain_ones_are_finite_and_visible(kind, system):
-    effect = effect_of(kind, system, 1.0)
-    world = world_of(system, [effect])
-    truth = run(world, [effect])
-    assert np.isfinite(truth.clean).all()
-    (seen,) = visibilities(world, truth)
-    assert seen.share > 0.05
-
-
-@pytest.mark.parametrize(("kind", "system"), CASES)
-def test_strength_zero_is_no_effect(kind, system):
-    assert set(NOTHING[kind]) == set(effect_of(kind, system, 0.0).values)
-    on = drawing.places_of(kind, SYSTEMS[system], "measured")[0]
-    world = world_of(system)
-    with_it = run(world, [TrueEffect(kind, on, NOTHING[kind], outside=True)])
-    np.testing.assert_allclose(with_it.clean, run(world, ()).clean, rtol=1e-12, atol=1e-12)
+from .outside_worlds import effect_of, world_of
 
 
 def test_an_eddy_brake_brakes_most_at_its_speed():
     k, v = {"amplitude": 3.0, "speed": 0.7}, np.linspace(-5, 5, 1001)
-    force = newer_kinds.eddy_brake(k, v, v, v)
+    force = kinds_2028.eddy_brake(k, v, v, v)
     assert (force * v <= 0).all()
     assert np.abs(force).max() == pytest.approx(3.0)
     assert np.abs(v[np.argmax(np.abs(force))]) == pytest.approx(0.7)
@@ -80,7 +30,7 @@ def test_an_eddy_brake_brakes_most_at_its_speed():
 
 
 def test_a_rubber_buffer_is_a_spring_at_first_and_a_damper_in_the_end():
-    law, k = newer_kinds.RubberBuffer(), {"stiffness": 8.0, "time": 0.5}
+    law, k = kinds_2028.RubberBuffer(), {"stiffness": 8.0, "time": 0.5}
     z, v, h = law.begin(np.zeros(1), np.zeros(1)), np.full(1, 0.3), 1e-4
     for step in range(50_000):
         z = z + h * law.drift(k, v, v, z)
@@ -105,7 +55,7 @@ def test_an_uneven_inertia_keeps_the_energy():
     k = {"amplitude": 0.9, "wave_number": 6.0, "phase": 0.5}
     body, t = Body("slider", {"mass": 2.0}, [TrueEffect("uneven_inertia", "q", k)]), np.zeros(1)
     s, z = np.array([[0.0, 1.0]]), np.empty((1, 0))
-    energy = lambda s: 0.5 * (2.0 + newer_kinds.uneven_inertia(k, s[:, 0])[0][0]) * s[0, 1] ** 2  # noqa: E731
+    energy = lambda s: 0.5 * (2.0 + kinds_2028.uneven_inertia(k, s[:, 0])[0][0]) * s[0, 1] ** 2  # noqa: E731
     before, speeds = energy(s), []
     for _ in range(3000):
         s, z = body.step(s, z, np.zeros((1, 1)), t, t, 1e-3)
@@ -122,11 +72,11 @@ def test_more_inertia_is_more_in_the_mass_matrix():
     for coordinate in (0, 1):
         mass = np.linalg.inv(inverse)
         mass[:, coordinate, coordinate] += extra
-        ours = newer_kinds.with_inertia(inverse, coordinate, extra)
+        ours = with_inertia(inverse, coordinate, extra)
         np.testing.assert_allclose(ours, np.linalg.inv(mass), rtol=1e-9)
 
 
-@pytest.mark.parametrize("system", outside.MECHANICAL)
+@pytest.mark.parametrize("system", MECHANICAL)
 def test_inertia_stays_positive_at_its_plainest(system):
     for on in SYSTEMS[system].coordinates:
         world = world_of(system)
@@ -135,7 +85,7 @@ def test_inertia_stays_positive_at_its_plainest(system):
         s = np.random.default_rng(2).uniform(-3.2, 3.2, (500, len(SYSTEMS[system].state)))
         inverse, _ = dynamics(system, world.parameters, s, np.zeros((500, 1)))
         c = SYSTEMS[system].coordinates.index(on)
-        least = newer_kinds.with_inertia(inverse, c, np.full(500, -k["amplitude"]))
+        least = with_inertia(inverse, c, np.full(500, -k["amplitude"]))
         assert (np.linalg.eigvalsh(least) > 0).all()
 
 
@@ -143,7 +93,7 @@ def test_a_worm_gear_loses_power_and_lets_a_standing_body_be():
     k = {"friction": 0.3, "speed": 0.05}
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(-2, 2, 21), np.linspace(-1, 1, 21)))
     s = np.stack([0 * v, v], axis=1)
-    out = newer_kinds.WormGear(k).act(u, s, 0 * u, 1e-3)
+    out = kinds_2028.WormGear(k).act(u, s, 0 * u, 1e-3)
     assert ((out - u) * v <= 0).all()
     assert (out[v == 0] == u[v == 0]).all()
     assert out[(u == 2) & (v == 1)] == pytest.approx(2 * 0.7)  # it drives
@@ -171,7 +121,7 @@ def test_in_an_outage_the_last_command_goes_on(clock):
 
 def test_a_hot_motor_is_as_good_as_new_when_cold():
     k = {"loss": 0.4, "rated": 2.0, "time": 0.5}
-    motor, u = newer_kinds.HotMotor(k), np.array([2.0, -2.0, 0.5])
+    motor, u = kinds_2028.HotMotor(k), np.array([2.0, -2.0, 0.5])
     out = np.array([motor.act(u, np.zeros((3, 2)), np.zeros(3), 1e-3) for _ in range(6000)])
     assert out[0].tolist() == u.tolist()
     np.testing.assert_allclose(out[500], u * (1 - 0.4 * (u / 2.0) ** 2 * (1 - np.exp(-1.0))), rtol=1e-6)
@@ -182,7 +132,7 @@ def test_no_wheel_turns_faster_than_it_can():
     k = {"half_track": 0.2, "limit": 0.8}
     rng = np.random.default_rng(0)
     v, w = rng.uniform(-1.2, 1.2, 500), rng.uniform(-2, 2, 500)
-    a, b = newer_kinds.wheel_speed_limit(k, v, w, np.zeros((500, 3)))
+    a, b = kinds_2028.wheel_speed_limit(k, v, w, np.zeros((500, 3)))
     assert (np.abs(a) + 0.2 * np.abs(b) <= 0.8 + 1e-12).all()
     slow = np.abs(v) + 0.2 * np.abs(w) <= 0.8
     assert 50 < slow.sum() < 450
@@ -229,7 +179,7 @@ def test_a_slow_sensor_says_what_was_at_its_last_tick():
 def test_a_fisheye_draws_radii_together_and_keeps_directions():
     k, radius = {"height": 2.0}, np.linspace(0.0, 8.0, 50)
     away = np.array([np.cos(0.7), np.sin(0.7)])
-    seen = newer_kinds.fisheye(k, radius[:, None] * away)
+    seen = kinds_2028.fisheye(k, radius[:, None] * away)
     far = seen @ away
     np.testing.assert_allclose(seen, far[:, None] * away, atol=1e-12)
     np.testing.assert_allclose(far, 2.0 * np.sin(np.arctan(radius / 2.0)), atol=1e-12)
@@ -247,10 +197,7 @@ def test_what_acts_before_or_after_the_body_is_mujocos_too():
     assert not drawing._outside_of_body(effect_of("eddy_brake", "slider", 0.8))
 
 
-def test_every_newer_kind_has_its_law_and_its_strength():
-    assert set(NEWER) <= set(OUTSIDE)
-    assert set(outside.KINDS) == set(OUTSIDE)
-    assert isinstance(outside.HIDDEN["rubber_buffer"], Hidden)
+def test_where_its_sensors_act():
     assert drawing.places_of("fisheye_camera", SYSTEMS["unicycle"], None) == ["pose"]
     assert drawing.places_of("slow_sensor", SYSTEMS["unicycle"], None) == ["yaw"]
     assert drawing.places_of("slow_sensor", SYSTEMS["slider"], "differentiated") == []

@@ -1,0 +1,82 @@
+"""Kinds outside the catalogue since seed 2028: a law and a strength each, visible when plain, nothing at strength zero."""
+
+import numpy as np
+import pytest
+
+from gpsim.trials import drawing, kinds_2028, kinds_2029, outside
+from gpsim.trials.kinds_everybody import EVERYBODYS
+from gpsim.trials.outside_strengths import OUTSIDE
+from gpsim.trials.running import run
+from gpsim.trials.systems import SYSTEMS
+from gpsim.trials.visibility import visibilities
+from gpsim.trials.worlds import TrueEffect
+
+from .outside_worlds import effect_of, world_of
+
+KINDS = {**kinds_2028.GENERATION.kinds, **kinds_2029.GENERATION.kinds}
+CASES = [
+    (kind, system, place)
+    for kind in sorted(KINDS)
+    for system in KINDS[kind].systems
+    for place in range(len(drawing.places_of(kind, SYSTEMS[system], "measured")))
+]
+WAVES = {"wave_number": 5.0, "phase": 0.4}
+NOTHING = {
+    "eddy_brake": {"amplitude": 0.0, "speed": 1.0},
+    "rubber_buffer": {"stiffness": 0.0, "time": 0.5},
+    "uneven_inertia": {"amplitude": 0.0, **WAVES},
+    "worm_gear": {"friction": 0.0, "speed": 0.1},
+    "lost_commands": {"share": 0.0, "outage": 0.06, "phase": 1.0},
+    "hot_motor": {"loss": 0.0, "rated": 1.0, "time": 1.0},
+    "wheel_speed_limit": {"half_track": 0.2, "limit": 1e9},
+    "towed_trolley": {"length": 0.4, "pull": 0.0},
+    "slow_sensor": {"period": 0.001},
+    "fisheye_camera": {"height": 1e12},
+    "shear_thinning": {"damping": 0.0, "speed": 0.1, "exponent": 0.3},
+    "thixotropic_grease": {"damping": 0.0, "time": 0.5, "way": 0.1},
+    "loose_load": {"inertia": 1e-3, "gap": 0.1, "stiffness": 0.0, "loss": 0.1},
+    "centrifugal_governor": {"inertia": 0.0, "turn": 5.0, "damping_ratio": 0.3},
+    "tip_sail": {"drag": 0.0, "length": 1.0},
+    "sticky_valve": {"band": 0.0},
+    "power_limit": {"power": 1e12},
+    "eccentric_wheel": {"depth": 0.0, "half_track": 0.2, "radius": 0.1},
+    "tyre_relaxation": {
+        "length": 5e-4
+    },  # no shorter than it rolls in a fine step, or that would be too coarse
+    "loose_marker": {"frequency": 1e6, "damping_ratio": 0.2},
+}
+SHORT = {"tyre_relaxation": 4e-3}  # m, rad: what is left of one that vanishes in a limit only, w length / v
+
+
+@pytest.mark.parametrize(("kind", "system", "place"), CASES)
+def test_plain_ones_are_finite_and_visible(kind, system, place):
+    effect = effect_of(kind, system, 1.0, place)
+    world = world_of(system, [effect])
+    truth = run(world, [effect])
+    assert np.isfinite(truth.clean).all()
+    (seen,) = visibilities(world, truth)
+    assert seen.share > 0.05
+
+
+@pytest.mark.parametrize(("kind", "system", "place"), CASES)
+def test_strength_zero_is_no_effect(kind, system, place):
+    on = drawing.places_of(kind, SYSTEMS[system], "measured")[place]
+    assert set(NOTHING[kind]) == set(effect_of(kind, system, 0.0, place).values)
+    world = world_of(system)
+    with_it = run(world, [TrueEffect(kind, on, NOTHING[kind], outside=True)])
+    near = SHORT.get(kind, 1e-12)
+    np.testing.assert_allclose(with_it.clean, run(world, ()).clean, rtol=1e-12, atol=near)
+
+
+def test_every_kind_has_one_law_one_strength_and_one_generation():
+    generations = (EVERYBODYS, *outside.GENERATIONS)
+    assert sum(len(g.kinds) for g in generations) == len(outside.KINDS)
+    assert list(OUTSIDE) == list(outside.KINDS)
+    assert set(NOTHING) == set(KINDS)
+    for generation in generations:
+        assert len(generation.kinds) == 10
+        laws = [name for part in vars(generation).values() if isinstance(part, dict) for name in part]
+        assert sorted(laws) == sorted(
+            [*generation.kinds, *generation.kinds]
+        )  # in `kinds` and where its law is
+    assert [g.since for g in outside.GENERATIONS] == sorted(g.since for g in outside.GENERATIONS)
