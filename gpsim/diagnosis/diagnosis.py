@@ -35,7 +35,7 @@ from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
 SCHEMA = "gpsim.diagnosis/1"
-USUAL_EFFORT = 1e8  # simulated rows that a judgement takes: a scale for its progress
+USUAL_EFFORT = 1.5e8  # simulated rows that a judgement takes: a scale for its progress
 
 
 @dataclass(frozen=True)

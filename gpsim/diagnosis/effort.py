@@ -5,7 +5,7 @@ A search that has used up what it may spend stops at its best so far: seconds wo
 
 from __future__ import annotations
 
-CALL = 300.0  # simulated rows that the overhead of one substep is worth
+CALL = 300.0  # simulated rows (of two channels) that the overhead of one substep is worth
 DRY = 2.5  # times as much where dry friction acts
 
 COMMAND = 0.45  # times as much for each actuator that a command passes
@@ -13,9 +13,9 @@ COMMAND = 0.45  # times as much for each actuator that a command passes
 _spent = 0.0
 
 
-def spend(rows: int, substeps: int, *, dry: bool) -> None:
-    """Count `substeps` substeps of `rows` states each."""
-    add(substeps * (CALL + rows) * (DRY if dry else 1.0))
+def spend(rows: int, substeps: int, *, channels: int, dry: bool) -> None:
+    """Count `substeps` substeps of `rows` states each, of so many channels."""
+    add(substeps * (CALL + rows) * (channels / 2) * (DRY if dry else 1.0))
 
 
 def spend_on_commands(rows: int, substeps: int, actuators: int) -> None:

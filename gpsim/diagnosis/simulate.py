@@ -127,7 +127,7 @@ def _count(chain: Chain, windows: Windows, copies: int, setting: _Setting) -> No
     """Count the effort, which is the same in parts."""
     rows, inside = copies * len(windows), windows.length * setting.n
     before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
-    spend(rows, inside, dry=chain.dry)
+    spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
     if chain.actuates:
         spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
     if chain.looks:
