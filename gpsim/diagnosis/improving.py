@@ -32,9 +32,9 @@ from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
 
 MOST_TERMS = 7
-MOST_EFFORT = 2.4e8  # simulated rows after which no further round begins: about twenty seconds of one core
-SWAPPING = 2.4e8  # as many more after which no further term is replaced and no further rival leaned,
-ALTOGETHER = 9e8  # and so many of the whole diagnosis, the search included, after which neither is done
+MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
+SWAPPING = 2e8  # as many more after which no further term is replaced and no further rival leaned,
+ALTOGETHER = 7e8  # and so many of the whole diagnosis, the search included, after which neither is done
 ADDED, GATES, LEANED = (
     3,
     3,

@@ -37,7 +37,7 @@ BETTER_LAW = 5.0  # nats beyond doubt for a richer law in a simpler one's place,
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
-MOST_EFFORT = 3e8  # simulated rows after which it grows no deeper; improving goes on from there
+MOST_EFFORT = 2.5e8  # simulated rows after which it grows no deeper; improving goes on from there
 EXACT = 2.0  # times the floor: no noise is left
 STRUCTURED = 1e-2  # p-value below which a residual is not white
 
