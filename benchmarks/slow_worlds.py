@@ -1,10 +1,11 @@
 """How long the slow worlds of a blind test take on several cores, one at a time.
 
-    python benchmarks/slow_worlds.py DIR [--above 60] [--cores 2] [--out runs/slow_worlds.csv]
+    python benchmarks/slow_worlds.py DIR [--above 60] [--cores 2]
 
 DIR is where `gpsim prove` has diagnosed each trial on one core beside others. Those of standard length that took longer
 than `--above` seconds are diagnosed again with `--cores`, nothing else running: the command's wall seconds, start of
-the interpreter included, and whether the answer is the same. What is in `--out` already is kept.
+the interpreter included, and whether the answer is the same. Kept in
+DIR/slow_worlds_CORES.csv: the same command carries on.
 """
 
 from __future__ import annotations
@@ -27,8 +28,13 @@ COLUMNS = ("trial", "stratum", "transitions", "seconds beside others", "seconds"
 def slow(folder: Path, above: float) -> list[dict[str, Any]]:
     """The scores of the trials to time, the slowest first; those of long recordings are no standard ones."""
     scores = [json.loads(p.read_text(encoding="utf-8")) for p in sorted((folder / "scores").glob("*.json"))]
-    found = [s for s in scores if not s["long"] and s["seconds"] is not None and s["seconds"] > above]
+    found = [s for s in scores if not s["long"] and s["seconds"] > above and answer(folder, s).is_file()]
     return sorted(found, key=lambda s: -s["seconds"])
+
+
+def answer(folder: Path, score: dict[str, Any]) -> Path:
+    """Where the kept diagnosis of a trial lies; there is none where it failed."""
+    return folder / "diagnoses" / f"{int(score['trial']):04d}" / "diagnosis" / "diagnosis.json"
 
 
 def timed(folder: Path, score: dict[str, Any], cores: int) -> tuple[str, ...]:
@@ -46,10 +52,10 @@ def timed(folder: Path, score: dict[str, Any], cores: int) -> tuple[str, ...]:
             str(cores),
         ]
         begun = time.monotonic()
-        subprocess.run(command, capture_output=True, check=True)
+        done = subprocess.run(command, capture_output=True, check=False)
         seconds = time.monotonic() - begun
-        again = (out / "diagnosis.json").read_bytes()
-    before = (folder / "diagnoses" / name / "diagnosis" / "diagnosis.json").read_bytes()
+        again = b"" if done.returncode else (out / "diagnosis.json").read_bytes()
+    before = answer(folder, score).read_bytes()
     once, twice = f"{score['seconds']:.1f}", f"{seconds:.1f}"
     return name, score["stratum"], str(score["transitions"]), once, twice, "yes" if again == before else "no"
 
@@ -62,19 +68,18 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--above", type=float, default=60.0)
     parser.add_argument("--cores", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("runs/slow_worlds.csv"))
     given = parser.parse_args()
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    if not given.out.is_file():
-        given.out.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
-    with given.out.open(newline="", encoding="utf-8") as file:
+    out = given.folder / f"slow_worlds_{given.cores}.csv"
+    if not out.is_file():
+        out.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+    with out.open(newline="", encoding="utf-8") as file:
         rows = [tuple(row) for row in list(csv.reader(file))[1:]]
     known = {row[0] for row in rows}
     for score in slow(given.folder, given.above):
         if f"{int(score['trial']):04d}" in known:
             continue
         rows.append(timed(given.folder, score, given.cores))
-        with given.out.open("a", newline="", encoding="utf-8") as file:
+        with out.open("a", newline="", encoding="utf-8") as file:
             csv.writer(file).writerow(rows[-1])
         print(*rows[-1], sep="  ", flush=True)
     seconds = [float(row[4]) for row in rows]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
-from gpsim.diagnosis.effort import CALL, spend, spend_on_commands
+from gpsim.diagnosis.effort import spend, spend_on_commands
 from gpsim.diagnosis.pool import at_once, available
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
@@ -25,7 +25,7 @@ Transitions before the window are -1, -2, ..., their commands are known whatever
 Extra = Callable[[FloatArray, FloatArray], FloatArray]
 """State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
-PART = int(CALL)  # rows at least that a part has: the overhead of its substeps is not split
+PART = 300  # rows at least that a part has: the overhead of its substeps is not split
 WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
 DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
 
@@ -62,10 +62,12 @@ def simulate(
     starts: (C, W, S) true states at the windows' first samples; thetas: (C, P), spread over the windows as values of
     the terms by `spread(thetas, W)`; n: steps of each transition. Large batches are simulated in parts, one a core.
     """
+    if not len(windows):
+        return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
     starts = _tamed(starts)  # a step may have sent one anywhere
     setting, windows = _set(chain, windows, spread, thetas, n)
     _count(chain, windows, len(thetas), setting)
-    parts = _parts(len(thetas) * len(windows), windows.length * n)
+    parts = _parts(len(thetas), len(windows), windows.length * n)
     if parts < 2 or not setting.even or extra is not None:
         return _simulated(chain, windows, starts, spread, thetas, setting, extra)
     rows = np.array_split(np.arange(len(windows)), parts)
@@ -134,9 +136,10 @@ def _count(chain: Chain, windows: Windows, copies: int, setting: _Setting) -> No
         spend_on_commands(rows, inside, chain.actuators)
 
 
-def _parts(rows: int, substeps: int) -> int:
-    """In how many parts a batch is simulated: as many as there are cores for, where each is worth sending."""
-    return min(available(), rows // PART) if rows * substeps > WORTH_SENDING else 1
+def _parts(copies: int, windows: int, substeps: int) -> int:
+    """In how many parts the windows are simulated: as many as there are cores for, where each is worth sending."""
+    rows = copies * windows
+    return min(available(), rows // PART, windows) if rows * substeps > WORTH_SENDING else 1
 
 
 def _as_recorded(windows: Windows, rows: IntArray) -> Drive:

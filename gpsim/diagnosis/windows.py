@@ -60,9 +60,9 @@ class Windows:
 
     @cached_property
     def even(self) -> bool:
-        """Whether every step in the windows and before them is as long as the others."""
-        steps = np.diff(self.t, axis=1)
-        return even(steps, steps[:, 0]) and even(np.diff(self.before_t, axis=1), steps[:, 0])
+        """Whether every step in the windows and before them is as long as the usual one."""
+        steps = np.diff(np.concatenate([self.before_t, self.t[:, 1:]], axis=1), axis=1)
+        return even(steps, np.median(steps, keepdims=True)) if steps.size else True
 
     def remembering(self, samples: int) -> Windows:
         """The windows with so many transitions before them, or as many as there are."""

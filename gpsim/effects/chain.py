@@ -279,8 +279,14 @@ class Chain:
     @cached_property
     def _looks_at_positions(self) -> bool:
         """Whether gates look at nothing but positions and commands, which rates do not move at once."""
-        known = {c.name for c in self.simulator.coordinates} | set(self.simulator.action.names)
-        return all(known.issuperset(term.gate.region) for term in self.terms)
+        names = [c.name for c in self.simulator.coordinates]
+        known = {*names, *self.simulator.action.names}
+        if not all(known.issuperset(term.gate.region) for term in self.terms):
+            return False
+        rates = np.array([[0.0], [1.0]]) * np.ones(len(self.simulator.rate))
+        slope = self.simulator.derivative(np.zeros((2, len(self.simulator.state))), rates)
+        columns = [self.simulator.state.index(name) for name in names]
+        return bool((slope[0, columns] == slope[1, columns]).all())  # somebody's own may count them otherwise
 
     def _corrected(
         self, values: Sequence[Values], shares: Mapping[int, FloatArray]

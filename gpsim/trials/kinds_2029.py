@@ -150,7 +150,8 @@ class EccentricWheel(HiddenTwist):
 class TyreRelaxation(HiddenTwist):
     """The side force of a tyre builds up over a way, not over a time: z' = |v| (w - z) / length, turn rate z.
 
-    von Schlippe and Dietrich (1941); Pacejka (2012), Tire and Vehicle Dynamics, 3rd ed., section 7.2.
+    von Schlippe and Dietrich (1941); Pacejka (2012), Tire and Vehicle Dynamics, 3rd ed., section 7.2. Of a vehicle that
+    drives: at rest z would stay; the speed commanded in these worlds is never 0.
     """
 
     def begin(self, s: FloatArray) -> FloatArray:

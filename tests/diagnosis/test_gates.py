@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gpsim.channels import Channels
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.gates import _best_run, gated_children, may_be_limited, with_edges
 from gpsim.diagnosis.hypothesis import Hypothesis
@@ -10,7 +11,8 @@ from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.replacing import left_open
 from gpsim.diagnosis.screening import Directions, screened, stronger
 from gpsim.diagnosis.shooting import fit
-from gpsim.effects import Place, effect_of
+from gpsim.effects import Gate, Place, Term, effect_of
+from gpsim.effects.chain import Chain
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -101,7 +103,6 @@ def test_a_region_of_a_heading_is_found_whole_wherever_the_circle_is_cut(middle)
 
 def test_a_second_region_of_an_angle_lies_in_the_turn_of_the_first():
     from gpsim.diagnosis.gates import Proposal, _child
-    from gpsim.effects import Gate
 
     unicycle = make_simulator("unicycle")
     recording = record(World("unicycle"), seed=2, episodes=6, steps=155)
@@ -114,3 +115,28 @@ def test_a_second_region_of_an_angle_lies_in_the_turn_of_the_first():
     )
     assert second.terms[1].gate.region["yaw"] == pytest.approx((2.52, 3.5))
     assert not second.patchwork
+
+
+def test_a_gate_on_a_position_lasts_as_long_in_somebody_elses_simulator():
+    """One whose position has a rate of its own: without its rates, nothing would move on within a substep."""
+
+    class Own(type(SLIDER)):
+        rate = Channels.of({"q_rate": "m/s", "q_acc": "m/s^2"})
+
+        def rates(self, state, action, parameters, forces=None):
+            return np.hstack([state[:, 1:], super().rates(state, action, parameters, forces)])
+
+        def derivative(self, state, rates):
+            return np.array(rates)
+
+    terms = (Term("constant_force", "q", {"force": 3.0}, Gate(region={"q": (0.01, 0.5)})),)
+    values = [{"force": np.full(5, 3.0)}]
+    state, step = np.stack([np.linspace(0, 0.012, 5), np.ones(5)], axis=1), np.full(5, 0.01)
+    ends = [
+        Chain(simulator, {"mass": 2.0}, terms, "fine", 0.01).advance(
+            state, np.zeros((5, 1)), values, step, np.zeros(5)
+        )
+        for simulator in (SLIDER, Own())
+    ]
+    np.testing.assert_allclose(ends[1], ends[0], rtol=1e-12)
+    assert len(np.unique(ends[0][:, 1])) >= 3

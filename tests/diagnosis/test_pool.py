@@ -1,4 +1,4 @@
-"""Fits in worker processes: the same results, whatever their number, and with a user's own system too."""
+"""Worker processes: the same fits and simulations, whatever their number, and with a user's own system too."""
 
 from pathlib import Path
 
@@ -74,8 +74,15 @@ def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
     begun = spent()
     alone, effort = simulated(), spent() - begun
     with cores(2):
-        assert _parts(starts.shape[0] * starts.shape[1], 4 * problem.windows.length) == 2
+        assert _parts(*starts.shape[:2], 4 * problem.windows.length) == 2
         begun = spent()
         together = simulated()
         assert spent() - begun == pytest.approx(effort)
     np.testing.assert_array_equal(alone, together)
+
+
+def test_one_window_is_simulated_in_one_part_however_many_copies_there_are():
+    with cores(2):
+        assert _parts(700, 1, 100) == 1
+        assert _parts(700, 5, 100) == 2
+    assert _parts(700, 5, 100) == 1
