@@ -1,7 +1,5 @@
 """The ten kinds outside the catalogue that began with seed 2028, as physics: limits and energy."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -184,17 +182,6 @@ def test_a_fisheye_draws_radii_together_and_keeps_directions():
     np.testing.assert_allclose(seen, far[:, None] * away, atol=1e-12)
     np.testing.assert_allclose(far, 2.0 * np.sin(np.arctan(radius / 2.0)), atol=1e-12)
     assert (np.diff(far) > 0).all()
-
-
-def test_what_acts_before_or_after_the_body_is_mujocos_too():
-    pytest.importorskip("mujoco")
-    for kind, on in (("worm_gear", "force"), ("hot_motor", "force"), ("slow_sensor", "q")):
-        effect = effect_of(kind, "slider", 0.8)
-        assert (effect.on, drawing._outside_of_body(effect)) == (on, True)
-        world = world_of("slider", [effect])
-        with_mujoco = run(replace(world, engine="mujoco"), [effect])
-        np.testing.assert_allclose(with_mujoco.clean, run(world, [effect]).clean, atol=1e-6)
-    assert not drawing._outside_of_body(effect_of("eddy_brake", "slider", 0.8))
 
 
 def test_where_its_sensors_act():

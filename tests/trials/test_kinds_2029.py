@@ -1,7 +1,5 @@
 """The ten kinds outside the catalogue that began with seed 2029, as physics: limits, energy, hidden states."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -287,17 +285,6 @@ def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
     picks = np.array([[0, 7, 33], [0, 1, 2]])
     states = Replay(world, truth, [effect]).states(picks, 20)
     np.testing.assert_allclose(states, truth.sampled[picks[0] + 20, picks[1]], atol=1e-9)
-
-
-def test_what_acts_before_or_after_the_body_is_mujocos_too():
-    pytest.importorskip("mujoco")
-    for kind, on in (("sticky_valve", "force"), ("power_limit", "force"), ("loose_marker", "q")):
-        effect = effect_of(kind, "slider", 0.8)
-        assert (effect.on, drawing._outside_of_body(effect)) == (on, True)
-        world = world_of("slider", [effect])
-        with_mujoco = run(replace(world, engine="mujoco"), [effect])
-        np.testing.assert_allclose(with_mujoco.clean, run(world, [effect]).clean, atol=1e-6)
-    assert not drawing._outside_of_body(effect_of("loose_load", "slider", 0.8))
 
 
 def test_where_they_act():

@@ -1,5 +1,7 @@
 """Kinds outside the catalogue since seed 2028: a law and a strength each, visible when plain, nothing at strength zero."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,6 +68,32 @@ def test_strength_zero_is_no_effect(kind, system, place):
     with_it = run(world, [TrueEffect(kind, on, NOTHING[kind], outside=True)])
     near = SHORT.get(kind, 1e-12)
     np.testing.assert_allclose(with_it.clean, run(world, ()).clean, rtol=1e-12, atol=near)
+
+
+OF_THE_BODY = ("eddy_brake", "loose_load")
+BESIDE_IT = {
+    "worm_gear": "force",
+    "hot_motor": "force",
+    "slow_sensor": "q",
+    "sticky_valve": "force",
+    "power_limit": "force",
+    "loose_marker": "q",
+}
+
+
+@pytest.mark.parametrize("kind", BESIDE_IT)
+def test_what_acts_before_or_after_the_body_is_mujocos_too(kind):
+    pytest.importorskip("mujoco")
+    effect = effect_of(kind, "slider", 0.8)
+    assert (effect.on, drawing._outside_of_body(effect)) == (BESIDE_IT[kind], True)
+    world = world_of("slider", [effect])
+    with_mujoco = run(replace(world, engine="mujoco"), [effect])
+    np.testing.assert_allclose(with_mujoco.clean, run(world, [effect]).clean, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", OF_THE_BODY)
+def test_what_acts_on_the_body_is_not(kind):
+    assert not drawing._outside_of_body(effect_of(kind, "slider", 0.8))
 
 
 def test_every_kind_has_one_law_one_strength_and_one_generation():
