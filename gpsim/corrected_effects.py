@@ -17,7 +17,7 @@ from gpsim.effects.term import from_json, to_json
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
-from gpsim.simulators.plant import Memory, restart
+from gpsim.simulators.plant import Memory, part_of, restart
 from gpsim.simulators.simulator import INTEGRATORS
 
 SCHEMA = "gpsim.corrected/1"
@@ -66,7 +66,7 @@ class EffectsPlant:
         """Actuators at rest, clocks at the episodes' ages, sensors that have seen nothing."""
         memory = {f"effects/{k}": np.repeat(v, count, axis=0) for k, v in self._rested.items()}
         memory["clock"] = self._drawn_ages(count, rng)
-        if self.chain.watches:
+        if self.chain.sensors.remember:
             memory |= {f"seen/{k}": v for k, v in self._still(np.zeros((count, len(self.state)))).items()}
             memory["met"] = np.zeros(count)
         if self.correction is not None:
@@ -78,23 +78,23 @@ class EffectsPlant:
     ) -> FloatArray:
         """(B, S): the true state after one control step."""
         count = len(state)
-        effects, values, seen = _part(memory, "effects/"), self._values(count), self._seen(state, memory)
+        effects, values, seen = part_of(memory, "effects/"), self._values(count), self._seen(state, memory)
         extra = None
         if self.correction is not None:
-            extra = self.correction.rates(state, action, _part(memory, "gp/"), rng)
+            extra = self.correction.rates(state, action, part_of(memory, "gp/"), rng)
         step = np.full(count, self._step)
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
             command = self.chain.command(action, state, values, effects, step, now)
             state = self.chain.advance(state, command, values, step, now, extra)
             memory["clock"] += step
-            self.chain.watch(state, seen, step)
+            self.chain.sensors.watch(state, seen, step)
         return state
 
     def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
         """(B, S): what the corrected sensors say, their noise left out."""
         count = len(state)
-        return self.chain.measure(
+        return self.chain.sensors.measure(
             state, self._values(count), self._seen(state, memory), np.full(count, self._step)
         )
 
@@ -120,7 +120,7 @@ class EffectsPlant:
 
     def _seen(self, state: FloatArray, memory: Memory) -> Memory:
         """What the sensors remember; those of a new episode have seen its first state only, standing still."""
-        seen = _part(memory, "seen/")
+        seen = part_of(memory, "seen/")
         if seen and not memory["met"].all():
             new = memory["met"] == 0.0
             restart(seen, new, self._still(state[new]))
@@ -129,8 +129,8 @@ class EffectsPlant:
 
     def _still(self, state: FloatArray) -> Memory:
         """The memory of sensors that have long looked at a state (B, S)."""
-        back = self.chain.reach(self._values(1), np.array([self._step]))
-        return self.chain.watchers(np.repeat(state[:, None], back, axis=1))
+        back = self.chain.sensors.reach(self._values(1), np.array([self._step]))
+        return self.chain.sensors.begin(np.repeat(state[:, None], back, axis=1))
 
     def _drawn_ages(self, count: int, rng: np.random.Generator) -> FloatArray:
         """(count,) s; a drift that began inside the recording is no younger than its onset."""
@@ -144,11 +144,6 @@ class EffectsPlant:
     @property
     def _step(self) -> float:
         return self.dt / (self.substeps * self.chain.refinement if self.scheme == "fine" else 1)
-
-
-def _part(memory: Memory, prefix: str) -> Memory:
-    """The views of one part's memory."""
-    return {key.removeprefix(prefix): values for key, values in memory.items() if key.startswith(prefix)}
 
 
 def ages_of(recording: Recording) -> tuple[float, float]:

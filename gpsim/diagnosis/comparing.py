@@ -129,7 +129,7 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     """Whether what was commanded or where the system was before matters to what happens."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     values = hypothesis.spread(hypothesis.theta[None], 1)
-    return chain.remembers(values) > 0.0 or chain.looks_back(values) > 0.0
+    return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
 def _steps(recording: Recording, past: bool = False) -> _Steps:
@@ -233,7 +233,7 @@ def _with_a_past(question: Question, train: Windows, hypothesis: Hypothesis) -> 
         return train
     problem = question.everything
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    late = chain.looks_back(hypothesis.spread(hypothesis.theta[None], 1))
+    late = chain.sensors.looks_back(hypothesis.spread(hypothesis.theta[None], 1))
     begun = np.array([episode.t[0] for episode in question.recording.episodes])
     known = ~train.fresh & (train.t[:, 0] - begun[train.episode] > late)
     return train.take(known) if known.any() else train

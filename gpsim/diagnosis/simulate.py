@@ -101,10 +101,10 @@ def _set(
 ) -> tuple[_Setting, Windows]:
     """The setting, and the windows with as much of what was commanded before them as matters."""
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
-    if not (chain.actuates or chain.watches):
+    if not (chain.actuates or chain.sensors.remember):
         return _Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
     values, even = spread(thetas, len(windows)), windows.even
-    slots = _slots(chain, windows, values, n) if chain.watches else 0
+    slots = _slots(chain, windows, values, n) if chain.sensors.remember else 0
     windows = _what_matters(chain, windows, values, slots / n)
     if chain.actuates:  # parameters of other sites do not change what becomes of a command
         single = [
@@ -112,7 +112,9 @@ def _set(
         ]
         _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
-    leaps = even and chain.leaps and not chain.watches  # sensors look at the substeps before a window
+    leaps = (
+        even and chain.leaps and not chain.sensors.remember
+    )  # sensors look at the substeps before a window
     return _Setting(n, even, float(np.median(steps)), slots, first, which.reshape(-1), leaps), windows
 
 
@@ -228,11 +230,11 @@ def _run(
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     clock = np.ascontiguousarray(windows.t.T[:, rows])
     state, step = starts, (clock[1] - clock[0]) / n
-    watching = chain.watches
+    watching = chain.sensors.remember
     seen = {}
     if watching:
-        seen = chain.watchers(*_history(chain, windows, rows, starts, values, setting, drive))
-    out[:, 0] = chain.measure(state, values, seen, step)
+        seen = chain.sensors.begin(*_history(chain, windows, rows, starts, values, setting, drive))
+    out[:, 0] = chain.sensors.measure(state, values, seen, step)
     for k in range(windows.length):
         t = clock[k]
         step = (clock[k + 1] - t) / n
@@ -240,9 +242,9 @@ def _run(
         for j in range(n):
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
             if watching:
-                chain.watch(state, seen, step)
+                chain.sensors.watch(state, seen, step)
         state = _tamed(state)
-        out[:, k + 1] = chain.measure(state, values, seen, step)
+        out[:, k + 1] = chain.sensors.measure(state, values, seen, step)
     return out
 
 
@@ -280,10 +282,10 @@ def _history(
 def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> int:
     """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
     if windows.even:
-        return chain.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
+        return chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
     clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
     rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
-    first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.looks_back(values))
+    first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.sensors.looks_back(values))
     return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
 
 

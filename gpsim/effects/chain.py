@@ -14,22 +14,20 @@ from gpsim.effects.commands import Grid, blended, on_its_way
 from gpsim.effects.effect import (
     ActuatorEffect,
     ParameterEffect,
-    SensorEffect,
     Values,
     VehicleEffect,
-    columns_of,
     longest_delay,
 )
 from gpsim.effects.forces import Forces, Instant
+from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
 from gpsim.simulators import Integrator, Simulator
-from gpsim.simulators.plant import Memory
+from gpsim.simulators.plant import Memory, part_of
 
 Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
 
 PRE_ROLL = 80  # control steps before an episode or a window that an actuator may remember
-SHORTEST = 1e-6  # s, of a substep: two samples may bear one stamp
 
 
 @dataclass(frozen=True)
@@ -51,6 +49,11 @@ class Chain:
     def channels(self) -> Channels:
         """State and action: what a gate may look at."""
         return self.simulator.state + self.simulator.action
+
+    @cached_property
+    def sensors(self) -> Sensors:
+        """What is measured of the states."""
+        return Sensors(self.simulator, self.terms)
 
     @property
     def dry(self) -> bool:
@@ -80,7 +83,7 @@ class Chain:
         return {
             f"{i}/{key}": values
             for i, effect, _ in self._actuators
-            for key, values in effect.finer(_part(memory, i), times).items()
+            for key, values in effect.finer(part_of(memory, f"{i}/"), times).items()
         }
 
     def commands(
@@ -104,7 +107,7 @@ class Chain:
         out = np.array(actions)
         for column in dict.fromkeys(column for _, _, column in self._actuators):
             way = [
-                (self.terms[i].gate, e, values[i], _part(memory, i))
+                (self.terms[i].gate, e, values[i], part_of(memory, f"{i}/"))
                 for i, e, c in self._actuators
                 if c == column
             ]
@@ -179,44 +182,6 @@ class Chain:
         third = slope(state + 2 * h / 3 * slope(state + h / 3 * first))
         return state + h / 4 * (first + 3 * third)
 
-    def reach(self, values: Sequence[Values], step: FloatArray) -> int:
-        """How many substeps of `step` (B,) [s] back the sensors look."""
-        shortest = max(float(np.min(step)), SHORTEST)
-        return int(np.ceil(self.looks_back(values) / shortest)) + 2
-
-    def looks_back(self, values: Sequence[Values]) -> float:
-        """How far back [s] the sensors look."""
-        return max((effect.reach(values[i]) for i, effect, _ in self._sensors), default=0.0)
-
-    def watchers(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
-        """The sensors' memory at the start of a batch, from its last true states (B, K, S), the newest last.
-
-        steps: (B, K) s, how long after the one before each state is; only where the clock is uneven.
-        """
-        memory: Memory = {}
-        for i, effect, _ in self._sensors:
-            memory |= {f"{i}/{key}": values for key, values in effect.begin(history, steps).items()}
-        return memory
-
-    def watch(self, state: FloatArray, memory: Memory, step: FloatArray) -> None:
-        """Let sensors that remember see the state at the end of a substep (B,) [s]."""
-        for i, effect, columns in self._sensors:
-            effect.watch(state, columns[0], _part(memory, i), step)
-
-    def measure(
-        self, state: FloatArray, values: Sequence[Values], memory: Memory, step: FloatArray
-    ) -> FloatArray:
-        """(B, S): what the sensors say."""
-        out = state
-        for i, effect, columns in self._sensors:
-            out = effect.measure(out, columns, values[i], _part(memory, i), step)
-        return out
-
-    @cached_property
-    def watches(self) -> bool:
-        """Whether a sensor remembers, and `watch` must be called at every substep."""
-        return any(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._sensors)
-
     @cached_property
     def _actuators(self) -> list[tuple[int, ActuatorEffect, int]]:
         found = [
@@ -237,15 +202,6 @@ class Chain:
     @cached_property
     def _vehicle_terms(self) -> list[tuple[int, VehicleEffect]]:
         found = [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, VehicleEffect)]
-        return sorted(found, key=lambda item: item[1].order)
-
-    @cached_property
-    def _sensors(self) -> list[tuple[int, SensorEffect, tuple[int, ...]]]:
-        found = [
-            (i, t.effect, columns_of(t.on, self.simulator))
-            for i, t in enumerate(self.terms)
-            if isinstance(t.effect, SensorEffect)
-        ]
         return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
@@ -328,9 +284,3 @@ class Chain:
 
 def _sum(rates: FloatArray, extra: FloatArray | None) -> FloatArray:
     return rates if extra is None else rates + extra
-
-
-def _part(memory: Memory, term: int) -> Memory:
-    """The views of one term's memory."""
-    prefix = f"{term}/"
-    return {key[len(prefix) :]: values for key, values in memory.items() if key.startswith(prefix)}

@@ -57,6 +57,11 @@ def restart(memory: Memory, rows: BoolArray, fresh: Memory) -> None:
         values[rows] = fresh[key]
 
 
+def part_of(memory: Memory, prefix: str) -> Memory:
+    """The views of one part's memory: what is kept under names that begin so, without the beginning."""
+    return {key.removeprefix(prefix): values for key, values in memory.items() if key.startswith(prefix)}
+
+
 @dataclass(frozen=True)
 class SimulatorPlant:
     """A simulator with fixed parameters; it remembers nothing."""

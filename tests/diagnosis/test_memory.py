@@ -127,7 +127,7 @@ def test_two_samples_may_bear_one_stamp():
     slider = make_simulator("slider")
     hypothesis = Hypothesis()
     chain = hypothesis.chain(slider, slider.defaults({"mass": 2.0}), 0.02)
-    assert chain.reach([], np.array([0.02, 0.0])) == 2
+    assert chain.sensors.reach([], np.array([0.02, 0.0])) == 2
 
 
 def test_a_step_that_is_no_number_is_not_taken():

@@ -119,7 +119,7 @@ def test_a_sensor_scales_before_it_is_biased_whatever_was_found_first():
     for order in (terms, terms[::-1]):
         chain = Chain(slider, slider.defaults({}), tuple(order), "fine", 0.02)
         values = [{k: np.array([v]) for k, v in term.values.items()} for term in order]
-        read = chain.measure(np.array([[0.5, 0.0]]), values, {}, np.array([0.01]))
+        read = chain.sensors.measure(np.array([[0.5, 0.0]]), values, {}, np.array([0.01]))
         assert read[0, 0] == pytest.approx(1.1)
 
 
@@ -131,8 +131,8 @@ def test_a_late_sensor_reads_between_substeps_to_fourth_order():
         )
         t = 1.0 + h * np.arange(-12, 1)
         history = np.stack([np.sin(3 * t), 3 * np.cos(3 * t)], axis=1)[None]
-        said = chain.measure(
-            history[:, -1], [{"delay": np.array([delay])}], chain.watchers(history), np.array([h])
+        said = chain.sensors.measure(
+            history[:, -1], [{"delay": np.array([delay])}], chain.sensors.begin(history), np.array([h])
         )
         return abs(said[0, 0] - np.sin(3 * (1.0 - delay)))
 
@@ -150,10 +150,10 @@ def test_a_late_sensor_reads_a_time_ago_on_an_uneven_clock(delay):
     steps[1, 25] = 0.0  # two samples that bear one stamp
     t = np.cumsum(steps, axis=1)
     states = np.stack([np.sin(3 * t), 3 * np.cos(3 * t)], axis=2)
-    memory = chain.watchers(states[:, :20], steps[:, :20])
+    memory = chain.sensors.begin(states[:, :20], steps[:, :20])
     for k in range(20, 40):
-        chain.watch(states[:, k], memory, steps[:, k])
-        said = chain.measure(states[:, k], values, memory, steps[:, k])
+        chain.sensors.watch(states[:, k], memory, steps[:, k])
+        said = chain.sensors.measure(states[:, k], values, memory, steps[:, k])
         np.testing.assert_allclose(said[0, 0], np.sin(3 * (t[0, k] - delay)), atol=2e-6)
         np.testing.assert_allclose(
             said[1, 0], np.sin(3 * (t[1, k] - delay)), atol=5e-5

@@ -1,0 +1,72 @@
+"""The end of the chain: what the effects on sensors make of the states that they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import SensorEffect, Values, columns_of
+from gpsim.effects.term import Term
+from gpsim.simulators import Simulator
+from gpsim.simulators.plant import Memory, part_of
+
+SHORTEST = 1e-6  # s, of a substep: two samples may bear one stamp
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """The terms that act on what is measured, in the order of their effects."""
+
+    simulator: Simulator
+    terms: tuple[Term, ...]
+
+    @cached_property
+    def remember(self) -> bool:
+        """Whether one remembers, and `watch` must be called at every substep."""
+        return any(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._effects)
+
+    def looks_back(self, values: Sequence[Values]) -> float:
+        """How far back [s] they look."""
+        return max((effect.reach(values[i]) for i, effect, _ in self._effects), default=0.0)
+
+    def reach(self, values: Sequence[Values], step: FloatArray) -> int:
+        """How many substeps of `step` (B,) [s] back they look."""
+        shortest = max(float(np.min(step)), SHORTEST)
+        return int(np.ceil(self.looks_back(values) / shortest)) + 2
+
+    def begin(self, history: FloatArray, steps: FloatArray | None = None) -> Memory:
+        """Their memory at the start of a batch, from its last true states (B, K, S), the newest last.
+
+        steps: (B, K) s, how long after the one before each state is; only where the clock is uneven.
+        """
+        memory: Memory = {}
+        for i, effect, _ in self._effects:
+            memory |= {f"{i}/{key}": values for key, values in effect.begin(history, steps).items()}
+        return memory
+
+    def watch(self, state: FloatArray, memory: Memory, step: FloatArray) -> None:
+        """Let those that remember see the state (B, S) at the end of a substep (B,) [s]."""
+        for i, effect, columns in self._effects:
+            effect.watch(state, columns[0], part_of(memory, f"{i}/"), step)
+
+    def measure(
+        self, state: FloatArray, values: Sequence[Values], memory: Memory, step: FloatArray
+    ) -> FloatArray:
+        """(B, S): what they say."""
+        out = state
+        for i, effect, columns in self._effects:
+            out = effect.measure(out, columns, values[i], part_of(memory, f"{i}/"), step)
+        return out
+
+    @cached_property
+    def _effects(self) -> list[tuple[int, SensorEffect, tuple[int, ...]]]:
+        found = [
+            (i, t.effect, columns_of(t.on, self.simulator))
+            for i, t in enumerate(self.terms)
+            if isinstance(t.effect, SensorEffect)
+        ]
+        return sorted(found, key=lambda item: item[1].order)
