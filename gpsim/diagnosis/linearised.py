@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.problem import Problem
+from gpsim.diagnosis.problem import Problem, variance_of
 
 STEP_OF_STATE, STEP_OF_PARAMETER = 1e-5, 1e-4  # finite differences, in units of the typical size
 
@@ -99,7 +99,33 @@ def damped_step(
     if not theta.size:
         return Step(theta, follow, alone)
     information, gradients = projected(problem, residual, by_state, by_theta, variance, per_window)
-    a, b = information.sum(axis=0), gradients.sum(axis=0)
+    step = _damped(information.sum(axis=0), gradients.sum(axis=0), damping, theta, low, high)
+    return Step(step, follow, alone)
+
+
+def promised_gain(
+    problem: Problem,
+    residual: FloatArray,
+    by_state: FloatArray,
+    by_theta: FloatArray,
+    theta: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> float:
+    """What a step of theta without any damping would gain if all were linear [nats]."""
+    if not theta.size:
+        return 0.0
+    none = np.zeros(len(residual))
+    variance = variance_of(problem, residual)
+    information, gradients = projected(problem, residual, by_state, by_theta, variance, none)
+    b = gradients.sum(axis=0)
+    return float(0.5 * b @ _damped(information.sum(axis=0), b, 0.0, theta, low, high))
+
+
+def _damped(
+    a: FloatArray, b: FloatArray, damping: float, theta: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """(P,): the step that solves a step = b, scaled to a unit diagonal; what a bound holds stands still."""
     free = ~(((theta <= low) & (b < 0)) | ((theta >= high) & (b > 0)))
     step = np.zeros_like(theta)
     if free.any():
@@ -107,7 +133,7 @@ def damped_step(
         scale = np.sqrt(np.maximum(np.diag(sub), 1e-300))
         normal = sub / np.outer(scale, scale) + (damping + 1e-12) * np.eye(int(free.sum()))
         step[free] = np.linalg.solve(normal, b[free] / scale) / scale
-    return Step(step, follow, alone)
+    return step
 
 
 def _whitened(

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected, state_jacobian
+from gpsim.diagnosis.linearised import Step, damped_step, jacobians, projected, promised_gain, state_jacobian
 from gpsim.diagnosis.problem import Problem, objective, variance_of, window_costs
 from gpsim.evenly import evenly
 
@@ -24,6 +24,7 @@ PATTERN = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, *NEAR_BY)  # in a parameter's own fini
 FIRST_PATTERN = (*np.arange(12.0, 1.5, -0.5), *NEAR_BY)  # a threshold's valley may be as narrow as a step
 PATTERN_WINDOWS = 80  # windows on which the places of a pattern are judged
 LEAST_DAMPING = 1e-9
+NO_DAMPING = 1e-14  # what a rejected step can still multiply
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def fit(
     low, high = _bounds(hypothesis)
     theta = np.clip(hypothesis.theta, low, high)
     at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
-    damping, per_window = 1e-3, np.full(len(starts), 1e-3)
+    damping, per_window, least = 1e-3, np.full(len(starts), 1e-3), LEAST_DAMPING
     converged, still, seen_from = False, 0, None
     for round_ in range(iterations):
         if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
@@ -81,13 +82,18 @@ def fit(
         )
         new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high)
         gain = at.value - new.value
-        per_window = np.clip(np.where(stepped, per_window / 5, per_window * 8), LEAST_DAMPING, 1e6)
-        damping = float(np.clip(damping / 5 if moved else damping * 8, LEAST_DAMPING, 1e6))
+        per_window = np.clip(np.where(stepped, per_window / 5, per_window * 8), least, 1e6)
+        damping = float(np.clip(damping / 5 if moved else damping * 8, least, 1e6))
         at = new if gain > 0 else replace(at, anchored=anchored)
         still = 0 if gain >= tolerance else still + 1
         if (moved and still >= 1) or still >= (PATIENCE if theta.size else 2):
-            converged = True
-            break
+            # Where one channel is known far better than another, a little damping may be all that holds it.
+            promised = promised_gain(problem, at.residual, by_state, by_theta, at.theta, low, high)
+            if least < LEAST_DAMPING or promised < tolerance:
+                converged = True
+                break
+            least, still = NO_DAMPING, 0
+            damping, per_window = least, np.full(len(starts), least)
     variance = variance_of(problem, at.residual)
     return Fit(hypothesis.having(at.theta), at.starts, at.residual, variance, at.value, converged)
 
@@ -97,8 +103,9 @@ def curvature(problem: Problem, fit: Fit) -> Curvature:
     theta = fit.hypothesis.theta
     residual = problem.residuals(fit.hypothesis, theta[None], fit.starts[None])[0]
     by_state, by_theta = jacobians(problem, fit.hypothesis, theta, fit.starts, residual)
-    small = np.full(len(fit.starts), LEAST_DAMPING)
-    informations, gradients = projected(problem, residual, by_state, by_theta, fit.variance, small)
+    informations, gradients = projected(
+        problem, residual, by_state, by_theta, fit.variance, np.zeros(len(fit.starts))
+    )
     return Curvature(informations.sum(axis=0), gradients)
 
 
