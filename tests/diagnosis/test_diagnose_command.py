@@ -1,6 +1,8 @@
 """gpsim diagnose: files of the contract, a plant that steps, and one line for every bad input."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from gpsim.recordings.files import write_recording
 from gpsim.stages.diagnose import read_corrected
 
 from .worlds import World, record
+
+ROOT = Path(__file__).parent.parent.parent
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +105,18 @@ def test_the_files_keep_the_contract(diagnosed):
         "traces.png",
     }
     assert "Verdict: ambiguous" in (out / "report.html").read_text()
+
+
+def test_every_key_is_told_in_the_docs(diagnosed):
+    out, _ = diagnosed
+    report = json.loads((out / "diagnosis.json").read_text())
+    told = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+    part = report["fit"]["one_step"]["q_acc"]
+    (effect,) = report["effects"]
+    (parameter,) = effect["parameters"].values()
+    of_effects = [*effect, *parameter, *report["ranking"][0]]
+    for key in [*report, *report["location"], *report["fit"], *part, *report["remainder"], *of_effects]:
+        assert re.search(rf"\b{key}\b", told), key
 
 
 def test_the_corrected_simulator_steps_in_batches(diagnosed):
