@@ -58,6 +58,7 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
     for word in words:
         if word.startswith("=") or ("=" not in word and not word.startswith("~")):
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
+    _refuse_strangers(words, config_dir)
     with _hydra(config_dir):
         try:
             config = compose("config", overrides=list(words))
@@ -66,6 +67,18 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
             raise UsageError(_one_line(error, words)) from error
     assert isinstance(resolved, dict)
     return _checked({str(key): value for key, value in resolved.items()})
+
+
+def _refuse_strangers(words: Sequence[str], config_dir: Path | None) -> None:
+    """A `+` adds what was not there: at the top, where nothing would read it, it is a slip of the pen."""
+    added = [word for word in words if word.startswith("+")]
+    if not added:
+        return
+    known = resolve([word for word in words if word not in added], config_dir)
+    for word in added:
+        name = re.split(r"[.@/=]", word.lstrip("+"))[0]
+        if name not in known:
+            raise UsageError(f"'{word}': nothing reads '{name}'; settings: {', '.join(known)}")
 
 
 class _UsersFolder(SearchPathPlugin):

@@ -9,11 +9,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
+from contextlib import suppress
 
 import typer
 
 from gpsim import __version__
 from gpsim.errors import UsageError
+from gpsim.files import FULL, REFUSED
 
 from .diagnose import diagnose_command
 from .export import export_app
@@ -21,6 +23,8 @@ from .import_ import import_command
 from .prove import prove_app
 from .run import report_command, run_app
 from .stages import add_stages
+
+LONGEST_NAME = 80  # of a file in an error
 
 app = typer.Typer(
     name="gpsim",
@@ -82,7 +86,26 @@ def main() -> None:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
+        _drop_output()
+    except OSError as error:
+        # What no command has a better word for: a name that cannot be, a terminal's log on a full disk.
+        if error.errno not in (*FULL, *REFUSED):
+            raise
+        _drop_output()
+        with suppress(OSError):
+            where = "output" if error.filename is None else str(error.filename)
+            print(f"error: {_short(where)}: {error.strerror}", file=sys.stderr)
+        sys.exit(2)
+
+
+def _drop_output() -> None:
+    """What is still buffered has nowhere to go, and must not fail once more when the program ends."""
+    with suppress(OSError):  # what stands for the output may be no file
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."
 
 
 if __name__ == "__main__":

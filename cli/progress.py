@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -48,9 +48,7 @@ class Board:
         if self._live:
             self._bars.stop()
         if kind is not None and issubclass(kind, KeyboardInterrupt):  # Typer then ends with exit code 130
-            print(
-                "interrupted: finished artifacts are whole, run the same command to carry on", file=sys.stderr
-            )
+            _say("interrupted: finished artifacts are whole, run the same command to carry on")
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
         """Job `job` has done `done` of `total`."""
@@ -64,11 +62,7 @@ class Board:
         if now - self._spoken.setdefault(job, now) >= SECONDS_BETWEEN_LINES and done < total:
             self._spoken[job] = now
             left = (now - self._started[job]) * (total - done) / max(done, 1)
-            print(
-                f"  {job}: {100 * done // max(total, 1)} %, {left:.0f} s left, {note}",
-                file=sys.stderr,
-                flush=True,
-            )
+            _say(f"  {job}: {100 * done // max(total, 1)} %, {left:.0f} s left, {note}")
 
     def finish(self, job: str, line: str, kept: bool = False) -> None:
         """Job `job` is done: say so and drop its bar. kept: it was there already."""
@@ -79,7 +73,8 @@ class Board:
             self._bars.update(self._all, completed=self._done, note=self.overall())
         elif self._jobs:
             line = f"{line} [dim]({self.overall()})[/]"
-        (self._bars.console if self._live else self._console).print(line, highlight=False, soft_wrap=True)
+        with suppress(OSError):
+            (self._bars.console if self._live else self._console).print(line, highlight=False, soft_wrap=True)
 
     def overall(self) -> str:
         """How many jobs are done and, once one was made, about how long the rest takes at that pace."""
@@ -92,6 +87,12 @@ class Board:
             return said
         minutes = (time.monotonic() - self._began) / made * left / 60.0
         return f"{said}, about {minutes:.0f} min left" if minutes >= 1.0 else f"{said}, under a minute left"
+
+
+def _say(line: str) -> None:
+    """A log on a full disk is no reason to stop what is under way."""
+    with suppress(OSError):
+        print(line, file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import pytest
 from gpsim.cli.main import main
 
 GPSIM = [sys.executable, "-m", "gpsim.cli.main"]
+LONG = 300 * "a"
 ORDER = [
     "train-source",
     "collect",
@@ -123,6 +124,11 @@ def test_help_lists_the_stages_in_order(tmp_path):
         (["run", "full-loop", "gp.inputs=[x,speed]"], "no channel 'speed'"),
         (["run", "full-loop", "gp.noise_floor=0"], "gp.noise_floor: bounds of noise_std need 0 < low < high"),
         (["run", "full-loop", "+gp.bounds=3"], "gp: no setting 'bounds'"),
+        (["fit-gp", "+sedd=3"], "error: '+sedd=3': nothing reads 'sedd'; settings: seed, runs_dir"),
+        (["diagnose", LONG], f"error: {LONG[:80]}...: File name too long"),
+        (["import", LONG, "--out", "x"], "File name too long"),
+        (["fit-gp", "--config-dir", LONG], "File name too long"),
+        (["build-residuals", f"recording={LONG}"], "File name too long"),
         (["run", "full-loop", "sample_noise=3"], "sample_noise: expected true or false, got 3"),
         (["run", "full-loop", "gp.restarts=-1"], "error: gp: restarts must be at least 0, got -1\n"),
         (["run", "full-loop", "gp.patience=0"], "error: gp: patience must be at least 1, got 0\n"),
@@ -230,6 +236,20 @@ def test_no_traceback_from_the_installed_program(tmp_path):
     assert ended.returncode == 2
     assert ended.stderr.startswith("error: ")
     assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
+def test_a_full_disk_behind_the_output_is_one_line(tmp_path):
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [*GPSIM, "collect", "--show-config"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+            check=False,
+        )
+    assert (ended.returncode, ended.stderr) == (2, "error: output: No space left on device\n")
 
 
 def test_show_config_prints_and_stops(tmp_path):

@@ -27,6 +27,7 @@ from gpsim.simulators.wrapping import wrapping
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
 FEWEST_WINDOWS = 4
+FEWEST_TRANSITIONS = 12  # below, not even that many short windows
 NOISY, LONGER = 0.02, 2  # noise, in parts of what moves within a window, that makes windows so much longer,
 ENOUGH_WINDOWS, FILLED = 40, 0.9  # if as many are left to learn from, and so much of them holds samples,
 SEARCHED_LONGER = 50  # and as many of those for the search
@@ -62,6 +63,7 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
     """
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)
+    _check_length(recording)
     check_clock(recording)
     check_varies(recording)
     if recording.integrator not in INTEGRATORS:
@@ -90,6 +92,18 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
         hidden,
         origin,
     )
+
+
+def _check_length(recording: Recording) -> None:
+    """Of what is far too short nothing else is worth saying."""
+    count = recording.transition_count
+    if count >= FEWEST_TRANSITIONS:
+        return
+    single = sum(len(episode) == 0 for episode in recording.episodes)
+    hint = "record more"
+    if single > 1 and 2 * single > len(recording.episodes):
+        hint = f"{single} episodes have one row: the column `episode` names episodes, it does not count rows"
+    raise UsageError(f"too short to judge: {count} transitions, {FEWEST_TRANSITIONS} at the least; {hint}")
 
 
 def _split(recording: Recording, observed: BoolArray) -> tuple[Windows, Windows]:

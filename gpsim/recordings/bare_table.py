@@ -21,6 +21,7 @@ def read_bare_table(
     parameters: Mapping[str, float],
     *,
     optional: Collection[str] = (),
+    integrator: str = "euler",
 ) -> Recording:
     """Columns t [s], `state`, `action` and, if there are several, episode; states in `optional` may be absent.
 
@@ -42,7 +43,7 @@ def read_bare_table(
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
         raise UsageError(f"{path}: too short: no episode has two rows")
-    return Recording(system, held, action, episodes, float(np.median(steps)), parameters)
+    return Recording(system, held, action, episodes, float(np.median(steps)), parameters, integrator)
 
 
 def _read(path: Path) -> pd.DataFrame:

@@ -12,6 +12,7 @@ import yaml
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
+from gpsim.files import unreadable
 from gpsim.recordings import values
 from gpsim.recordings.recording import Episode, HeldOut, Recording
 
@@ -113,6 +114,8 @@ def _read_metadata(path: Path) -> Mapping[str, Any]:
         )
     try:
         meta = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise unreadable(path, error) from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise UsageError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from error
     if not isinstance(meta, dict):
@@ -143,8 +146,12 @@ def _wraps(meta: Mapping[str, Any], where: str) -> tuple[str, ...]:
 
 def _noise(meta: Mapping[str, Any], channels: Channels, where: str) -> dict[str, float]:
     noise = values.numbers(meta.get("noise") or {}, f"{where}: noise")
-    for name in noise:
+    for name, deviation in noise.items():
         values.choice(name, channels.names, f"{where}: noise")
+        if deviation < 0:
+            raise UsageError(
+                f"{where}: noise.{name}: a standard deviation is no less than 0, got {deviation:g}"
+            )
     return noise
 
 
@@ -153,11 +160,14 @@ def _held_out(meta: Mapping[str, Any], where: str) -> HeldOut | None:
         return None
     where = f"{where}: held_out"
     rule = values.table(meta["held_out"], where, ("episodes_from", "time_from"))
-    first, moment = rule.get("episodes_from"), rule.get("time_from")
-    return HeldOut(
-        None if first is None else int(values.number(first, f"{where}.episodes_from")),
-        None if moment is None else values.number(moment, f"{where}.time_from"),
-    )
+    if len(rule) > 1:
+        raise UsageError(f"{where}: episodes_from or time_from, not both")
+    if "time_from" in rule:
+        return HeldOut(None, values.number(rule["time_from"], f"{where}.time_from"))
+    first = values.number(rule["episodes_from"], f"{where}.episodes_from")
+    if not first.is_integer():
+        raise UsageError(f"{where}.episodes_from: expected a whole number, got {first:g}")
+    return HeldOut(int(first), None)
 
 
 def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:

@@ -54,6 +54,7 @@ class Simulator(ABC):
     rate: ClassVar[Channels]
     parameters: ClassVar[Mapping[str, Parameter]]
     coordinates: ClassVar[tuple[Coordinate, ...]] = ()
+    integrator: Integrator = "euler"  # where neither recording nor settings name one
     start: Mapping[str, float] = MappingProxyType(
         {}
     )  # a guess for every state channel that may go unmeasured
@@ -93,7 +94,7 @@ class Simulator(ABC):
             known = ", ".join(self.parameters)
             raise UsageError(
                 f"simulator {self.name}: no parameter '{unknown[0]}'; it has: {known or 'none'} "
-                "(settings of a simulator of your own: simulator/NAME.yaml in a --config-dir)"
+                "(take it out of `parameters:` in recording.yaml, or in the simulator/NAME.yaml of a --config-dir)"
             )
         for name, value in given.items():
             bounds = self.parameters[name]

@@ -30,7 +30,14 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray, difference
 from gpsim.errors import UsageError
-from gpsim.simulators.simulator import Coordinate, Parameter, Parameters, Simulator
+from gpsim.simulators.simulator import (
+    INTEGRATORS,
+    Coordinate,
+    Integrator,
+    Parameter,
+    Parameters,
+    Simulator,
+)
 
 GUARDED = ("rates", "derivative", "measured_rates", "mobility", "normal_force")
 """What a class that derives from Simulator may write; `integrate` and `step` ask these."""
@@ -95,6 +102,7 @@ class UserSimulator(Simulator):
             raise UsageError(f"{reference}: 'wraps' must be a list of channels, got the text {wraps!r}")
         self._system, self._reference = system, reference
         self.start: dict[str, float] = {k: float(v) for k, v in dict(getattr(system, "start", {})).items()}
+        self.integrator = _integrator(system, reference)
         self.name = reference  # type: ignore[misc]  # a class constant of the built-in simulators
         self.state = Channels.of(state, wraps=tuple(wraps))  # type: ignore[misc]
         self.action = Channels.of(_units(system, "action", reference))  # type: ignore[misc]
@@ -282,6 +290,14 @@ def _parameters(system: Any, reference: str) -> dict[str, Parameter]:
         names = "state, action, p, forces" if expected == 4 else "state, action, p"
         raise UsageError(f"{reference}: rates must take ({names})")
     return out
+
+
+def _integrator(system: Any, reference: str) -> Integrator:
+    said = getattr(system, "integrator", "euler")
+    found = next((name for name in INTEGRATORS if name == said), None)
+    if found is None:
+        raise UsageError(f"{reference}: 'integrator' must be one of {', '.join(INTEGRATORS)}, got {said!r}")
+    return found
 
 
 def _rate_name(channel: str) -> str:

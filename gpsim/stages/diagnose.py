@@ -131,6 +131,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         simulator.action,
         simulator.defaults(),
         optional=tuple(simulator.start),
+        integrator=simulator.integrator,
     )
     return _first(recording, task.episodes), simulator
 

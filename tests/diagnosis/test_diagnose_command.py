@@ -1,5 +1,6 @@
 """gpsim diagnose: files of the contract, a plant that steps, and one line for every bad input."""
 
+import errno
 import json
 import re
 from pathlib import Path
@@ -137,7 +138,24 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
         (lambda meta: meta.update(state={"q": "mm", "q_dot": "m/s"}), "mm"),
         (lambda meta: meta.update(integrator="magic"), "magic"),
         (lambda meta: meta.update(parameters={"weight": 1.0}), "weight"),
+        (
+            lambda meta: meta.update(parameters={"weight": 1.0}),
+            "take it out of `parameters:` in recording.yaml",
+        ),
         (lambda meta: meta.update(action={"push": "N"}), "push"),
+        (lambda meta: meta.update(action={}), "force"),
+        (
+            lambda meta: meta.update(noise={"q": -0.1}),
+            "noise.q: a standard deviation is no less than 0, got -0.1",
+        ),
+        (
+            lambda meta: meta.update(held_out={"episodes_from": 1.5}),
+            "held_out.episodes_from: expected a whole number, got 1.5",
+        ),
+        (
+            lambda meta: meta.update(held_out={"episodes_from": 1, "time_from": 2.0}),
+            "held_out: episodes_from or time_from, not both",
+        ),
     ],
 )
 def test_a_mismatch_is_one_line(folder, tmp_path, change, message):
@@ -153,11 +171,27 @@ def test_a_mismatch_is_one_line(folder, tmp_path, change, message):
     assert "\n" not in str(result.exception)
 
 
-@pytest.mark.parametrize("fault", ["short", "constant", "nan"])
-def test_bad_data_are_one_line(folder, tmp_path, fault):
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("short", "too short to judge: 28 transitions make"),
+        ("very short", "too short to judge: 2 transitions, 12 at the least; record more"),
+        (
+            "numbered rows",
+            "530 episodes have one row: the column `episode` names episodes, it does not count rows",
+        ),
+        ("constant", "channel force is constant (1) from episode 0, row 0 to episode 4, row 105: "),
+        ("nan", "recording.csv: episode 0, row 6, channel q: nan is not finite"),
+    ],
+)
+def test_bad_data_are_one_line(folder, tmp_path, fault, message):
     lines = (folder / "recording.csv").read_text().splitlines()
     if fault == "short":
         lines = lines[:30]
+    elif fault == "very short":
+        lines = lines[:4]
+    elif fault == "numbered rows":
+        lines = [lines[0], *(f"{i},{row.partition(',')[2]}" for i, row in enumerate(lines[1:]))]
     elif fault == "constant":
         lines = [
             lines[0],
@@ -166,11 +200,24 @@ def test_bad_data_are_one_line(folder, tmp_path, fault):
     else:
         lines[7] = lines[7].replace(lines[7].split(",")[2], "nan")
     (tmp_path / "recording.csv").write_text("\n".join(lines) + "\n")
-    (tmp_path / "recording.yaml").write_text((folder / "recording.yaml").read_text())
+    meta = yaml.safe_load((folder / "recording.yaml").read_text())
+    del meta["held_out"]
+    (tmp_path / "recording.yaml").write_text(yaml.safe_dump(meta))
     result = CliRunner().invoke(app, ["diagnose", str(tmp_path), "--out", str(tmp_path / "o")])
     assert isinstance(result.exception, UsageError)
+    assert message in str(result.exception)
     assert "\n" not in str(result.exception)
     assert not (tmp_path / "o").exists()
+
+
+def test_a_description_that_cannot_be_read_is_one_line(folder, tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(errno.EACCES, "Permission denied", "recording.yaml")
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    result = CliRunner().invoke(app, ["diagnose", str(folder), "--out", str(tmp_path / "o")])
+    assert isinstance(result.exception, UsageError)
+    assert "recording.yaml: cannot be read (Permission denied)" in str(result.exception)
 
 
 def test_a_bare_table_needs_a_simulator(folder, tmp_path):

@@ -15,10 +15,10 @@ from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.telling import paragraphs
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
-from gpsim.recordings.files import write_recording
+from gpsim.recordings.files import to_frame, write_recording
 from gpsim.residuals import build_residuals, check_rates
 from gpsim.simulators import make_simulator
-from gpsim.stages.diagnose import read_corrected
+from gpsim.stages.diagnose import Task, open_recording, read_corrected
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 REFERENCE = f"{EXAMPLE}:CascadedTanks"
@@ -173,3 +173,19 @@ def test_a_root_of_a_noisy_level_is_refused_with_its_row(tmp_path):
     with pytest.raises(UsageError, match="episode second, row 123"):
         build_residuals(recording, tank, tank.defaults(), "euler", test_fraction=0.5, rng=rng)
     check_rates(replace(recording, episodes=episodes[:1]), tank, tank.defaults())
+
+
+def test_a_bare_table_is_compared_with_the_classs_own_integrator(tmp_path):
+    source = EXAMPLE.read_text(encoding="utf-8").replace(
+        'action = {"pump": "V"}', 'action = {"pump": "V"}\n    integrator = "rk4"'
+    )
+    (tmp_path / "tanks.py").write_text(source)
+    (tmp_path / "wrong.py").write_text(source.replace("rk4", "rk5"))
+    table = to_frame(drive()).drop(columns="upper")
+    table.to_csv(tmp_path / "log.csv", index=False)
+    recording, _ = open_recording(Task(tmp_path / "log.csv", f"{tmp_path}/tanks.py:CascadedTanks", None))
+    assert recording.integrator == "rk4"
+    recording, _ = open_recording(Task(tmp_path / "log.csv", REFERENCE, None))
+    assert recording.integrator == "euler"
+    with pytest.raises(UsageError, match="'integrator' must be one of euler, semi_implicit, rk4, got 'rk5'"):
+        make_simulator(f"{tmp_path}/wrong.py:CascadedTanks")
