@@ -23,7 +23,7 @@ from gpsim.diagnosis.orders import Order, fit_all
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
-from gpsim.diagnosis.rivals import held_out_objective, rivals_of
+from gpsim.diagnosis.rivals import held_out_objective, overtaking, rivals_of
 from gpsim.diagnosis.search import Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects.chain import Scheme
@@ -81,6 +81,10 @@ def judge(
     if leader.hypothesis.scheme != null.hypothesis.scheme:
         null = _null_of(problem, leader.hypothesis.scheme)
     rivals, probabilities, mending = rivals_of(question, leader, fits)
+    ahead = overtaking(rivals, probabilities)
+    if ahead is not None:
+        fits, leader = [*fits, leader], ahead
+        rivals, probabilities, mending = rivals_of(question, leader, fits)
     noise, unexplained = _unexplained(problem, leader, null)
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)

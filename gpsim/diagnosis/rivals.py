@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.evidence import channel_objectives, correlation_time, scores
+from gpsim.diagnosis.evidence import PER_TERM, channel_objectives, correlation_time, scores
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.orders import Order, fit_all
 from gpsim.diagnosis.preparing import Question
@@ -66,6 +66,17 @@ def rivals_of(
             counted.append(rival)
             weights.append(weight)
     return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)], mending
+
+
+def overtaking(rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
+    """The rival that leads once held-out windows count, too, by as much as a term must be worth; None without one.
+
+    probabilities: of the leader, then of the rivals.
+    """
+    if not rivals:
+        return None
+    best = int(np.argmax(probabilities[1:]))
+    return rivals[best] if probabilities[1 + best] > np.exp(PER_TERM) * probabilities[0] else None
 
 
 def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:

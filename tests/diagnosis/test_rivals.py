@@ -52,3 +52,18 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
     monkeypatch.setattr(rivals, "scores", lambda *_: np.array([0.0, nats]))
     monkeypatch.setattr(rivals, "pays", lambda *_: paid)
     assert rivals._mending(None, leader, [richer]) == ([richer] if mends else [])
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "which"),
+    [
+        ([1.0], None),
+        ([0.4, 0.35, 0.25], None),
+        ([0.02, 0.98], None),  # 3.9 nats: less than a term must be worth
+        ([0.001, 0.003, 0.996], 1),
+        ([0.0, 1.0], 0),
+    ],
+)
+def test_a_rival_that_is_far_ahead_with_held_out_windows_leads(probabilities, which):
+    others = [stub(name) for name in "bcd"[: len(probabilities) - 1]]
+    assert rivals.overtaking(others, probabilities) is (None if which is None else others[which])
