@@ -73,14 +73,23 @@ def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) 
 
 def depends_on(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> list[str]:
     """Inputs that explain more than a twentieth of a residual rate (N, R) when it is averaged in bins of them."""
-    names = (*simulator.state.names, *simulator.action.names)
     shown = [i for i, channel in enumerate(simulator.rate) if channel.name in comparison.one_step]
-    targets = _without_glitches(residual[:, shown])
+    shares = _shares_explained(simulator, comparison, residual[:, shown])
+    return [name for name, share in shares.items() if share > DEPENDS]
+
+
+def most_telling(simulator: Simulator, comparison: Comparison, rate: int, count: int = 2) -> list[str]:
+    """The `count` inputs that explain most of one rate's residual under the base, however little that is."""
+    return list(_shares_explained(simulator, comparison, comparison.left_before[:, [rate]]))[:count]
+
+
+def _shares_explained(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> dict[str, float]:
+    """Every input, the most telling one first, with the largest share of a residual (N, K) that it explains."""
+    names, targets = (*simulator.state.names, *simulator.action.names), _without_glitches(residual)
     shares = {
         name: _explained(values, targets) for name, values in zip(names, comparison.inputs.T, strict=True)
     }
-    found = [name for name, share in shares.items() if share > DEPENDS]
-    return sorted(found, key=lambda name: -shares[name])
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
 def _without_glitches(targets: FloatArray) -> FloatArray:

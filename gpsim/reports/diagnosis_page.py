@@ -12,6 +12,7 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from gpsim.diagnosis.diagnosis import Diagnosis
+from gpsim.diagnosis.locating import most_telling
 from gpsim.diagnosis.telling import in_percent, number, paragraphs, ranking
 from gpsim.diagnosis.traces import BASE, EFFECTS, Course, Trace, Traces
 from gpsim.reports.canvas import legend_above, panels, png, style
@@ -151,13 +152,13 @@ def _traces_caption(traces: Traces) -> str:
 
 
 def _inputs(found: Diagnosis) -> bytes:
-    """The rate that stands out most against what it depends on most, before and after."""
+    """The rate that stands out most against the two inputs that tell most of it, before and after."""
     comparison, simulator = found.comparison, found.question.everything.simulator
     channels = (*simulator.state, *simulator.action)
     names = [channel.name for channel in channels]
     ratio = {n: e["before"] / max(e["noise_floor"], 1e-300) for n, e in comparison.one_step.items()}
     rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
-    telling = [n for n in found.report["location"]["depends_on"] if n in names][:2] or names[:2]
+    telling = most_telling(simulator, comparison, rate)
     before, after = comparison.left_before[:, rate], comparison.left_after[:, rate]
     low, high = np.quantile(before, [0.002, 0.998])
     margin = 0.15 * (high - low) + 1e-12
