@@ -13,6 +13,12 @@ from gpsim.channels import FloatArray
 BINS = 40  # of equal numbers of samples
 MOST_OF_IT = 0.9  # share of the squares beyond noise that a part must hold
 FEW = 0.35  # share of the samples that it may hold at most
+MANY, SHARP, NOTHING = (
+    0.8,
+    0.5,
+    0.1,
+)  # or so many, if edges are so dense, and what is outside, in parts of what is inside
+EDGE = 2  # bins that make an edge
 FEWEST_SAMPLES, LEAST = 400, 0.25  # below, chance may put the squares beyond noise anywhere
 
 
@@ -42,17 +48,19 @@ class Part:
 def concentrated(inputs: Mapping[str, FloatArray], squares: FloatArray, noise: float) -> Part | None:
     """The part of one input (N,) that holds nearly all of the `squares` (N,) beyond `noise`, or None.
 
-    noise: the mean square that the sensors alone would make. Of several, the one with the fewest samples.
+    noise: the mean square that the sensors alone would make. Of several, the one with the fewest samples. A part with
+    many samples counts where its edges are sharp, as those of an onset are: a law that grows steadily has none.
     """
     beyond = squares - noise
     if len(squares) < FEWEST_SAMPLES or beyond.mean() <= LEAST * noise:
         return None
     parts = [_part(name, values, beyond) for name, values in inputs.items()]
-    found = [part for part in parts if part is not None and part.samples <= FEW]
+    found = [part for part in parts if part is not None]
     return min(found, key=lambda part: part.samples, default=None)
 
 
 def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
+    """The smallest part that holds MOST_OF_IT, if it is small; else the one that stands out most, if it is sharp."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
     if len(edges) < 3:
         return None
@@ -62,14 +70,34 @@ def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
     held, many = (np.concatenate([[0.0], np.cumsum(part)]) for part in (share, samples))
     first, last = np.triu_indices(len(edges), 1)  # bins first ... last - 1
     within, count = held[last] - held[first], many[last] - many[first]
-    options = [
-        _named(name, edges, (int(i), int(j)), inside, (float(s), float(n)))
-        for inside, shares, counts in ((True, within, count), (False, 1.0 - within, 1.0 - count))
-        for k in [int(np.argmin(np.where(shares >= MOST_OF_IT, counts, np.inf)))]
-        for i, j, s, n in [(first[k], last[k], shares[k], counts[k])]
-        if s >= MOST_OF_IT and n > 0.0
-    ]
-    return min(options, key=lambda part: part.samples, default=None)
+    small: list[Part] = []
+    sharp: list[Part] = []
+    for inside, shares, counts in ((True, within, count), (False, 1.0 - within, 1.0 - count)):
+        enough = (shares >= MOST_OF_IT) & (counts > 0.0)
+        few = np.where(enough & (counts <= FEW), counts, np.inf)
+        # Squares of the best fit by one level in the part and none elsewhere.
+        stands_out = np.where(enough & (counts <= MANY), shares**2 / np.maximum(counts, 1e-300), -np.inf)
+        for k, good, kept in (
+            (int(np.argmin(few)), bool(np.isfinite(few.min())), small),
+            (int(np.argmax(stands_out)), bool(np.isfinite(stands_out.max())), sharp),
+        ):
+            ends = int(first[k]), int(last[k])
+            if good and (kept is small or _is_sharp(share / samples, samples, ends, inside)):
+                kept.append(_named(name, edges, ends, inside, (float(shares[k]), float(counts[k]))))
+    return min(small or sharp, key=lambda part: part.samples, default=None)
+
+
+def _is_sharp(density: FloatArray, samples: FloatArray, ends: tuple[int, int], inside: bool) -> bool:
+    """Whether a part of the bins is as dense at its edges as within, and next to nothing lies outside."""
+    part = np.zeros(len(density), dtype=np.bool_)
+    part[ends[0] : ends[1]] = True
+    part = part if inside else ~part
+    level = float(np.average(density[part], weights=samples[part]))
+    cuts = np.flatnonzero(part[1:] != part[:-1])  # between bins cut and cut + 1
+    sides = [np.arange(c - EDGE + 1, c + 1) if part[c] else np.arange(c + 1, c + 1 + EDGE) for c in cuts]
+    near = [side[(side >= 0) & (side < len(part))] for side in sides]
+    dense = all(density[side[part[side]]].mean() >= SHARP * level for side in near)
+    return dense and float(np.average(density[~part], weights=samples[~part])) <= NOTHING * level
 
 
 def _named(

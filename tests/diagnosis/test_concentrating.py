@@ -37,7 +37,27 @@ def test_the_part_is_found(law, channel, inside, low, high):
     assert found.samples < 0.35
 
 
-@pytest.mark.parametrize("law", [0.0 * X, 6.0 * V, 5.0 + 0.0 * X, 4.0 * X])
+@pytest.mark.parametrize(
+    ("law", "channel", "inside", "low", "high"),
+    [
+        (3.0 * (T > 24), "t", True, 24, 60),
+        (3.0 * (T > 30), "t", True, 30, 60),
+        (3.0 * (T < 42) * np.sign(V), "t", True, 0, 42),
+        (3.0 * (V > 0), "v", True, 0, V.max()),
+        (3.0 * (np.abs(X) > 0.5), "x", False, -0.5, 0.5),
+        (2.0 * X * (T > 30), "t", True, 30, 60),  # the mismatch grows along x as well, and begins in time
+    ],
+)
+def test_a_part_with_many_samples_is_found_where_its_edges_are_sharp(law, channel, inside, low, high):
+    found = part(law)
+    assert (found.channel, found.inside) == (channel, inside)
+    reach = {"t": 60.0, "v": 4.0, "x": 1.0}[channel]
+    assert found.low == pytest.approx(low, abs=0.06 * reach)
+    assert found.high == pytest.approx(high, abs=0.06 * reach)
+    assert 0.35 < found.samples <= 0.8
+
+
+@pytest.mark.parametrize("law", [0.0 * X, 6.0 * V, 5.0 + 0.0 * X, 4.0 * X, 0.1 * T, 6.0 * np.sqrt(T / 60)])
 def test_what_acts_everywhere_lives_nowhere_in_particular(law):
     assert part(law) is None
 
