@@ -37,8 +37,8 @@ KINDS = (*MODELS, "noise_floor")
 class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
-    inputs: (N, S + A) state and action at training transitions; times: (N,) s; left_before, left_after: (N, R) their
-    residual rates under the base and under the effects.
+    inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
+    left_before, left_after: (N, R) their residual rates under the base and under the effects.
     """
 
     one_step: dict[str, dict[str, Any]]
@@ -48,6 +48,7 @@ class Comparison:
     features: tuple[str, ...]
     inputs: FloatArray
     times: FloatArray
+    episodes: IntArray
     left_before: FloatArray
     left_after: FloatArray
 
@@ -101,6 +102,7 @@ def compare(
         features.names,
         _inputs(steps["before"].train),
         steps["before"].train.t[:, 0],
+        steps["before"].train.episode,
         _residual_rates(problem, steps["before"].train, base),
         _residual_rates(problem, steps["after"].train, after),
     )

@@ -61,7 +61,7 @@ def concentrated(inputs: Mapping[str, FloatArray], squares: FloatArray, noise: f
 
 def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
     """The smallest part that holds MOST_OF_IT, if it is small; else the one that stands out most, if it is sharp."""
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1), method="inverted_cdf"))
     if len(edges) < 3:
         return None
     which = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)

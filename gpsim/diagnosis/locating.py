@@ -49,6 +49,8 @@ def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] 
     inputs = dict(
         zip((*simulator.state.names, *simulator.action.names), comparison.inputs.T, strict=True)
     ) | {"t": comparison.times + question.origin}
+    if question.recording.clock == "episode":  # their times say nothing of what came first
+        inputs["episode"] = comparison.episodes
     straight = {n: values for n, values in inputs.items() if n not in np.array(simulator.state.names)[wraps]}
     part = concentrated(straight, residual**2, comparison.one_step[name]["noise_floor"] ** 2)
     return None if part is None else {"rate": name} | part.entry

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from gpsim.diagnosis.locating import depends_on, most_telling
+from gpsim.diagnosis.locating import _concentrated, depends_on, most_telling
 from gpsim.simulators import make_simulator
 
 RNG = np.random.default_rng(0)
@@ -29,3 +29,31 @@ def test_a_picture_shows_the_two_inputs_that_tell_most_of_its_own_rate():
         )
         == 2
     )
+
+
+def test_what_began_between_two_episodes_is_located_where_each_has_a_clock_of_its_own():
+    episode = np.repeat(np.arange(20), 200)
+    left = RNG.normal(size=(4000, 2))
+    left[:, 0] += 4.0 * (episode >= 8) * np.sign(INPUTS[:, 1])
+    errors = {"x_acc": {"before": 3.2, "noise_floor": 1.0}, "theta_acc": {"before": 1.0, "noise_floor": 1.0}}
+    comparison = SimpleNamespace(
+        inputs=INPUTS,
+        times=np.tile(0.02 * np.arange(200), 20),
+        episodes=episode,
+        left_before=left,
+        one_step=errors,
+    )
+
+    def located(clock):
+        question = SimpleNamespace(
+            everything=SimpleNamespace(simulator=make_simulator("cartpole")),
+            recording=SimpleNamespace(clock=clock),
+            origin=0.0,
+        )
+        return _concentrated(question, comparison)
+
+    found = located("episode")
+    assert (found["rate"], found["channel"], found["where"]) == ("x_acc", "episode", "inside")
+    assert 7.0 < found["interval"][0] <= 8.0
+    assert found["interval"][1] == 19.0
+    assert located("session") is None
