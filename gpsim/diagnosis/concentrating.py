@@ -70,21 +70,30 @@ def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
     held, many = (np.concatenate([[0.0], np.cumsum(part)]) for part in (share, samples))
     first, last = np.triu_indices(len(edges), 1)  # bins first ... last - 1
     within, count = held[last] - held[first], many[last] - many[first]
-    small: list[Part] = []
-    sharp: list[Part] = []
-    for inside, shares, counts in ((True, within, count), (False, 1.0 - within, 1.0 - count)):
-        enough = (shares >= MOST_OF_IT) & (counts > 0.0)
-        few = np.where(enough & (counts <= FEW), counts, np.inf)
+    parts = [(True, within, count), (False, 1.0 - within, 1.0 - count)]
+
+    def named(k: int, inside: bool, shares: FloatArray, counts: FloatArray) -> Part:
+        return _named(
+            name, edges, (int(first[k]), int(last[k])), inside, (float(shares[k]), float(counts[k]))
+        )
+
+    found = []
+    for inside, shares, counts in parts:
+        costs = np.where((shares >= MOST_OF_IT) & (counts > 0.0) & (counts <= FEW), counts, np.inf)
+        k = int(np.argmin(costs))
+        if np.isfinite(costs[k]):
+            found.append(named(k, inside, shares, counts))
+    if found:
+        return min(found, key=lambda part: part.samples)
+    for inside, shares, counts in parts:
         # Squares of the best fit by one level in the part and none elsewhere.
-        stands_out = np.where(enough & (counts <= MANY), shares**2 / np.maximum(counts, 1e-300), -np.inf)
-        for k, good, kept in (
-            (int(np.argmin(few)), bool(np.isfinite(few.min())), small),
-            (int(np.argmax(stands_out)), bool(np.isfinite(stands_out.max())), sharp),
-        ):
-            ends = int(first[k]), int(last[k])
-            if good and (kept is small or _is_sharp(share / samples, samples, ends, inside)):
-                kept.append(_named(name, edges, ends, inside, (float(shares[k]), float(counts[k]))))
-    return min(small or sharp, key=lambda part: part.samples, default=None)
+        squares = shares**2 / np.maximum(counts, 1e-300)
+        worth = np.where((shares >= MOST_OF_IT) & (counts > 0.0) & (counts <= MANY), squares, -np.inf)
+        k = int(np.argmax(worth))
+        ends = int(first[k]), int(last[k])
+        if np.isfinite(worth[k]) and _is_sharp(share / samples, samples, ends, inside):
+            found.append(named(k, inside, shares, counts))
+    return min(found, key=lambda part: part.samples, default=None)
 
 
 def _is_sharp(density: FloatArray, samples: FloatArray, ends: tuple[int, int], inside: bool) -> bool:

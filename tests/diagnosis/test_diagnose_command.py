@@ -137,7 +137,6 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
         (lambda meta: meta.update(state={"q": "m", "speed": "m/s"}), "speed"),
         (lambda meta: meta.update(state={"q": "mm", "q_dot": "m/s"}), "mm"),
         (lambda meta: meta.update(integrator="magic"), "magic"),
-        (lambda meta: meta.update(parameters={"weight": 1.0}), "weight"),
         (
             lambda meta: meta.update(parameters={"weight": 1.0}),
             "take it out of `parameters:` in recording.yaml",
