@@ -87,5 +87,5 @@ def run_stage(
         request = Request(config, shown_words(words, config_dir), progress, out)
         artifact, existed = registry.STAGES[name].make(request)
     typer.echo(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
-    for line in registry.STAGES[name].notes(artifact):
+    for line in registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact):
         typer.echo(f"  {line}")

@@ -280,6 +280,25 @@ def test_a_diagnosis_that_is_given_is_what_train_gp_policy_trains_in(tmp_path):
         train_gp_policy.recipe(request())  # the first of what fit-gp needs
 
 
+@pytest.mark.parametrize("why", [None, "it has no structure"])
+def test_where_a_diagnosis_left_the_gaussian_process_out_effects_alone_are_trained_in(tmp_path, why):
+    plant = EffectsPlant(
+        make_simulator("cartpole"), make_simulator("cartpole").defaults({}), (), "euler", 1, 0.02
+    )
+
+    def write(folder: Path):
+        (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=why is None)))
+        (folder / "diagnosis.json").write_text(json.dumps({"remainder": {"gp": {"why_not": why}}}))
+        return {}
+
+    given = Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write)
+    asked = request("correction=effects+gp", f"diagnosis={given.path}")
+    alone = request("correction=effects", f"diagnosis={given.path}")
+    assert (train_gp_policy.recipe(asked) == train_gp_policy.recipe(alone)) is (why is not None)
+    assert train_gp_policy.STAGE.remarks(alone) == []
+    assert [str(why) in remark for remark in train_gp_policy.STAGE.remarks(asked)] == ([True] if why else [])
+
+
 @pytest.mark.parametrize(("count", "begins"), [(20, None), (6, 4), (3, 2), (1, None)])
 def test_the_diagnosis_learns_from_no_episode_that_the_loop_holds_out(tmp_path, count, begins):
     """Where the recording does not say; the rule of a diagnosis of its own is another where episodes are few."""

@@ -13,22 +13,31 @@ from gpsim.diagnosis.differentiated import filters, undone
 from gpsim.diagnosis.hidden import Completions
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.predicting import as_it_was, has_sensors, predicted, traced, without_sensors
+from gpsim.diagnosis.predicting import predicted, traced
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ratios import MODELS, over_before, rms, typical
-from gpsim.diagnosis.rolling import Model, rollouts
+from gpsim.diagnosis.remainder import (
+    Corrected,
+    Learnt,
+    best,
+    inputs,
+    learn,
+    left_with,
+    measured_rates,
+    residual_rates,
+    why_not,
+    with_a_past,
+)
+from gpsim.diagnosis.rolling import Model, rollouts, whole_windows
 from gpsim.diagnosis.search import LEAST_SHARE
 from gpsim.diagnosis.shooting import fit
-from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import Windows, cut, held_out_mask
 from gpsim.effects import effect_of
 from gpsim.evenly import evenly
-from gpsim.features import Features
-from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.recordings import Recording
 
-MOST, GP_ROWS = 3000, 250
+MOST = 3000
 LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
 KINDS = (*MODELS, "noise_floor")
 
@@ -37,6 +46,7 @@ KINDS = (*MODELS, "noise_floor")
 class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
+    corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
     inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
     left_before, left_after: (N, R) their residual rates under the base and under the effects.
     """
@@ -44,8 +54,8 @@ class Comparison:
     one_step: dict[str, dict[str, Any]]
     rollout: dict[str, Any]
     tuned: dict[str, float]
-    gp: Predictor
-    features: tuple[str, ...]
+    corrected: Corrected | None
+    why_no_gp: str | None
     inputs: FloatArray
     times: FloatArray
     episodes: IntArray
@@ -73,39 +83,69 @@ def compare(
         hypotheses["finely"] = Hypothesis()
     completions = Completions(problem, question.recording, question.hidden)
     steps = _steps_of(question, hypotheses, completions)
-    rates = {kind: _residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
-    features = _features(problem)
-    gps = {"gp": _gp(problem, steps["before"].train, base, features, rng)}
-    seen = _with_a_past(question, steps["after"].train, after)
-    gps["after_gp"] = _gp(problem, seen, after, features, rng) if after.terms else gps["gp"]
-    rates["gp"] = rates["before"] - gps["gp"].mean(features(_inputs(steps["before"].test)))
-    both = _added(gps["after_gp"], features)
-    rates["after_gp"] = (
-        _residual_rates(problem, steps["after"].test, after, both)
-        if has_sensors(after)  # the process knows the true states, which the simulation has
-        else rates["after"] - both(*_state_and_action(steps["after"].test))
-    )
+    rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
+    trains = {
+        kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
+    }
+    alone = learn(problem, trains["before"], base, rng)
+    rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], alone)
+    both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
+    rates["after_gp"] = rates["after"]
+    if both is not None:
+        kind = "after" if both.hypothesis == after else "before"
+        test = steps[kind].test
+        rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
     noise = _sensor_noise(question, judgement)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
     models = {
         "before": Model(base),
         "tuned": Model(hypotheses["tuned"]),
-        "gp": Model(base, _added(gps["gp"], features)),
-        "after_gp": Model(after, both),
+        "gp": Model(base, alone.rates),
+        "after_gp": Model(both.hypothesis, both.learnt.rates) if both else Model(after),
         "after": Model(after),
     }
     return Comparison(
-        _one_step(question, rates, _measured_rates(problem, steps["after"].test), rng),
+        _one_step(question, rates, measured_rates(problem, steps["after"].test), rng),
         rollouts(question, models, noise, rng, completions),
         {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
-        gps["after_gp"],
-        features.names,
-        _inputs(steps["before"].train),
+        both,
+        why,
+        inputs(steps["before"].train),
         steps["before"].train.t[:, 0],
         steps["before"].train.episode,
-        _residual_rates(problem, steps["before"].train, base),
-        _residual_rates(problem, steps["after"].train, after),
+        residual_rates(problem, steps["before"].train, base),
+        residual_rates(problem, steps["after"].train, after),
     )
+
+
+def _remainder(
+    question: Question,
+    judgement: Judgement,
+    hypotheses: Mapping[str, Hypothesis],
+    trains: Mapping[str, Windows],
+    completions: Completions,
+    alone: Learnt,
+    rng: np.random.Generator,
+) -> tuple[Corrected | None, str | None]:
+    """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
+
+    Of physics that nobody knows the effects are a partial account: their gates may cut what is left to pieces, and a
+    process that is `alone` with the base simulator models it better.
+    """
+    if not judgement.structured:
+        return None, "it has no structure"
+    problem = question.everything
+
+    def corrected(kind: str, learnt: Learnt) -> Corrected:
+        runs = whole_windows(question, completions.by(hypotheses[kind]), learnt_from=True)
+        return Corrected(hypotheses[kind], learnt, trains[kind], runs)
+
+    named = bool(judgement.leader.hypothesis.terms)
+    beside = corrected("after", learn(problem, trains["after"], hypotheses["after"], rng) if named else alone)
+    others = [corrected("before", alone)] if named and judgement.verdict == "unknown" else []
+    chosen = best(problem, [beside, *others])
+    why = why_not(problem, beside.errors(problem, modelled=False), chosen.errors(problem, modelled=True))
+    return (chosen, None) if why is None else (None, why)
 
 
 def _steps_of(
@@ -168,21 +208,6 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     return found.hypothesis if bool((share[problem.observed] > LEAST_SHARE).any()) else base
 
 
-def _residual_rates(
-    problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None = None
-) -> FloatArray:
-    """(W, R) measured minus simulated rates of single transitions; `extra` rates are added to the simulation's."""
-    said = predicted(problem, windows, hypothesis, extra)
-    dt = np.diff(windows.t, axis=1)[:, 0]
-    simulated = problem.simulator.measured_rates(windows.measured[:, 0], said[:, 1], dt)
-    return np.asarray(_measured_rates(problem, windows) - simulated)
-
-
-def _measured_rates(problem: Problem, windows: Windows) -> FloatArray:
-    dt = np.diff(windows.t, axis=1)[:, 0]
-    return problem.simulator.measured_rates(windows.measured[:, 0], windows.measured[:, 1], dt)
-
-
 def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
     """(S,) standard deviation of every recorded channel's noise, 0 of hidden ones.
 
@@ -212,54 +237,6 @@ def _noise_rates(
     seen = problem.simulator.measured_rates(noisy.measured[:, 0], after + rng.normal(size=shape) * noise, dt)
     simulated = problem.simulator.measured_rates(noisy.measured[:, 0], disturbed, dt)
     return np.asarray((seen - clean) - (simulated - clean))
-
-
-def _features(problem: Problem) -> Features:
-    """State and action, and the signs of the velocities: friction jumps there."""
-    names = (*problem.simulator.state.names, *problem.simulator.action.names)
-    signs = tuple(f"sign({c.velocity})" for c in problem.simulator.coordinates)
-    return Features.of((*names, *signs), problem.simulator.state + problem.simulator.action)
-
-
-def _inputs(windows: Windows) -> FloatArray:
-    return np.hstack(_state_and_action(windows))
-
-
-def _state_and_action(windows: Windows) -> tuple[FloatArray, FloatArray]:
-    return windows.measured[:, 0], windows.actions[:, 0]
-
-
-def _with_a_past(question: Question, train: Windows, hypothesis: Hypothesis) -> Windows:
-    """The transitions of which the sensors saw all that they remember: nobody knows what was before an episode."""
-    if not has_sensors(hypothesis):
-        return train
-    problem = question.everything
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    late = chain.sensors.looks_back(hypothesis.spread(hypothesis.theta[None], 1))
-    begun = np.array([episode.t[0] for episode in question.recording.episodes])
-    known = ~train.fresh & (train.t[:, 0] - begun[train.episode] > late)
-    return train.take(known) if known.any() else train
-
-
-def _gp(
-    problem: Problem, train: Windows, hypothesis: Hypothesis, features: Features, rng: np.random.Generator
-) -> Predictor:
-    """A Gaussian process on what the hypothesis leaves of the rates, as it will be asked: in true states.
-
-    What the hypothesis's sensors make of them the corrected simulator says by itself.
-    """
-    rows: IntArray = rng.permutation(len(train))[:GP_ROWS]
-    chosen = train.take(np.sort(rows))
-    if has_sensors(hypothesis):
-        chosen, hypothesis = as_it_was(problem, chosen, hypothesis), without_sensors(hypothesis)
-    targets = _residual_rates(problem, chosen, hypothesis)
-    settings = FitSettings(restarts=1, screening_iterations=5, max_iterations=60)
-    return Predictor(fit_outputs(features(_inputs(chosen)), targets, settings, rng))
-
-
-def _added(gp: Predictor, features: Features) -> Extra:
-    """The Gaussian process's mean as rates that are added."""
-    return lambda state, action: gp.mean(features(np.hstack([state, action])))
 
 
 def _one_step(

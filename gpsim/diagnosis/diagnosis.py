@@ -25,7 +25,7 @@ from gpsim.diagnosis.odds import odds_against
 from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.preparing import Question, prepare, settled_question
 from gpsim.diagnosis.problem import Problem
-from gpsim.diagnosis.search import STRUCTURED, Found, Note, search
+from gpsim.diagnosis.search import Found, Note, search
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.diagnosis.telling_apart import tell_apart
 from gpsim.effects import Term, effect_of
@@ -106,7 +106,6 @@ def _best(found: Found) -> Fit:
 def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
     problem = question.everything
     leader = judgement.leader
-    structured = _structured(judgement)
     return {
         "schema": SCHEMA,
         "verdict": judgement.verdict,
@@ -123,10 +122,11 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
             "rollout": comparison.rollout,
         },
         "remainder": {
-            "structured": structured,
-            "depends_on": _remaining(problem, comparison) if structured else [],
+            "structured": judgement.structured,
+            "depends_on": _remaining(problem, comparison) if judgement.structured else [],
             "p_value": judgement.p_value,
             "lack_of_fit": _lack_of_fit(judgement),
+            "gp": _gp(comparison, leader),
         },
         "integration": leader.hypothesis.scheme,
         "tuned": comparison.tuned,
@@ -137,20 +137,21 @@ def _report(question: Question, judgement: Judgement, comparison: Comparison) ->
     }
 
 
-def _structured(judgement: Judgement) -> bool:
-    """Whether something is left over; where nothing was named, the verdict has said so already."""
-    if not judgement.leader.hypothesis.terms:
-        return judgement.verdict == "unknown"
-    lack = judgement.lack
-    return judgement.p_value < STRUCTURED or (lack is not None and lack.significant)
-
-
 def _lack_of_fit(judgement: Judgement) -> dict[str, Any] | None:
     """Which smooth law of which rate would explain more, whether chance could have done it."""
     lack = judgement.lack
     if lack is None:
         return None
     return {"rate": lack.rate, "on": list(lack.on), "nats": round(lack.nats, 2), "p_value": lack.p_value}
+
+
+def _gp(comparison: Comparison, leader: Fit) -> dict[str, Any]:
+    """Whether a Gaussian process models what is left, beside the effects or, in their place, the base alone."""
+    found = comparison.corrected
+    if found is None:
+        return {"used": False, "beside": None, "why_not": comparison.why_no_gp}
+    named = leader.hypothesis.terms and found.hypothesis == leader.hypothesis
+    return {"used": True, "beside": "effects" if named else "base", "why_not": None}
 
 
 def _remaining(problem: Problem, comparison: Comparison) -> list[str]:

@@ -24,7 +24,7 @@ from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
 from gpsim.diagnosis.rivals import held_out_objective, overtaking, rivals_of
-from gpsim.diagnosis.search import Found, on_its_grid, pays
+from gpsim.diagnosis.search import STRUCTURED, Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects.chain import Scheme
 
@@ -64,6 +64,13 @@ class Judgement:
     lack: LackOfFit | None
     unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
+
+    @property
+    def structured(self) -> bool:
+        """Whether something is left over; where nothing was named, the verdict has said so already."""
+        if not self.leader.hypothesis.terms:
+            return self.verdict == "unknown"
+        return self.p_value < STRUCTURED or (self.lack is not None and self.lack.significant)
 
 
 def judge(

@@ -14,6 +14,7 @@ from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import Question
+from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ratios import MODELS, over_before, rms, typical
 from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import LENGTH, Windows, cut, held_out_mask, stretches
@@ -43,12 +44,11 @@ def rollouts(
     noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
     `typical` holds the same from the median, which rare glitches of a sensor do not move.
     """
-    problem, dt = question.everything, question.recording.dt
-    length = max(2, min(max(round(HORIZON / dt), LENGTH), LONGEST, _longest(question.recording)))
+    problem, dt, length = question.everything, question.recording.dt, _length(question.recording)
     errors, last, windows = {}, None, None
     for kind, model in models.items():
         if windows is None or question.hidden:  # what is hidden each model guesses for itself
-            windows = _held_out(completions.by(model.hypothesis), length)
+            windows = whole_windows(question, completions.by(model.hypothesis))
         if not len(windows):
             return {"horizon_s": length * dt}
         last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
@@ -70,17 +70,30 @@ def rollouts(
     return out
 
 
+def rolled(problem: Problem, windows: Windows, model: Model) -> FloatArray:
+    """(W, S) how far the model has drifted from what was measured at the windows' ends."""
+    last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
+    return difference(windows.measured[:, -1], last, problem.simulator.state)
+
+
+def whole_windows(question: Question, recording: Recording, learnt_from: bool = False) -> Windows:
+    """Evenly spread ones of the horizon in the held-out part, or in what is `learnt_from`.
+
+    All is both where nothing is held out. recording: the question's, completed where channels are hidden.
+    """
+    windows = cut(recording, _length(question.recording), most=10 * MOST)
+    held = held_out_mask(recording, windows)
+    windows = windows.take(held if held.any() and not learnt_from else ~held)
+    windows = windows.take(windows.valid[:, -1])
+    return windows.take(evenly(len(windows), MOST))
+
+
+def _length(recording: Recording) -> int:
+    return max(2, min(max(round(HORIZON / recording.dt), LENGTH), LONGEST, _longest(recording)))
+
+
 def _longest(recording: Recording) -> int:
     """Transitions of the longest held-out stretch; of any where nothing is held out."""
     held = first_held_out(recording)
     spans = [(last - first, first >= held[index]) for index, first, last in stretches(recording)]
     return max((span for span, out in spans if out), default=max((span for span, _ in spans), default=0))
-
-
-def _held_out(recording: Recording, length: int) -> Windows:
-    """Whole windows of the held-out part (of everything where nothing is held out), evenly spread."""
-    windows = cut(recording, length, most=10 * MOST)
-    held = held_out_mask(recording, windows)
-    windows = windows.take(held if held.any() else ~held)
-    windows = windows.take(windows.valid[:, -1])
-    return windows.take(evenly(len(windows), MOST))

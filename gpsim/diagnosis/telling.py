@@ -165,20 +165,35 @@ def _unit(parameter: Mapping[str, Any]) -> str:
 
 
 def _better(report: Report) -> str:
-    steps = [f"{name} {_step_errors(e)}" for name, e in report["fit"]["one_step"].items()]
+    modelled = bool(report["effects"]) and report["remainder"]["gp"]["beside"] == "effects"
+    steps = [f"{name} {_step_errors(e, modelled)}" for name, e in report["fit"]["one_step"].items()]
     rollout = report["fit"]["rollout"]
     runs = [f"{name} {_run_errors(e)}" for name, e in rollout.items() if name != "horizon_s"]
     said = "; ".join(steps) or "no rate follows from what was recorded"
-    text = f"Is the fit better, one step ahead on held-out data: {said}."
+    text = f"Is the fit better, one step ahead on held-out data: {said}.{_of_gp(report)}"
     return text + (f" After {rollout['horizon_s']:.3g} s: {'; '.join(runs)}." if runs else "")
 
 
-def _step_errors(errors: Mapping[str, Any]) -> str:
-    """RMS errors; where rare glitches make most of them, what is typical too."""
+def _of_gp(report: Report) -> str:
+    """Why no Gaussian process models what is left, or why one stands in the effects' place."""
+    gp = report["remainder"]["gp"]
+    if report["verdict"] != "none" and not gp["used"]:
+        return f" No GP on what is left: {gp['why_not']}."
+    partial = report["effects"] and gp["beside"] == "base"
+    return (
+        " The GP goes with the base alone: what the partial account leaves it learns less well."
+        if partial
+        else ""
+    )
+
+
+def _step_errors(errors: Mapping[str, Any], modelled: bool) -> str:
+    """RMS errors; where rare glitches make most of them, what is typical too. modelled: by a GP beside the effects."""
     n = {kind: number(errors[kind]) for kind in KINDS}
     text = (
-        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after{_of_before(errors)}, "
-        f"{n['after_gp']} after with a GP (noise floor {n['noise_floor']} {errors['unit']}"
+        f"{n['before']} before, {n['tuned']} tuned, {n['gp']} with a GP, {n['after']} after{_of_before(errors)}"
+        f"{', ' + n['after_gp'] + ' after with a GP' if modelled else ''} "
+        f"(noise floor {n['noise_floor']} {errors['unit']}"
     )
     usual = errors["typical"]
     if None not in (errors["after"], usual["after"]) and errors["after"] > GLITCHES * usual["after"]:

@@ -24,9 +24,10 @@ class FitSettings:
     """How to fit. `bounds`: box of the optimiser in standardised units.
 
     `restarts`: starts besides the data-driven first one: the best of those that turn quickly along one input; and
-    where the better of these leaves much of the targets to noise, one that turns along every input, then random
-    ones. Each start is followed for `screening_iterations`, the best one to the end (0 restarts: none). The ascent
-    stops when the likelihood gained less than `minimum_improvement` (natural logarithm units) over `patience`
+    where the better of these leaves much of the targets to noise, the best of those that expect so, one that turns
+    along every input, then random ones. Each start is followed for `screening_iterations`, the best one to the end
+    (0 restarts: none). The ascent stops when the likelihood gained less than `minimum_improvement` (natural logarithm
+    units) over `patience`
     iterations, or at `max_iterations`. `average_replicates`: rows with identical inputs collapse to their mean;
     exact, and faster where there are any.
     """
@@ -179,6 +180,19 @@ def turning_starts(data: TrainingData) -> list[HyperParameters]:
     return [HyperParameters(0.5, row, base.linear_stds, 0.1, 0.03) for row in lengthscales]
 
 
+def noisy_starts(data: TrainingData) -> list[HyperParameters]:
+    """One start per input and pace that turns along it under much noise.
+
+    Under noise as large as the law, ascents from starts that trust the data end where all of it is noise.
+    """
+    base, dimension = first_start(data), data.inputs.shape[1]
+    return [
+        HyperParameters(0.7, np.where(row, pace, 5.0), base.linear_stds, 0.1, 0.6)
+        for row in np.eye(dimension, dtype=bool)
+        for pace in (0.1, 0.3)
+    ]
+
+
 class _Search:
     """Ascents on one likelihood, and the book-keeping that the report needs."""
 
@@ -205,13 +219,17 @@ class _Search:
     def _screened(self, first: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Where the best of the starts stands after the screening."""
         data, restarts = self.likelihood.data, self.settings.restarts
-        turning = [self._inside(start) for start in turning_starts(data)]
-        ends = [self._screen(first), self._screen(min(turning, key=lambda vector: self._negative(vector)[0]))]
-        if restarts > 1 and HyperParameters.from_log_vector(_best(ends).x).noise_std > _MUCH_NOISE:
-            others = [wiggly_start(data), *(random_start(data, rng) for _ in range(restarts - 2))]
-            ends += [self._screen(self._inside(start)) for start in others]
+        ends = [self._screen(first), self._screen(self._likeliest(turning_starts(data)))]
+        if HyperParameters.from_log_vector(_best(ends).x).noise_std > _MUCH_NOISE:
+            others = [self._likeliest(noisy_starts(data)), self._inside(wiggly_start(data))]
+            others += [self._inside(random_start(data, rng)) for _ in range(restarts - 3)]
+            ends += [self._screen(start) for start in others[: restarts - 1]]
         self.start_likelihoods = tuple(map(_likelihood_of, ends))
         return np.asarray(_best(ends).x)
+
+    def _likeliest(self, starts: list[HyperParameters]) -> FloatArray:
+        """Before any ascent."""
+        return min(map(self._inside, starts), key=lambda vector: self._negative(vector)[0])
 
     def _screen(self, start: FloatArray) -> OptimizeResult:
         return self._ascend(start, self.settings.screening_iterations)

@@ -70,18 +70,30 @@ def read_diagnosis(folder: Path) -> Json:
     return content
 
 
+def why_no_gp(folder: Path) -> str | None:
+    """Why a finished diagnosis has no Gaussian process on the remainder; None if it has one."""
+    left_out = read_diagnosis(folder)["remainder"].get(
+        "gp", {"why_not": None}
+    )  # earlier versions always had one
+    return None if left_out["why_not"] is None else str(left_out["why_not"])
+
+
 def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
-    """The corrected simulator of a finished diagnosis, to train in; `gp` adds the Gaussian process on the remainder."""
+    """The corrected simulator of a finished diagnosis, to train in.
+
+    `gp` adds the Gaussian process on the remainder, if the diagnosis has one: see `why_no_gp`.
+    """
     artifact = read_artifact(folder, "diagnose")
     data: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
     _check_file(artifact, str(data["simulator"]))
     simulator = make_simulator(str(data["simulator"]))
     simulator = wrapping(simulator, _wrapped(simulator.state, data.get("wraps", ())))
     correction = None
-    if gp:
+    if gp and data["gp"]:
         predictor, inputs = read_gp(artifact.path)
         channels = simulator.state + simulator.action
         correction = GpCorrection(predictor, Features.of(inputs, channels), "mean", sample_noise=False)
+        data |= data.get("with_gp", {})  # it may stand in the effects' place
     return plant_from(data, simulator, correction)
 
 
@@ -90,10 +102,10 @@ def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
     return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))
 
 
-def _described(plant: EffectsPlant, own: Channels) -> Json:
+def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
     """corrected.json, and which channels wrap though the simulator's own state channels do not."""
     wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
-    return describe(plant, gp=True) | ({"wraps": wraps} if wraps else {})
+    return describe(plant, gp=gp) | ({"wraps": wraps} if wraps else {})
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:
@@ -197,8 +209,14 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     report = plain(found.report)
     write_json(folder / "diagnosis.json", report)
     plant = replace(found.plant, ages=ages_of(found.question.recording))
-    write_json(folder / "corrected.json", _described(plant, simulator.state))
-    write_gp(folder, found.comparison.gp, found.comparison.features)
+    gp = report["remainder"]["gp"]
+    described = _described(plant, simulator.state, gp=gp["used"])
+    if gp["beside"] == "base":
+        described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
+    write_json(folder / "corrected.json", described)
+    if found.comparison.corrected is not None:
+        learnt = found.comparison.corrected.learnt
+        write_gp(folder, learnt.predictor, learnt.features.names)
     (folder / "figures").mkdir()
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]
     pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))

@@ -86,7 +86,8 @@ class Request:
 class Stage:
     """One command. recipe(request) says what the artifact is made from; write(request, recipe, folder) makes it.
 
-    notes(artifact) are lines for the terminal: what a person wants to know at once. format: to be raised when the same
+    notes(artifact) are lines for the terminal: what a person wants to know at once; remarks(request) others: what of
+    the request was settled otherwise than it reads. format: to be raised when the same
     settings may give other content, so that what older code has made is not kept; code: see gpsim/stages/code.py.
     """
 
@@ -95,6 +96,7 @@ class Stage:
     recipe: Callable[[Request], Recipe]
     write: Callable[[Request, Recipe, Path], Json | None]
     notes: Callable[[Artifact], list[str]] = field(default=lambda artifact: [])
+    remarks: Callable[[Request], list[str]] = field(default=lambda request: [], kw_only=True)
     format: int = field(kw_only=True)
     code: str = field(default=RELEASE, kw_only=True)
 

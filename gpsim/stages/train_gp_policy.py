@@ -17,7 +17,7 @@ from gpsim.stages import fit_gp
 from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.code import IN_NUMBERS
-from gpsim.stages.diagnose import read_corrected
+from gpsim.stages.diagnose import read_corrected, why_no_gp
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_filter, read_gp_correction
 from gpsim.stages.stage import Request, Stage
@@ -54,12 +54,26 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 
 def _settled(request: Request) -> Request:
-    """With what corrects: where nothing is said, a diagnosis that is given, else the Gaussian process."""
+    """With what corrects: where nothing is said, a diagnosis that is given, else the Gaussian process.
+
+    Where the diagnosis left the Gaussian process out, `effects+gp` is the simulator that `effects` is: one policy.
+    """
     said = request.config["correction"]
     if said is None:
         return request.having(correction="gp" if request.config["diagnosis"] is None else "effects")
     choice(said, CORRECTIONS, "correction")
-    return request
+    return request.having(correction="effects") if _left_out(request) else request
+
+
+def _left_out(request: Request) -> str | None:
+    """Why there is no Gaussian process though one was asked for."""
+    return why_no_gp(find_diagnosis(request).path) if request.config["correction"] == "effects+gp" else None
+
+
+def remarks(request: Request) -> list[str]:
+    """Whether a Gaussian process that was asked for was left out."""
+    why = _left_out(request)
+    return [f"no Gaussian process beside the effects, as with correction=effects: {why}"] if why else []
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
@@ -125,6 +139,7 @@ STAGE = Stage(
     "Train a policy in the corrected simulator (correction=gp|effects|effects+gp prediction=mean|sample).",
     recipe,
     write,
+    remarks=remarks,
     format=TRAINING_FORMAT,
     code=IN_NUMBERS,
 )

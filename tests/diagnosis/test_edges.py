@@ -185,7 +185,12 @@ def _report(**changes):
         "alternatives": [],
         "tell_apart": None,
         "fit": {"held_out": [], "one_step": {"q_acc": errors}, "rollout": {"horizon_s": 1.0, "q": errors}},
-        "remainder": {"structured": False, "depends_on": [], "p_value": 1.0},
+        "remainder": {
+            "structured": False,
+            "depends_on": [],
+            "p_value": 1.0,
+            "gp": {"used": False, "beside": None, "why_not": "it has no structure"},
+        },
         "thinned": 1,
         "not_measured": [],
         **changes,
@@ -199,6 +204,7 @@ def test_a_rollout_that_ran_away_is_told_in_words():
 def test_what_could_not_be_computed_is_told_in_words():
     force = {"value": 1.0, "low": None, "high": None, "unit": "N", "at_bound": False}
     effect = {"family": "spring", "on": "q", "sentence": "a spring", "parameters": {"stiffness": force}}
-    unknown = {"structured": True, "depends_on": [], "p_value": None}
+    modelled = {"used": True, "beside": "effects", "why_not": None}
+    unknown = {"structured": True, "depends_on": [], "p_value": None, "gp": modelled}
     told = "\n".join(paragraphs(_report(verdict="unknown", effects=[effect], remainder=unknown)))
     assert "no interval" in told

@@ -107,6 +107,10 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
     assert report["verdict"] == "unknown"
     assert report["remainder"]["structured"]
     assert "theta" in report["location"]["depends_on"]
+    assert report["remainder"]["gp"]["used"]
+    for errors in (report["fit"]["one_step"]["theta_acc"], report["fit"]["rollout"]["theta"]):
+        beyond = {kind: errors[kind] ** 2 - errors["noise_floor"] ** 2 for kind in ("after", "after_gp")}
+        assert beyond["after_gp"] < 0.75 * beyond["after"]
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.comparing import _features, _gp, _residual_rates, _steps
+from gpsim.diagnosis.comparing import _steps
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import as_it_was, without_sensors
 from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.remainder import learn, left_with, residual_rates
 from gpsim.effects import Term
 from gpsim.simulators import make_simulator
 
@@ -44,22 +45,18 @@ def question():
 
 
 def test_it_learns_what_the_corrected_simulator_will_ask(question):
-    problem, features = question.everything, _features(question.everything)
-    train = _steps(question.recording).train
-    gp = _gp(problem, train, SENSORS, features, np.random.default_rng(0))
+    learnt = learn(question.everything, _steps(question.recording).train, SENSORS, np.random.default_rng(0))
     q = np.linspace(-0.3, 0.3, 7)
-    asked = np.stack([q, np.zeros(7), np.zeros(7)], axis=1)  # true states, no command
-    np.testing.assert_allclose(gp.mean(features(asked))[:, 0], -STIFFNESS * q / 2.0, atol=0.05)
+    states = np.stack([q, np.zeros(7)], axis=1)  # true ones, no command
+    np.testing.assert_allclose(learnt.rates(states, np.zeros((7, 1)))[:, 0], -STIFFNESS * q / 2.0, atol=0.05)
 
 
 def test_with_it_one_step_ahead_nothing_is_left(question):
-    problem, features = question.everything, _features(question.everything)
-    steps = _steps(question.recording)
-    gp = _gp(problem, steps.train, SENSORS, features, np.random.default_rng(0))
-    extra = lambda state, action: gp.mean(features(np.hstack([state, action])))  # noqa: E731
-    left = _residual_rates(problem, steps.test, SENSORS)
-    both = _residual_rates(problem, steps.test, SENSORS, extra)
-    assert np.sqrt(np.mean(both**2)) < 0.05 * np.sqrt(np.mean(left**2))
+    problem, steps = question.everything, _steps(question.recording)
+    learnt = learn(problem, steps.train, SENSORS, np.random.default_rng(0))
+    alone = residual_rates(problem, steps.test, SENSORS)
+    both = left_with(problem, steps.test, SENSORS, alone, learnt)
+    assert np.sqrt(np.mean(both**2)) < 0.05 * np.sqrt(np.mean(alone**2))
 
 
 def test_without_its_sensors_a_hypothesis_says_the_same_of_what_happened():

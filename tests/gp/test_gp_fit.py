@@ -200,3 +200,16 @@ def test_same_data_and_seed_give_the_same_bytes() -> None:
     reports = [[p.report.to_dict() for p in run if p.report is not None] for run in runs]
     assert reports[0] == reports[1]
     assert len(reports[0]) == 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_law_no_larger_than_the_noise_is_found(seed: int) -> None:
+    """Ascents from starts that trust the data end where all of it is noise."""
+    rng = np.random.default_rng(seed)
+    inputs = rng.normal(size=(250, 4))
+    law = lambda x: np.sin(5.0 * x[:, 1])  # noqa: E731
+    targets = law(inputs) + 0.8 * rng.normal(size=250)
+    fitted = fit(inputs, targets, FitSettings(restarts=2), np.random.default_rng(0))
+    asked = rng.normal(size=(500, 4))
+    off = Predictor([fitted]).mean(asked)[:, 0] - law(asked)
+    assert np.sqrt(np.mean(off**2)) < 0.5 * np.sqrt(np.mean(law(asked) ** 2))

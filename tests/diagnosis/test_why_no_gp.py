@@ -1,0 +1,93 @@
+"""Whether a Gaussian process on what the effects leave makes simulations better, said without the held-out data."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.remainder import Corrected, best, learn, why_not
+from gpsim.diagnosis.rolling import whole_windows
+from gpsim.diagnosis.windows import cut, held_out_mask
+from gpsim.effects import Term
+from gpsim.effects.term import Gate
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+
+class Instead:
+    """A Gaussian process that says something else."""
+
+    def __init__(self, predictor, change):
+        self._predictor, self._change = predictor, change
+
+    def mean(self, features):
+        return self._change(self._predictor.mean(features), features)
+
+
+@pytest.fixture(scope="module")
+def question():
+    world = World("pendulum", forces={0: lambda q, v, t: 0.8 * np.sin(6 * q)})
+    recording = record(world, seed=5, episodes=6, steps=155, noise=0.2)
+    simulator = make_simulator("pendulum")
+    return prepare(recording, simulator, simulator.defaults(recording.parameters))
+
+
+def corrected(question, hypothesis):
+    steps = cut(question.recording, 1)
+    train = steps.take(~held_out_mask(question.recording, steps))
+    found = learn(question.everything, train, hypothesis, np.random.default_rng(0))
+    return Corrected(hypothesis, found, train, whole_windows(question, question.recording, learnt_from=True))
+
+
+@pytest.fixture(scope="module")
+def learnt(question):
+    return corrected(question, Hypothesis())
+
+
+def verdict(question, learnt, change):
+    predictor = Instead(learnt.learnt.predictor, change)
+    changed = replace(learnt, learnt=replace(learnt.learnt, predictor=predictor))
+    return why_not(question.everything, *(changed.errors(question.everything, m) for m in (False, True)))
+
+
+def test_one_that_has_learnt_the_law_is_kept(question, learnt):
+    assert verdict(question, learnt, lambda mean, features: mean) is None
+
+
+def test_one_that_explains_nothing_is_left_out(question, learnt):
+    assert "explain nothing" in verdict(question, learnt, lambda mean, features: 0.0 * mean)
+
+
+def test_one_that_is_wrong_by_a_sign_is_left_out(question, learnt):
+    said = verdict(question, learnt, lambda mean, features: -mean)
+    assert "it would make the error in theta_acc one step ahead" in said or "after a rollout" in said
+
+
+def test_one_that_drives_rollouts_astray_is_left_out(question):
+    """Better one step ahead does not make up for it."""
+    before = np.array([1.0, 0.1, 0.2])  # theta_acc one step ahead, theta and theta_dot after a rollout
+    for astray, said in (
+        (0.2, "theta_dot after a rollout 2 times"),
+        (np.inf, "theta_dot after a rollout inf times"),
+    ):
+        assert said in why_not(question.everything, before, np.array([0.5, 0.1, astray + 0.2]))
+    assert why_not(question.everything, before, np.array([0.5, 0.1, 0.2])) is None
+
+
+def test_what_is_held_out_has_no_say(question, learnt):
+    for windows in (learnt.train, learnt.runs):
+        assert len(windows)
+        assert not held_out_mask(question.recording, windows).any()
+
+
+def test_of_a_partial_account_that_cuts_the_law_to_pieces_the_base_is_learnt_instead(question, learnt):
+    pieces = [
+        Term("constant_force", "theta", {"force": 6.0}, Gate({"theta": (low, low + 0.05)}))
+        for low in (-0.3, -0.15, 0.0, 0.1, 0.2)
+    ]
+    jagged = corrected(question, Hypothesis(tuple(pieces), ((),) * len(pieces)))
+    assert best(question.everything, [jagged, learnt]) is learnt
+    assert best(question.everything, [learnt, jagged]) is learnt
