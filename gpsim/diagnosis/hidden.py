@@ -17,7 +17,7 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import traced
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import fit
-from gpsim.diagnosis.windows import Windows, cut
+from gpsim.diagnosis.windows import Windows, cut_in_parts
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import Simulator
 
@@ -52,14 +52,23 @@ def smoothed(
     """The completed recording with its hidden channels as the hypothesis's own windows say."""
     if not hidden:
         return recording
-    windows = completed(problem.on(cut(recording)), hypothesis, hidden)
     columns = [recording.state.index(name) for name in hidden]
-    episodes = []
-    for index, episode in enumerate(recording.episodes):
-        rows = windows.episode == index
-        valid = windows.valid[rows]
-        t, said = windows.t[rows][valid], windows.measured[rows][valid]
-        episodes.append(_filled(episode, columns, t, said) if rows.any() else episode)
+    known: dict[
+        int, list[tuple[FloatArray, FloatArray]]
+    ] = {}  # of each episode: moments, and what is said of them
+    for part in cut_in_parts(recording):
+        windows = completed(problem.on(part), hypothesis, hidden)
+        for index in np.unique(windows.episode):
+            rows = windows.episode == index
+            valid = windows.valid[rows]
+            said = windows.measured[rows][valid][:, columns]
+            known.setdefault(int(index), []).append((windows.t[rows][valid], said))
+    episodes = [
+        _filled(episode, columns, *map(np.concatenate, zip(*known[index], strict=True)))
+        if index in known
+        else episode
+        for index, episode in enumerate(recording.episodes)
+    ]
     return replace(recording, episodes=tuple(episodes))
 
 
@@ -95,6 +104,6 @@ class Completions:
 def _filled(episode: Episode, columns: Sequence[int], t: FloatArray, said: FloatArray) -> Episode:
     """Between and beyond windows the hidden channel goes straight on from its neighbours."""
     states = np.array(episode.states)
-    for column in columns:
-        states[:, column] = np.interp(episode.t, t, said[:, column])
+    for i, column in enumerate(columns):
+        states[:, column] = np.interp(episode.t, t, said[:, i])
     return replace(episode, states=states)

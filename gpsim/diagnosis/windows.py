@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,7 @@ from gpsim.recordings import Episode, Recording
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST = 100  # transitions a window at most, where a clock is fast
 SAME_STEP = 1e-6  # relative difference of the nominal step that is rounding
+AT_ONCE = 2000  # windows that are simulated together, however long a recording is
 HIDING = 3.5  # control steps: a longer gap hides commands; over a row or two the last one is nearly right
 
 
@@ -85,14 +86,32 @@ def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> 
 
     None holds both samples to learn from and held-out ones. most: evenly spread ones are taken where there are more.
     """
-    places = [
-        (index, recording.episodes[index], low, high)
+    places = _places(recording, length)
+    if most is not None:
+        places = [places[i] for i in evenly(len(places), most)]
+    return _cut_at(recording, places, length)
+
+
+def cut_in_parts(recording: Recording, length: int = LENGTH) -> Iterator[Windows]:
+    """All of `cut`'s windows, no more than AT_ONCE in memory."""
+    places = _places(recording, length)
+    for first in range(0, len(places), AT_ONCE):
+        yield _cut_at(recording, places[first : first + AT_ONCE], length)
+
+
+def _places(recording: Recording, length: int) -> list[tuple[int, int, int]]:
+    """Episode, first and last sample of every window."""
+    return [
+        (index, low, high)
         for index, first, last in stretches(recording)
         for low, high in _slices(first, last, length)
     ]
-    if most is not None:
-        places = [places[i] for i in evenly(len(places), most)]
-    parts = [_window(recording, *place, length) for place in places]
+
+
+def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length: int) -> Windows:
+    parts = [
+        _window(recording, index, recording.episodes[index], low, high, length) for index, low, high in places
+    ]
     return _stacked(parts) if parts else _none(recording, length)
 
 

@@ -113,6 +113,23 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
         assert beyond["after_gp"] < 0.75 * beyond["after"]
 
 
+@pytest.mark.parametrize(
+    ("world", "on"),
+    [
+        (World("slider", forces={0: lambda q, v, t: 0.8 * np.sin(5 * v)}), "q_dot"),
+        (World("pendulum", filters=[lambda u, t, h, m: u + 0.5 * np.sin(4 * u)]), "torque"),
+    ],
+    ids=["velocity", "command"],
+)
+def test_unknown_physics_of_a_velocity_or_a_command_is_said_to_depend_on_it(world, on):
+    report = run(record(world, seed=5, episodes=6, steps=155))
+    assert report["verdict"] == "unknown"
+    assert on in report["location"]["depends_on"]
+    assert on in report["remainder"]["lack_of_fit"]["on"]
+    errors = report["fit"]["one_step"]
+    assert all(e["after_gp"] < 0.97 * e["after"] for e in errors.values())
+
+
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
     """Half of its period late in the mean; what comes and goes with every reading would pass for noise."""
