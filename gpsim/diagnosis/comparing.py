@@ -29,6 +29,7 @@ from gpsim.diagnosis.remainder import (
     why_not,
     with_a_past,
 )
+from gpsim.diagnosis.reversals import since_reversal
 from gpsim.diagnosis.rolling import Model, rollouts, whole_windows
 from gpsim.diagnosis.search import LEAST_SHARE
 from gpsim.diagnosis.shooting import fit
@@ -48,6 +49,7 @@ class Comparison:
 
     corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
     inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
+    since_reversal: of commands and velocities, (N,) s;
     left_before, left_after: (N, R) their residual rates under the base and under the effects.
     """
 
@@ -59,6 +61,7 @@ class Comparison:
     inputs: FloatArray
     times: FloatArray
     episodes: IntArray
+    since_reversal: Mapping[str, FloatArray]
     left_before: FloatArray
     left_after: FloatArray
 
@@ -113,6 +116,7 @@ def compare(
         inputs(steps["before"].train),
         steps["before"].train.t[:, 0],
         steps["before"].train.episode,
+        since_reversal(steps["before"].train, problem.simulator),
         residual_rates(problem, steps["before"].train, base),
         residual_rates(problem, steps["after"].train, after),
     )

@@ -45,17 +45,27 @@ class Part:
         }
 
 
-def concentrated(inputs: Mapping[str, FloatArray], squares: FloatArray, noise: float) -> Part | None:
+def concentrated(
+    inputs: Mapping[str, FloatArray],
+    squares: FloatArray,
+    noise: float,
+    ages: Mapping[str, FloatArray] | None = None,
+) -> Part | None:
     """The part of one input (N,) that holds nearly all of the `squares` (N,) beyond `noise`, or None.
 
-    noise: the mean square that the sensors alone would make. Of several, the one with the fewest samples. A part with
-    many samples counts where its edges are sharp, as those of an onset are: a law that grows steadily has none.
+    ages: more inputs, (N,) s since something happened, of which only what is soon after it counts. noise: the mean
+    square that the sensors alone would make. Of several, the one with the fewest samples. A part with many samples
+    counts where its edges are sharp, as those of an onset are: a law that grows steadily has none.
     """
     beyond = squares - noise
     if len(squares) < FEWEST_SAMPLES or beyond.mean() <= LEAST * noise:
         return None
     parts = [_part(name, values, beyond) for name, values in inputs.items()]
     found = [part for part in parts if part is not None]
+    for name, age in (ages or {}).items():
+        part = _part(name, age, beyond)
+        if part is not None and part.inside and part.low == age.min():
+            found.append(part)
     return min(found, key=lambda part: part.samples, default=None)
 
 

@@ -45,6 +45,7 @@ GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate ma
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
+TO_THE_END = 25  # iterations that a new leader is given
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
 
 
@@ -52,7 +53,7 @@ def improved(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
-    leader = lean(problem, polished(problem, _finely(problem, leader)))
+    leader = lean(problem, polished(problem, _ended(problem, _finely(problem, leader))))
     tried: list[Fit] = []
     most = min(spent() + MOST_EFFORT, ALTOGETHER)
     enough = min(most + SWAPPING, ALTOGETHER)
@@ -75,7 +76,7 @@ def improved(
         best = simplest(problem, [leader, *others])
         if not _advances(problem, best, leader):
             break
-        leader = best if any(best is f for f in leaned) else lean(problem, best)
+        leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
         if spent() > most:
             leader, twins = _among_twins(problem, leader, offers)
             tried += twins
@@ -120,7 +121,7 @@ def _extended(
             steps += 1
         if not better:
             break
-        leader = polished(problem, likeliest(problem, better))
+        leader = polished(problem, _ended(problem, likeliest(problem, better)))
         if steps == 0 or whiteness(problem, leader)[0] > STRUCTURED:
             leader = firm = lean(problem, leader)
             steps = 0
@@ -136,6 +137,16 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
         return leader
     fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts, iterations=25)
     return fine if fine.objective < leader.objective + CONTINUOUS else leader
+
+
+def _ended(problem: Problem, leader: Fit) -> Fit:
+    """The leader followed to its end, also from the start states that were measured.
+
+    It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
+    """
+    starts = (leader.starts, problem.windows.measured[:, 0])
+    tried = fit_all(problem, [Order(leader.hypothesis, s, TO_THE_END, 0.02) for s in starts])
+    return min(leader, *tried, key=lambda f: f.objective)
 
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:

@@ -20,7 +20,10 @@ from gpsim.diagnosis.shooting import Curvature, Fit, curvature
 from gpsim.diagnosis.shooting import fit as shoot
 
 LEVEL = 0.90
-WALK = 14
+WALK, CLOSE = (
+    14,
+    0.1,
+)  # places that a profile asks at most; of the half width, how exactly it is narrowed down
 UNDETERMINED = 1e-13  # of the largest eigenvalue: what the windows know of a direction is at least as much,
 LEAST_INFORMATION = 1e-100  # and of a parameter that moves nothing
 CHANCE = 1.5  # correlation times up to here are white noise's
@@ -88,20 +91,32 @@ def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArra
 def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) -> float:
     """Walk from the estimate until the likelihood has dropped by the interval's share, as far as its samples count.
 
-    At every place start states and all other parameters are fitted anew: one that gives way widens the interval.
+    At every place start states and all other parameters are fitted anew: one that gives way widens the interval. Steps
+    grow until one goes too far; then the place is narrowed down to a share of its distance.
     """
-    theta = fit.hypothesis.theta
-    parameter = fit.hypothesis.parameters[index]
-    inside, pace = 0.0, step / 16
-    best, drop = fit.objective, 0.5 * float(chi2.ppf(level, 1)) * _correlated(problem, fit)
-    for _ in range(WALK):
+    theta, parameter = fit.hypothesis.theta, fit.hypothesis.parameters[index]
+    drop = 0.5 * float(chi2.ppf(level, 1)) * _correlated(problem, fit)
+    bound = parameter.high if step > 0 else parameter.low
+
+    def holds(distance: float) -> bool:
         at = theta.copy()
-        at[index] = np.clip(theta[index] + inside + pace, parameter.low, parameter.high)
+        at[index] += distance
         held = fit.hypothesis.having(at).holding(index)
-        value = shoot(problem, held, fit.starts, iterations=3).objective
-        if value - best < drop:
-            inside += pace
+        return shoot(problem, held, fit.starts, iterations=3).objective - fit.objective < drop
+
+    inside, beyond, pace, last = 0.0, None, step / 16, float(bound - theta[index])
+    for _ in range(WALK):
+        if beyond is None:
+            asked = float(np.clip(inside + pace, min(last, 0.0), max(last, 0.0)))
             pace *= 1.5
         else:
-            pace /= 4
-    return float(np.clip(theta[index] + inside + pace, parameter.low, parameter.high))
+            asked = 0.5 * (inside + beyond) if inside else 0.25 * beyond
+        if holds(asked):
+            inside = asked
+            if asked == last:
+                return float(bound)
+        else:
+            beyond = asked
+        if beyond is not None and abs(beyond - inside) < CLOSE * abs(beyond):
+            break
+    return float(theta[index]) + (inside if beyond is None else 0.5 * (inside + beyond))

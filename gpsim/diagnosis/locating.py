@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import FloatArray, wrap_angle
 from gpsim.diagnosis.comparing import Comparison
 from gpsim.diagnosis.concentrating import concentrated
 from gpsim.diagnosis.judging import Judgement
@@ -14,6 +14,7 @@ from gpsim.diagnosis.preparing import Question
 from gpsim.simulators import Simulator
 
 BINS, DEPENDS = 8, 0.05
+SINCE_REVERSAL = "since_reversal:"  # before the name of what turned round, [s]
 GLITCH = 8.0  # times the typical residual: more is taken for a leap of the sensor
 
 
@@ -35,8 +36,11 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison) -> 
 
 
 def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] | None:
-    """In which part of state, action or time nearly all of the mismatch lies, in the rate where it is plainest."""
-    simulator, wraps = question.everything.simulator, question.everything.simulator.state.wraps
+    """In which part of state, action or time nearly all of the mismatch lies, in the rate where it is plainest.
+
+    Or how soon after a command or a velocity has turned round.
+    """
+    simulator = question.everything.simulator
     rates = [
         (errors["noise_floor"] / max(errors["before"], 1e-300), name)
         for name, errors in comparison.one_step.items()
@@ -46,13 +50,14 @@ def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] 
     name = min(rates)[1]
     column = simulator.rate.index(name)
     residual = _without_glitches(comparison.left_before[:, [column]])[:, 0]
-    inputs = dict(
-        zip((*simulator.state.names, *simulator.action.names), comparison.inputs.T, strict=True)
-    ) | {"t": comparison.times + question.origin}
+    inputs = {
+        channel.name: wrap_angle(values) if channel.wraps else values
+        for channel, values in zip((*simulator.state, *simulator.action), comparison.inputs.T, strict=True)
+    } | {"t": comparison.times + question.origin}
     if question.recording.clock == "episode":  # their times say nothing of what came first
         inputs["episode"] = comparison.episodes
-    straight = {n: values for n, values in inputs.items() if n not in np.array(simulator.state.names)[wraps]}
-    part = concentrated(straight, residual**2, comparison.one_step[name]["noise_floor"] ** 2)
+    ages = {f"{SINCE_REVERSAL}{of}": age for of, age in comparison.since_reversal.items()}
+    part = concentrated(inputs, residual**2, comparison.one_step[name]["noise_floor"] ** 2, ages)
     return None if part is None else {"rate": name} | part.entry
 
 

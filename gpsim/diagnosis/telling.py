@@ -8,6 +8,7 @@ from typing import Any
 
 from gpsim.diagnosis.comparing import KINDS
 from gpsim.diagnosis.lack_of_fit import SIGNIFICANT
+from gpsim.diagnosis.locating import SINCE_REVERSAL
 
 Report = Mapping[str, Any]
 NOTHING = "nothing missing"
@@ -70,10 +71,16 @@ def _part(report: Report) -> str:
     if part is None or report["location"]["region"] or report["location"]["since"] is not None:
         return ""
     (low, high), name = part["interval"], part["channel"]
+    of = name.removeprefix(SINCE_REVERSAL)
+    where = f"{part['where']} {name} = {_between(low, high)}" if of == name else _soon_after(of, high)
     return (
-        f"; {100 * part['share_of_mismatch']:.0f} % of {part['rate']}'s lies {part['where']} {name} = "
-        f"{_between(low, high)}, in {100 * part['share_of_samples']:.0f} % of the samples"
+        f"; {100 * part['share_of_mismatch']:.0f} % of {part['rate']}'s lies {where}, "
+        f"in {100 * part['share_of_samples']:.0f} % of the samples"
     )
+
+
+def _soon_after(of: str, seconds: float) -> str:
+    return f"within {seconds:.3g} s of a reversal of {of}" if seconds > 0.0 else f"where {of} turns round"
 
 
 def _between(low: float, high: float) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.telling import paragraphs
 from gpsim.simulators import make_simulator
 
 from .truths import channel_filter, delayed, mechanical, sensor, vehicle_sensors, vehicles
@@ -128,6 +129,26 @@ def test_unknown_physics_of_a_velocity_or_a_command_is_said_to_depend_on_it(worl
     assert on in report["remainder"]["lack_of_fit"]["on"]
     errors = report["fit"]["one_step"]
     assert all(e["after_gp"] < 0.97 * e["after"] for e in errors.values())
+
+
+def _idle_after_reversals(u, t, h, memory):
+    """No command arrives for 0.06 s after one that fell after it had risen, or the other way round."""
+    change = np.sign(u - memory.get("last", u))
+    held = memory.get("held", np.zeros_like(u))
+    left = np.where(change * held < 0, 0.06, memory.get("left", np.zeros_like(u)) - h)
+    memory |= {"last": u, "held": np.where(change != 0, change, held), "left": left}
+    return np.where(left > 1e-9, 0.0, u)
+
+
+def test_unknown_physics_that_acts_on_reversal_only_is_located_there():
+    world = World("pendulum", filters=[_idle_after_reversals])
+    report = run(record(world, seed=5, episodes=8, steps=155, noise=0.2))
+    assert report["verdict"] == "unknown"
+    assert report["location"]["concentrated"]["channel"] == "since_reversal:torque"
+    low, high = report["location"]["concentrated"]["interval"]
+    assert low == 0.0
+    assert 0.05 < high < 0.09
+    assert f"of theta_acc's lies within {high:.3g} s of a reversal of torque" in paragraphs(report)[0]
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
