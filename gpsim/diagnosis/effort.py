@@ -5,7 +5,8 @@ A search that has used up what it may spend stops at its best so far: seconds wo
 
 from __future__ import annotations
 
-CALL = 300.0  # simulated rows (of two channels) that the overhead of one substep is worth
+CALL = 300.0  # simulated rows that the overhead of one substep is worth
+A_STEP, A_CHANNEL = 0.8, 0.3  # of a row, whatever its channels, and of each of them
 MOST_CHANNELS = 4  # laws of the larger systems that come along take more calls; beyond, nobody has measured
 DRY = 2.5  # times as much where dry friction acts
 
@@ -16,7 +17,8 @@ _spent = 0.0
 
 def spend(rows: int, substeps: int, *, channels: int, dry: bool) -> None:
     """Count `substeps` substeps of `rows` states each, of so many channels."""
-    add(substeps * (CALL + rows) * (min(channels, MOST_CHANNELS) / 2) * (DRY if dry else 1.0))
+    size = A_STEP + A_CHANNEL * min(channels, MOST_CHANNELS)
+    add(substeps * (CALL + rows) * size * (DRY if dry else 1.0))
 
 
 def spend_on_commands(rows: int, substeps: int, actuators: int) -> None:

@@ -34,7 +34,7 @@ from gpsim.diagnosis.shooting import Fit, fit
 MOST_TERMS = 7
 MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
 SWAPPING = 2e8  # as many more after which no further term is replaced and no further rival leaned
-ALTOGETHER = 7e8  # of the whole diagnosis, the search included, after which neither is done
+ALTOGETHER = 6e8  # of the whole diagnosis, the search included, after which neither is done
 ADDED, GATES, LEANED = (
     3,
     3,
