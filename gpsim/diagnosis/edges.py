@@ -25,7 +25,7 @@ SCANNED = 8  # places on each side of an edge
 JOINT = 8  # iterations of a joint fit
 NARROWS = 5.0  # the next scan's reach is so much shorter
 FLAT = 0.2  # nats that do not tell two places apart
-MOST_EFFORT = 4.5e7  # simulated rows after which no further scan begins
+MOST_EFFORT = 4.5e7
 FAR, NEAR = 1 / 5, 1 / 12  # of a channel's range: how far the first scan looks
 SIZE = 0.1  # of a channel's range: what a joint fit takes for the typical size of an edge
 EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO))
@@ -57,17 +57,20 @@ def declared_edges(
     return replace(hypothesis, terms=tuple(terms), declared=tuple(declared))
 
 
-def placed(problem: Problem, at: Fit, index: int, share: float, finest: float) -> Fit:
+def placed(
+    problem: Problem, at: Fit, index: int, share: float, finest: float, effort: float = MOST_EFFORT
+) -> Fit:
     """The fit with the movable edges of one term's gate where the likelihood is highest.
 
-    share: of the channel's range, how far the first scan looks on both sides; finest: of the range, the last spacing.
+    share: of the channel's range, how far the first scan looks on both sides; finest: of the range, the last spacing;
+    effort: simulated rows after which no further scan begins.
     """
     gate = at.hypothesis.terms[index].gate
     channel = next(iter(gate.region), None)
     outer = range_around(problem, channel, gate.region.get(channel or ""))
     spread = outer[1] - outer[0]
     reach, stays = share * spread, 0
-    sides, most = {0, 1}, spent() + MOST_EFFORT
+    sides, most = {0, 1}, spent() + effort
     around: Directions | None = None
     while sides and reach / SCANNED > finest * spread and spent() < most:
         moved, before = False, at

@@ -28,6 +28,7 @@ GATED, PROMISING, PLACED = (
     6,
     2,
 )  # gated terms that are fitted, of so many plain ones; of which edges are placed
+GLIMPSE = 2.5e7  # simulated rows for the edges of one gate at first
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
 COARSE, FINE, FINEST = (
     1e-2,
@@ -104,7 +105,7 @@ def gated_children(
 def with_edges(problem: Problem, children: Sequence[Fit], count: int = PLACED) -> list[Fit]:
     """The gated children, of which the best `count` have their edges placed, and the best one's closely."""
     fits = sorted(children, key=lambda f: f.objective)
-    calls = [(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE) for f in fits[:count]]
+    calls = [(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE, GLIMPSE) for f in fits[:count]]
     coarse = sorted(side_by_side(placed, calls), key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
     best = [placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINEST) for f in coarse[:1]]

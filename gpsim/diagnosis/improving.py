@@ -45,7 +45,10 @@ GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate ma
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
-TO_THE_END = 25  # iterations that a new leader is given
+FIRST_LOOK, TO_THE_END = (
+    8,
+    17,
+)  # iterations that a new leader is given from two places, and from the better end
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
 
 
@@ -145,8 +148,11 @@ def _ended(problem: Problem, leader: Fit) -> Fit:
     It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
     """
     starts = (leader.starts, problem.windows.measured[:, 0])
-    tried = fit_all(problem, [Order(leader.hypothesis, s, TO_THE_END, 0.02) for s in starts])
-    return min(leader, *tried, key=lambda f: f.objective)
+    tried = fit_all(problem, [Order(leader.hypothesis, s, FIRST_LOOK, 0.02) for s in starts])
+    best = min(tried, key=lambda f: f.objective)
+    if not best.converged:
+        best = fit(problem, best.hypothesis, best.starts, iterations=TO_THE_END)
+    return best if best.objective < leader.objective else leader
 
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:

@@ -18,6 +18,7 @@ from gpsim.diagnosis.shooting import Fit
 from gpsim.effects import Gate
 from gpsim.evenly import evenly
 
+MOVING = 2e7  # simulated rows for the edges of one gate where a term is taken out
 LOOKED_AT = 120  # windows at which a first look is taken
 CLEAR = 30.0  # nats on those windows that settle that something is needed,
 SLIGHT = 100.0  # nats that an edge which is a little off may be worth
@@ -112,7 +113,7 @@ def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
     for index, term in enumerate(less.hypothesis.terms):
         near = shifting or less.objective < leader.objective + SLIGHT
         if term.gate and near and pays(problem, leader, less):
-            less = placed(problem, less, index, NEAR, FINE)
+            less = placed(problem, less, index, NEAR, FINE, MOVING)
     return less
 
 

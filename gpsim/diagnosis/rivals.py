@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import PER_TERM, channel_objectives, correlation_time, scores
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.orders import Order, fit_all
@@ -16,6 +17,7 @@ from gpsim.diagnosis.search import pays
 from gpsim.diagnosis.shooting import Fit, fit
 
 MOST_RIVALS = 6
+MOST_EFFORT = 1.2e8  # simulated rows after which no further rival is looked at, the likeliest first
 TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
@@ -50,11 +52,11 @@ def rivals_of(
     later = _later_nats(question, leader)
     rivals: list[Fit] = []
     counted: list[Fit] = []
-    weights, of_rivals = [1.0], []
+    weights, of_rivals, most = [1.0], [], spent() + MOST_EFFORT
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
         near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
-        if near and _earned(question.everything, leader, rival):
+        if near and spent() < most and _earned(question.everything, leader, rival):
             worse = later(rival)
             by += worse
             said = worse < TIE and by < TIE
