@@ -74,6 +74,9 @@ def test_physics_outside_the_catalogue_is_located():
     ).report
     place = report["location"]["concentrated"]
     assert (place["channel"], place["where"]) == ("q", "inside")
-    assert place["interval"] == pytest.approx([0.05, 0.25], abs=0.1)
+    low, high = place["interval"]
+    assert low == pytest.approx(0.05, abs=0.1)
+    assert high > 0.15  # the last bin, where few samples lie, reaches far
+    assert place["share_of_samples"] <= 0.35
     if not report["location"]["region"]:
         assert "lies inside q" in paragraphs(report)[0]

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import diagnosis
-from gpsim.diagnosis.diagnosis import _structured, _without
+from gpsim.diagnosis.diagnosis import _without
 from gpsim.diagnosis.holding_out import held_out_names
 from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.judging import Judgement
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.shooting import fit
 from gpsim.effects import Gate, Term
@@ -56,7 +57,7 @@ def test_where_nothing_is_missing_nothing_is_left_over(verdict, terms, p_value, 
         p_value=p_value,
         lack=SimpleNamespace(significant=significant),
     )
-    assert _structured(judgement) is structured
+    assert Judgement.structured.fget(judgement) is structured
 
 
 def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recording, monkeypatch):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gpsim.diagnosis.telling import _between, _moment, in_percent, paragraphs
+from gpsim.diagnosis.telling import _between, _moment, _part, in_percent, paragraphs
 
 from .test_edges import _report
 
@@ -67,3 +67,17 @@ def test_a_coarse_step_of_the_simulators_own_is_told_where_nothing_is_missing(fi
 )
 def test_shares_are_told_without_exponents(share, said):
     assert in_percent(share) == said
+
+
+@pytest.mark.parametrize(
+    ("channel", "interval", "said"),
+    [
+        ("q", [0.1, 0.3], "lies inside q = [0.1, 0.3], in 20 % of the samples"),
+        ("since_reversal:force", [0.0, 0.06], "lies within 0.06 s of a reversal of force, in 20 %"),
+        ("since_reversal:force", [0.0, 0.0], "lies where force turns round, in 20 %"),
+    ],
+)
+def test_where_a_mismatch_is_concentrated_is_told_in_words(channel, interval, said):
+    part = {"rate": "q_acc", "channel": channel, "where": "inside", "interval": interval}
+    part |= {"share_of_mismatch": 0.95, "share_of_samples": 0.2}
+    assert said in _part({"location": {"concentrated": part, "region": {}, "since": None}})

@@ -7,10 +7,10 @@ import numpy as np
 
 from gpsim.channels import Channels, wrap_angle
 from gpsim.corrected_effects import EffectsPlant, plant_from
-from gpsim.diagnosis.comparing import _features
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.remainder import _features
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import _described, _wrapped
@@ -86,8 +86,8 @@ def test_the_corrected_simulator_remembers_what_wraps():
     own = make_simulator("pendulum")
     simulator = question_of(turned(wraps=True), own).everything.simulator
     plant = EffectsPlant(simulator, own.defaults(), (PUSHED,), "fine", 2, 0.02)
-    data = _described(plant, own.state)
+    data = _described(plant, own.state, gp=True)
     assert data["wraps"] == ["theta"]
     assert _wrapped(own.state, data["wraps"]) == TURNING
-    assert "wraps" not in _described(replace(plant, simulator=own), own.state)
+    assert "wraps" not in _described(replace(plant, simulator=own), own.state, gp=True)
     assert plant_from(data, own).terms == plant.terms
