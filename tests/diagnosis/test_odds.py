@@ -88,6 +88,7 @@ def test_the_odds_are_said(nats, words):
         "verdict": "named", "effects": [effect], "thinned": 1, "not_measured": [], "tell_apart": None,
         "location": {"channels": {"x_acc": 1.0}, "depends_on": [], "region": {}, "since": None},
         "fit": {"one_step": {}, "rollout": {"horizon_s": 1.0}},
+        "remainder": {"gp": {"used": False, "beside": None, "why_not": None}},
     }  # fmt: skip
     text = paragraphs(report)[1]
     assert f"{words} against the next best, constant_force on x" in text
