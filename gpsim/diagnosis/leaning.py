@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.edges import NEAR, placed
 from gpsim.diagnosis.evidence import scores
 from gpsim.diagnosis.gates import FINE
@@ -31,18 +32,20 @@ def lean(problem: Problem, leader: Fit) -> Fit:
     while True:
         terms = leader.hypothesis.terms
         gated = [i for i, t in enumerate(terms) if t.gate and not t.effect.needs_region]
-        parts = [leader.hypothesis.gated(i, Gate()) for i in gated]
+        less = _doubtful(problem, leader, [leader.hypothesis.gated(i, Gate()) for i in gated])
         if len(terms) > 1:
-            parts += _parts(leader)
-        less = [f for f in _doubtful(problem, leader, parts) if not pays(problem, leader, f)]
+            less += without_a_term(problem, leader)
+        less = [f for f in less if not pays(problem, leader, f)]
         if not less:
             return leader
         leader = min(less, key=lambda f: f.objective)
 
 
+@kept
 def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
     """The leader with one term less each, fitted anew; those that it clearly needs are left out."""
-    return _doubtful(problem, leader, _parts(leader))
+    parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+    return _doubtful(problem, leader, parts)
 
 
 def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
@@ -68,10 +71,6 @@ def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, 
     return problem.on(problem.windows.take(rows)), replace(
         at, starts=at.starts[rows], residuals=at.residuals[rows]
     )
-
-
-def _parts(leader: Fit) -> list[Hypothesis]:
-    return [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
 
 
 def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:

@@ -68,7 +68,7 @@ def fit(
     theta = np.clip(hypothesis.theta, low, high)
     at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
     damping, per_window, least = 1e-3, np.full(len(starts), 1e-3), LEAST_DAMPING
-    converged, still, seen_from = False, 0, None
+    converged, still, seen_from, moved = False, 0, None, True
     for round_ in range(iterations):
         if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
             pattern = np.array(FIRST_PATTERN if round_ == PATTERN_ROUNDS[0] else PATTERN)
@@ -80,7 +80,9 @@ def fit(
         step = damped_step(
             problem, at.residual, by_state, by_theta, variance, damping, per_window, at.theta, low, high
         )
-        new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high)
+        # After a rejected step of theta, and where there is none, the start states may have to go alone.
+        alone = not (moved and theta.size)
+        new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high, alone=alone)
         gain = at.value - new.value
         per_window = np.clip(np.where(stepped, per_window / 5, per_window * 8), least, 1e6)
         damping = float(np.clip(damping / 5 if moved else damping * 8, least, 1e6))
@@ -139,9 +141,18 @@ def _bounds(hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
 
 
 def _stepped(
-    problem: Problem, hypothesis: Hypothesis, at: _Point, step: Step, low: FloatArray, high: FloatArray
+    problem: Problem,
+    hypothesis: Hypothesis,
+    at: _Point,
+    step: Step,
+    low: FloatArray,
+    high: FloatArray,
+    *,
+    alone: bool,
 ) -> tuple[_Point, bool, BoolArray, FloatArray]:
-    """The better of the step and theta standing still; every window keeps the start state that suits it best.
+    """The step of theta if it is better than where the fit stands, else theta standing still.
+
+    Every window keeps the start state that suits it best. alone: try its own step while theta stands, too.
 
     Returns the point, whether theta moved, (W,) whose start state took its own step, and the residual `anchored` of the
     theta that it began with.
@@ -158,6 +169,8 @@ def _stepped(
     new[-2], got[-2] = False, at.residual  # where it stands is known,
     if at.anchored is not None:
         new[-1], got[-1] = False, at.anchored  # and what was measured, since theta was tried
+    if len(thetas) > 1 and not alone:
+        new[-3], got[-3] = False, np.inf
     got[new] = problem.residuals(hypothesis, np.repeat(np.stack(thetas), 3, axis=0)[new], copies[new])
     costs = window_costs(problem, got, variance_of(problem, at.residual))
     every, options = np.arange(len(at.starts)), []
@@ -165,8 +178,10 @@ def _stepped(
         pick = 3 * i + np.argmin(costs[3 * i : 3 * i + 3], axis=0)
         point = _point(problem, theta, copies[pick, every], got[pick, every], got[3 * i + 2])
         options.append((point, pick == 3 * i))
-    best = int(np.argmin([point.value for point, _ in options]))
-    return options[best][0], best + 1 < len(thetas), options[best][1], got[-1]
+    # Start states alone often gain more at first, and would hold theta where it stands.
+    moves = len(thetas) > 1 and options[0][0].value < at.value
+    best = options[0] if moves else options[-1]
+    return best[0], moves, best[1], got[-1]
 
 
 def _searched_pattern(
