@@ -205,7 +205,7 @@ def _without(question: Question, judgement: Judgement, found: Fit, index: int) -
     grid = problem.as_finely(less, found.hypothesis)
     if grid is problem and not less.terms and less.scheme == judgement.null.hypothesis.scheme:
         return judgement.null
-    return fit(grid, less, found.starts, iterations=12, tolerance=0.2)
+    return fit(grid, less, found.starts, iterations=12, tolerance=0.2, near=True)
 
 
 def _share(

@@ -98,7 +98,7 @@ def gated_children(
     # A patch that stops a body gains far more when fitted than its direction promises.
     patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
     children = [_child(problem, directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
-    fits = fit_all(problem, [Order(child, directions.parent.starts, 8) for child in children])
+    fits = fit_all(problem, [Order(child, directions.parent.starts, 6) for child in children])
     return sorted(fits, key=lambda f: f.objective)
 
 

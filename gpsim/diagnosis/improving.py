@@ -23,6 +23,7 @@ from gpsim.diagnosis.gates import (
 from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.leaning import lean, likeliest, sampled, simplest
+from gpsim.diagnosis.onsets import begun_later
 from gpsim.diagnosis.orders import Order, fit_all
 from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
@@ -46,7 +47,7 @@ ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
 FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
 FIRST_LOOK, TO_THE_END = (
-    8,
+    5,
     17,
 )  # iterations that a new leader is given from two places, and from the better end
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
@@ -113,8 +114,9 @@ def _extended(
     """The leader with terms added and gated while that pays, and all that was tried; most: effort to stop at."""
     tried: list[Fit] = []
     firm, steps = leader, 0
-    while spent() < most and not leader.hypothesis.patchwork:
-        children = _children(problem, leader, offers, most)
+    while not leader.hypothesis.patchwork:
+        over = spent() >= most  # to ask when what there is began costs next to nothing
+        children = begun_later(problem, leader, offers) if over else _children(problem, leader, offers, most)
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
         if (
@@ -128,6 +130,8 @@ def _extended(
         if steps == 0 or whiteness(problem, leader)[0] > STRUCTURED:
             leader = firm = lean(problem, leader)
             steps = 0
+        if over:
+            break
     return firm, tried
 
 
@@ -151,7 +155,7 @@ def _ended(problem: Problem, leader: Fit) -> Fit:
     tried = fit_all(problem, [Order(leader.hypothesis, s, FIRST_LOOK, 0.02) for s in starts])
     best = min(tried, key=lambda f: f.objective)
     if not best.converged:
-        best = fit(problem, best.hypothesis, best.starts, iterations=TO_THE_END)
+        best = fit(problem, best.hypothesis, best.starts, iterations=TO_THE_END, near=True)
     return best if best.objective < leader.objective else leader
 
 
@@ -162,16 +166,21 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
     """
     part, seen = sampled(problem, leader)
     directions = Directions(part, seen)
+    later = begun_later(problem, leader, offers)
     plain: list[Fit] = []
     if len(leader.hypothesis.terms) < MOST_TERMS:
         taken = leader.hypothesis.claims
         found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
         more = len(problem.windows) / len(part.windows)
         chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
+        promised = more * found[0][0] if found else 0.0
+        if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
+            return later
         orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
         plain = fit_all(problem, orders)
+    plain += later
     if spent() > most or any(pays(problem, f, leader) for f in plain):
-        return plain  # gates are dear: first what acts everywhere
+        return plain  # other gates are dear: first what acts everywhere
     structured = whiteness(problem, leader)[0] < GATED_BELOW
     if not structured:
         lack = lack_of_fit(problem, leader)

@@ -15,6 +15,7 @@ from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.evidence import correlation_time
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Curvature, Fit, curvature
 from gpsim.diagnosis.shooting import fit as shoot
@@ -40,12 +41,11 @@ def intervals(problem: Problem, fit: Fit, level: float = LEVEL) -> FloatArray:
     freedom = max(len(problem.windows) - len(theta), 2)
     half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
     low, high = theta - half, theta + half
-    for j, parameter in enumerate(fit.hypothesis.parameters):
-        if parameter.step is not None:
-            low[j], high[j] = (
-                _profile(problem, fit, j, -parameter.step, level),
-                _profile(problem, fit, j, parameter.step, level),
-            )
+    jumping = [(j, p.step) for j, p in enumerate(fit.hypothesis.parameters) if p.step is not None]
+    calls = [(problem, fit, j, side * step, level) for j, step in jumping for side in (-1.0, 1.0)]
+    edges = np.array(side_by_side(_profile, calls)).reshape(-1, 2)
+    for (j, _), (first, last) in zip(jumping, edges, strict=True):
+        low[j], high[j] = first, last
     bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])
     return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
 

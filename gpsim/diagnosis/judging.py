@@ -165,9 +165,11 @@ def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """All fitted a little, those that are not far behind the best to the end."""
     starts = problem.windows.measured[:, 0]
-    begun = fit_all(problem, [Order(hypothesis, starts, 8) for hypothesis in hypotheses])
+    begun = fit_all(problem, [Order(hypothesis, starts, 6) for hypothesis in hypotheses])
     least = min((f.objective for f in begun), default=0.0) + BEHIND
-    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 17, 0.02) for f in begun if f.objective < least])
+    ended = fit_all(
+        problem, [Order(f.hypothesis, f.starts, 17, 0.02, near=True) for f in begun if f.objective < least]
+    )
     return [*ended, *(f for f in begun if f.objective >= least)]
 
 

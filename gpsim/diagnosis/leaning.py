@@ -16,11 +16,13 @@ from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.search import LEAST_PART, pays
 from gpsim.diagnosis.shooting import Fit
+from gpsim.diagnosis.windows import LENGTH
 from gpsim.effects import Gate
 from gpsim.evenly import evenly
 
 MOVING = 2e7  # simulated rows for the edges of one gate where a term is taken out
-LOOKED_AT = 120  # windows at which a first look is taken
+LOOKED_AT = 120  # windows at which a first look is taken, of the usual length
+DOUBTED_AT, FEWER = 80, 1.5  # and where something may not be needed, if there are so many times as many
 CLEAR = 30.0  # nats on those windows that settle that something is needed,
 SLIGHT = 100.0  # nats that an edge which is a little off may be worth
 CLEAR_SHARE = 0.2  # and the share of the variance left over without it
@@ -66,27 +68,35 @@ def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
 
 
 def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, Fit]:
-    """The problem on evenly spread windows, enough for a first look, and the fit's share of it."""
-    rows = evenly(len(problem.windows), most)
+    """The problem on evenly spread windows, enough for a first look, and the fit's share of it.
+
+    most: windows of the usual length; of longer ones as many as hold as many transitions.
+    """
+    rows = evenly(len(problem.windows), _windows(problem, most))
     return problem.on(problem.windows.take(rows)), replace(
         at, starts=at.starts[rows], residuals=at.residuals[rows]
     )
 
 
+def _windows(problem: Problem, usual: int) -> int:
+    """How many of the problem's windows hold as many transitions as so many of the usual length."""
+    return round(usual * LENGTH / problem.windows.length)
+
+
 def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
     """The parts fitted on all windows, but for those that a first look at some of them rules out."""
-    if len(problem.windows) > 2 * LOOKED_AT:
-        some, seen = sampled(problem, leader)
+    if len(problem.windows) > FEWER * _windows(problem, DOUBTED_AT):
+        some, seen = sampled(problem, leader, DOUBTED_AT)
         seen = rescored(some, seen)
         looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
         grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
         looks = side_by_side(_moved, [(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
         parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
-        return fit_all(problem, [Order(part, leader.starts, 12, 0.1) for part in parts])
+        return fit_all(problem, [Order(part, leader.starts, 12, 0.1, near=True) for part in parts])
     begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
     begun = [f for f in begun if not _hopeless(problem, f, leader)]
     unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
-    fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1) for f in unfinished])
+    fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1, near=True) for f in unfinished])
     ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
     return side_by_side(_moved, [(problem, f, leader) for f in ended])
 

@@ -14,12 +14,16 @@ from gpsim.diagnosis.shooting import Fit, fit
 
 @dataclass(frozen=True)
 class Order:
-    """A fit to make: the hypothesis, where its windows start (W, S), how long and how closely."""
+    """A fit to make: the hypothesis, where its windows start (W, S), how long and how closely.
+
+    near: its values are known to be good.
+    """
 
     hypothesis: Hypothesis
     starts: FloatArray
     iterations: int
     tolerance: float = 0.5
+    near: bool = False
 
 
 def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
@@ -29,6 +33,7 @@ def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
 
 def fit_order(problem: Problem, order: Order) -> Fit:
     """The fit of one order."""
+    iterations, tolerance = order.iterations, order.tolerance
     return fit(
-        problem, order.hypothesis, order.starts, iterations=order.iterations, tolerance=order.tolerance
+        problem, order.hypothesis, order.starts, iterations=iterations, tolerance=tolerance, near=order.near
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from gpsim.diagnosis.shooting import Fit, fit
 MOST_RIVALS = 6
 MOST_EFFORT = 1.2e8  # simulated rows after which no further rival is looked at, the likeliest first
 TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
+NEARLY = 15.0  # nats that edges of a gate which are placed a little better may be worth
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
 
@@ -44,6 +46,7 @@ def rivals_of(
     merely mend the leader's last digits.
     """
     others = _others(leader, fits)
+    others += _behind_its_gates(question.everything, leader, others)
     mending = _mending(question.everything, leader, others)
     others = [f for f in others if not any(f is m for m in mending)]
     if not others:
@@ -121,6 +124,23 @@ def _later_nats(question: Question, leader: Fit) -> Callable[[Fit], float]:
 
     own = objectives(leader)
     return lambda found: float(((objectives(found) - own) / tau).sum())
+
+
+def _behind_its_gates(problem: Problem, leader: Fit, others: Sequence[Fit]) -> list[Fit]:
+    """Those a little behind once more behind the leader's gates: their own edges were placed less closely."""
+    gates = {next(iter(t.gate.region), None): t.gate for t in leader.hypothesis.terms if t.gate}
+    if not gates or not others:
+        return []
+    nats = scores(problem, [leader, *others])
+    orders = []
+    for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
+        terms = [
+            replace(t, gate=gates.get(next(iter(t.gate.region), None), t.gate)) if t.gate else t
+            for t in rival.hypothesis.terms
+        ]
+        if TIE <= behind < NEARLY and tuple(terms) != rival.hypothesis.terms:
+            orders.append(Order(replace(rival.hypothesis, terms=tuple(terms)), rival.starts, 8, 0.1))
+    return fit_all(problem, orders[:MOST_RIVALS])
 
 
 def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:

@@ -230,7 +230,7 @@ def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate],
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
     children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
-    begun = fit_all(problem, [Order(child, parent.starts, 6) for child in children])
+    begun = fit_all(problem, [Order(child, parent.starts, 5) for child in children])
     begun.sort(key=lambda f: f.objective)
     better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
     ended = fit_all(problem, [Order(f.hypothesis, f.starts, 8) for f in better])

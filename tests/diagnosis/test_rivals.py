@@ -6,6 +6,15 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import rivals
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.edges import placed
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.shooting import fit
+from gpsim.effects import Gate
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
 
 
 def stub(name, objective=0.0, count=1):
@@ -22,6 +31,7 @@ def found_by(monkeypatch, nats, later):
     monkeypatch.setattr(rivals, "scores", lambda _, fits: np.array([nats[f.name] for f in fits]))
     monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: later.get(fit.name, 0.0))
     monkeypatch.setattr(rivals, "_earned", lambda *_: True)
+    monkeypatch.setattr(rivals, "_behind_its_gates", lambda *_: [])
     monkeypatch.setattr(rivals, "pays", lambda *_: True)
     return rivals.rivals_of(SimpleNamespace(everything=None), leader, others)[:2]
 
@@ -67,3 +77,29 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
 def test_a_rival_that_is_far_ahead_with_held_out_windows_leads(probabilities, which):
     others = [stub(name) for name in "bcd"[: len(probabilities) - 1]]
     assert rivals.overtaking(others, probabilities) is (None if which is None else others[which])
+
+
+def test_a_twin_stands_behind_the_same_edges():
+    """A bias of the command does what a force does; its onset, placed less closely, had set it nats behind."""
+    world = World("slider", forces={0: lambda q, v, t: 1.5 * (t >= 7.4567) + 0 * q})
+    recording = record(world, seed=4, noise=0.1, episodes=6, session=True)
+    slider = make_simulator("slider")
+    problem = prepare(recording, slider, slider.defaults(recording.parameters)).everything
+    offers = candidates(recording, slider, slider.defaults(recording.parameters))
+
+    def since(moment, family):
+        law = next(c for c in offers if c.family == family and not c.variant)
+        hypothesis = Hypothesis().plus(law.term([1.5]), law.declared).gated(0, Gate(since=moment))
+        return fit(problem, hypothesis, problem.windows.measured[:, 0])
+
+    bent = min(
+        (since(m, "constant_force") for m in 7.4567 + np.linspace(0.0, 0.03, 7)), key=lambda f: f.objective
+    )
+    leader = placed(problem, bent, 0, 1 / 50, 1e-6)
+    moment = leader.hypothesis.terms[0].gate.since
+    away = [since(moment + m, "actuator_bias") for m in np.geomspace(1e-5, 1e-2, 25)]
+    nearly = [f for f in away if rivals.TIE < f.objective - leader.objective < rivals.NEARLY]
+    (twin,) = rivals._behind_its_gates(problem, leader, nearly[:1])
+    assert twin.objective == pytest.approx(leader.objective, abs=0.1)
+    assert twin.hypothesis.claims == nearly[0].hypothesis.claims
+    assert not rivals._behind_its_gates(problem, leader, [since(moment, "actuator_bias")])
