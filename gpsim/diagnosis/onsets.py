@@ -72,10 +72,12 @@ def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:
     for index in terms:
         off = _switched_off(problem, at, index) - at.residuals
         columns = np.concatenate([by_theta, off[..., None]], axis=-1)
-        around = projected(problem, at.residuals, by_state, columns, at.variance, np.zeros(count))
+        informations, gradients = projected(
+            problem, at.residuals, by_state, columns, at.variance, np.zeros(count)
+        )
         first = sum(len(group) for group in hypothesis.declared[:index])
         own = np.arange(first, first + len(hypothesis.declared[index]))
-        gains, steps = _switches(*(part[order] for part in around), moments, own)
+        gains, steps = _switches(informations[order], gradients[order], moments, own)
         best = int(np.argmax(gains))
         moment = float(clock[moments[best]])
         found.append(Onset(float(gains[best]), index, moment, np.clip(theta + steps[best], low, high)))
@@ -86,7 +88,7 @@ def _switched_off(problem: Problem, at: Fit, index: int) -> FloatArray:
     """(W, L + 1, S): the residual without a term, all else as it is, on as fine a grid."""
     without = at.hypothesis.without(index)
     grid = problem.as_finely(without, at.hypothesis)
-    return grid.residuals(without, without.theta[None], at.starts[None])[0]
+    return np.asarray(grid.residuals(without, without.theta[None], at.starts[None])[0])
 
 
 def _switches(
@@ -109,7 +111,8 @@ def _switches(
     left = rest - passed[:, :size] + pull[:, :size] - before[:, :size, size]
     steps = _solved(whole, left, scale)
     gains = pull[:, size] - 0.5 * before[:, size, size] + 0.5 * np.einsum("mp,mp->m", left, steps)
-    return gains - 0.5 * float(rest @ _solved(all_of[None], rest[None], scale)[0]), steps
+    before_it = 0.5 * float(rest @ _solved(all_of[None], rest[None], scale)[0])
+    return np.asarray(gains - before_it), steps
 
 
 def _solved(matrices: FloatArray, sides: FloatArray, scale: FloatArray) -> FloatArray:
