@@ -34,6 +34,10 @@ LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
 BEYOND_DOUBT, SLIGHT_SHARE = 10.0, 0.002  # or so little where it gains so many nats, and leaves white noise
 BETTER_LAW = 5.0  # nats beyond doubt for a richer law in a simpler one's place, which is not one of dozens
+MOST_OF_IT, NO_LAST_DIGITS = (
+    0.5,
+    200.0,
+)  # of the variance left over, and nats: enough for a richer law in any case
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
@@ -177,7 +181,11 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
     plainly, slightly = (
         bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
     )
-    return plainly, slightly and won > (BETTER_LAW if _better_law(richer, poorer) else BEYOND_DOUBT)
+    better = _better_law(richer, poorer)
+    # Part of a law that is seldom asked for: next to nothing of the mismatch, but nearly all that is left over.
+    seldom = better and bool(((removed > MOST_OF_IT * poorer.variance) & problem.observed).any())
+    slightly = slightly and won > (BETTER_LAW if better else BEYOND_DOUBT)
+    return plainly, slightly or (seldom and won > NO_LAST_DIGITS)
 
 
 def _better_law(richer: Fit, poorer: Fit) -> bool:
