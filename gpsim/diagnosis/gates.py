@@ -29,6 +29,7 @@ GATED, PROMISING, PLACED = (
     2,
 )  # gated terms that are fitted, of so many plain ones; of which edges are placed
 GLIMPSE = 2.5e7  # simulated rows for the edges of one gate at first
+WORTH_PLACING = 1.0  # nats that thresholds gained, after which edges are placed anew
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
 COARSE, FINE, FINEST = (
     1e-2,
@@ -127,8 +128,8 @@ def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:
         at = placed(problem, at, index, FAR, finest)
     if gated and any(p.step for p in at.hypothesis.parameters):  # thresholds were held where they stood
         again = fit(problem, at.hypothesis, at.starts, iterations=9)
-        if again.objective < at.objective:
-            at = again
+        moved, at = again.objective < at.objective - WORTH_PLACING, min(at, again, key=lambda f: f.objective)
+        if moved:
             for index in gated:
                 at = placed(problem, at, index, NEAR, finest)
     return at
