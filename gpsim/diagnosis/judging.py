@@ -18,12 +18,12 @@ from gpsim.diagnosis.evidence import (
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
-from gpsim.diagnosis.leaning import without_a_term
+from gpsim.diagnosis.leaning import simplest, without_a_term
 from gpsim.diagnosis.orders import Order, fit_all
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
-from gpsim.diagnosis.rivals import held_out_objective, overtaking, rivals_of
+from gpsim.diagnosis.rivals import behind_its_gates, held_out_objective, overtaking, rivals_of
 from gpsim.diagnosis.search import STRUCTURED, Found, on_its_grid, pays
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects.chain import Scheme
@@ -87,6 +87,9 @@ def judge(
     fits += tried
     if leader.hypothesis.scheme != null.hypothesis.scheme:
         null = _null_of(problem, leader.hypothesis.scheme)
+    twins = behind_its_gates(problem, leader, fits)
+    fits += [leader, *twins]
+    leader = simplest(problem, [leader, *twins])
     rivals, probabilities, mending = rivals_of(question, leader, fits)
     ahead = overtaking(rivals, probabilities)
     if ahead is not None:

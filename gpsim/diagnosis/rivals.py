@@ -46,7 +46,6 @@ def rivals_of(
     merely mend the leader's last digits.
     """
     others = _others(leader, fits)
-    others += _behind_its_gates(question.everything, leader, others)
     mending = _mending(question.everything, leader, others)
     others = [f for f in others if not any(f is m for m in mending)]
     if not others:
@@ -71,6 +70,24 @@ def rivals_of(
             counted.append(rival)
             weights.append(weight)
     return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)], mending
+
+
+def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Rivals that are a little behind, once more behind the leader's gates: their edges were placed less closely."""
+    others = _others(leader, fits)
+    gates = {next(iter(t.gate.region), None): t.gate for t in leader.hypothesis.terms if t.gate}
+    if not gates or not others:
+        return []
+    nats = scores(problem, [leader, *others])
+    orders = []
+    for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
+        terms = [
+            replace(t, gate=gates.get(next(iter(t.gate.region), None), t.gate)) if t.gate else t
+            for t in rival.hypothesis.terms
+        ]
+        if TIE <= behind < NEARLY and tuple(terms) != rival.hypothesis.terms:
+            orders.append(Order(replace(rival.hypothesis, terms=tuple(terms)), rival.starts, 8, 0.1))
+    return fit_all(problem, orders[:MOST_RIVALS])
 
 
 def overtaking(rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
@@ -124,23 +141,6 @@ def _later_nats(question: Question, leader: Fit) -> Callable[[Fit], float]:
 
     own = objectives(leader)
     return lambda found: float(((objectives(found) - own) / tau).sum())
-
-
-def _behind_its_gates(problem: Problem, leader: Fit, others: Sequence[Fit]) -> list[Fit]:
-    """Those a little behind once more behind the leader's gates: their own edges were placed less closely."""
-    gates = {next(iter(t.gate.region), None): t.gate for t in leader.hypothesis.terms if t.gate}
-    if not gates or not others:
-        return []
-    nats = scores(problem, [leader, *others])
-    orders = []
-    for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
-        terms = [
-            replace(t, gate=gates.get(next(iter(t.gate.region), None), t.gate)) if t.gate else t
-            for t in rival.hypothesis.terms
-        ]
-        if TIE <= behind < NEARLY and tuple(terms) != rival.hypothesis.terms:
-            orders.append(Order(replace(rival.hypothesis, terms=tuple(terms)), rival.starts, 8, 0.1))
-    return fit_all(problem, orders[:MOST_RIVALS])
 
 
 def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:

@@ -31,7 +31,6 @@ def found_by(monkeypatch, nats, later):
     monkeypatch.setattr(rivals, "scores", lambda _, fits: np.array([nats[f.name] for f in fits]))
     monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: later.get(fit.name, 0.0))
     monkeypatch.setattr(rivals, "_earned", lambda *_: True)
-    monkeypatch.setattr(rivals, "_behind_its_gates", lambda *_: [])
     monkeypatch.setattr(rivals, "pays", lambda *_: True)
     return rivals.rivals_of(SimpleNamespace(everything=None), leader, others)[:2]
 
@@ -99,7 +98,7 @@ def test_a_twin_stands_behind_the_same_edges():
     moment = leader.hypothesis.terms[0].gate.since
     away = [since(moment + m, "actuator_bias") for m in np.geomspace(1e-5, 1e-2, 25)]
     nearly = [f for f in away if rivals.TIE < f.objective - leader.objective < rivals.NEARLY]
-    (twin,) = rivals._behind_its_gates(problem, leader, nearly[:1])
+    (twin,) = rivals.behind_its_gates(problem, leader, nearly[:1])
     assert twin.objective == pytest.approx(leader.objective, abs=0.1)
     assert twin.hypothesis.claims == nearly[0].hypothesis.claims
-    assert not rivals._behind_its_gates(problem, leader, [since(moment, "actuator_bias")])
+    assert not rivals.behind_its_gates(problem, leader, [since(moment, "actuator_bias")])
