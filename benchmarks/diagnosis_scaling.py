@@ -1,9 +1,10 @@
 """What a diagnosis costs, from a thousand to a million transitions.
 
-    python benchmarks/diagnosis_scaling.py [--most 1000000] [--cores 2]
+    python benchmarks/diagnosis_scaling.py [--most 1000000] [--cores 2] [--hidden]
 
 A cart-pole with Coulomb friction that the simulator leaves out is driven by a noisy controller and measured with noise;
-`gpsim diagnose` runs as a process of its own. Printed: transitions, wall and processor seconds, peak memory of the
+with --hidden a slider with viscous friction whose speed nobody measured, a system of the user's own. `gpsim diagnose`
+runs as a process of its own. Printed: transitions, wall and processor seconds, peak memory of the
 largest process, and what was said.
 """
 
@@ -20,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gpsim.channels import Channels
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.simulators import make_simulator
@@ -55,6 +57,46 @@ def record(transitions: int, rng: np.random.Generator) -> Recording:
     )
 
 
+SLIDER = """
+class Slider:
+    state = {"q": "m", "q_dot": "m/s"}
+    action = {"force": "N"}
+    parameters = {"mass": ("kg", 2.0, 0.1, 10.0)}
+    coordinates = {"q": "q_dot"}
+    force_units = {"q": "N"}
+    start = {"q_dot": 0.0}
+
+    def rates(self, state, action, p, forces):
+        return {"q_dot": (action["force"] + forces["q"]) / p["mass"]}
+"""
+MASS, DAMPING, FAR = 2.0, 1.5, 0.5  # FAR: m to either side, where the drive turns round
+
+
+def hidden_speed(transitions: int, rng: np.random.Generator) -> Recording:
+    """Positions of a slider that is driven to and fro; its motion between two samples is exact."""
+    steps = min(STEPS, transitions // 10)
+    count = max(transitions // steps, 1)
+    q, v, seen, pushed = 0.1 * rng.normal(size=count), np.zeros(count), [], []
+    rate, level = DAMPING / MASS, np.zeros(count)
+    decay = np.exp(-rate * DT)
+    for k in range(steps + 1):
+        seen.append(q + 0.0005 * rng.normal(size=count))
+        if k % 10 == 0:
+            level = np.where(np.abs(q) > FAR, -np.sign(q) * np.abs(level), rng.uniform(-4, 4, count))
+        if k < steps:
+            pushed.append(level)
+            end = level / DAMPING
+            q, v = q + end * DT + (v - end) * (1 - decay) / rate, end + (v - end) * decay
+    y, u, t = (
+        np.stack(seen, axis=1)[..., None],
+        np.stack(pushed, axis=1)[..., None],
+        DT * np.arange(steps + 1),
+    )
+    episodes = tuple(Episode(str(i), t, y[i], u[i]) for i in range(count))
+    channels = Channels.of({"q": "m"}), Channels.of({"force": "N"})
+    return Recording("slider", *channels, episodes, DT, {"mass": MASS}, noise={"q": 0.0005})
+
+
 def main() -> None:
     """Print the curve."""
     parser = argparse.ArgumentParser(
@@ -62,15 +104,20 @@ def main() -> None:
     )
     parser.add_argument("--most", type=int, default=1_000_000)
     parser.add_argument("--cores", type=int, default=2)
+    parser.add_argument("--hidden", action="store_true")
     arguments = parser.parse_args()
+    make = hidden_speed if arguments.hidden else record
     print("| transitions | wall s | processor s | peak MB | said |\n|---|---|---|---|---|")
     for transitions in (n for n in (1_000, 10_000, 100_000, 1_000_000) if n <= arguments.most):
         with tempfile.TemporaryDirectory() as temporary:
             folder, out = Path(temporary) / "recording", Path(temporary) / "out"
             folder.mkdir()
-            write_recording(record(transitions, np.random.default_rng(transitions)), folder, "parquet")
+            own = Path(temporary) / "own.py"
+            own.write_text(SLIDER)
+            write_recording(make(transitions, np.random.default_rng(transitions)), folder, "parquet")
             before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
             words = [str(GPSIM), "diagnose", str(folder), "--out", str(out), "--cores", str(arguments.cores)]
+            words += ["--simulator", f"{own}:Slider"] if arguments.hidden else []
             subprocess.run(words, check=True, capture_output=True)
             wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
             report = json.loads((out / "diagnosis.json").read_text())
