@@ -59,7 +59,7 @@ class EffectsPlant:
     @cached_property
     def chain(self) -> Chain:
         """What steps it."""
-        begun = tuple(replace(t, gate=replace(t.gate, since=None, until=None)) for t in self.terms)
+        begun = tuple(replace(t, gate=t.gate.opened) for t in self.terms)
         return Chain(self.simulator, self.parameters, begun, self.scheme, self.dt)
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:

@@ -8,19 +8,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from gpsim.channels import FloatArray, wrap_angle
+from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.diagnosis.problem import Problem
+from gpsim.effects.term import EPISODE
+from gpsim.evenly import evenly
 
 BINS, MARGIN = 24, 0.05  # and how far the outer edges lie beyond what was visited, of its range
 TURN = 2.0 * np.pi
 
 
 def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
-    """Edges of BINS bins of a channel, or of time where it is None: outer ones open, inner ones quantiles.
+    """Edges of BINS bins of a channel, of time where it is None, of EPISODE: outer ones open, inner ones quantiles.
 
     Those of an angle that wraps go round the circle once at most, from where it was not visited.
     """
     windows = problem.windows
+    if channel == EPISODE:
+        return _between_episodes(windows.episode)
     if channel is None:
         return _bins(windows.t[windows.valid])
     names = problem.simulator.state.names
@@ -61,6 +65,12 @@ def range_around(
 def nearest_turn(angle: float, other: float) -> float:
     """How far to move `other`, by whole turns, to bring it next to `angle`."""
     return TURN * round((angle - other) / TURN)
+
+
+def _between_episodes(episodes: IntArray) -> FloatArray:
+    """Edges between episodes, and before the first and behind the last; BINS bins at most."""
+    known = np.unique(episodes)
+    return np.append(known[evenly(len(known), BINS)], known[-1] + 1) - 0.5
 
 
 def _bins(values: FloatArray, least: float = -np.inf, most: float = np.inf) -> FloatArray:

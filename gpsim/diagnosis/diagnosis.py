@@ -189,6 +189,7 @@ def _effects(
                 "parameters": parameters,
                 "region": {k: list(v) for k, v in term.gate.region.items()},
                 "since": None if term.gate.since is None else term.gate.since + question.origin,
+                "since_episode": question.episode_name(term.gate.since_episode),
                 "probability": probability,
                 "odds": odds_against(judgement.ranking, found.hypothesis, term.identity),
                 "evidence_gain": gain(problem, found, without),

@@ -19,7 +19,7 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import EffectParameter, Gate
-from gpsim.effects.term import FROM, TO
+from gpsim.effects.term import EPISODE, FROM, TO
 
 SCANNED = 8  # places on each side of an edge
 JOINT = 8  # iterations of a joint fit
@@ -32,7 +32,9 @@ EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name i
 
 
 def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Gate:
-    """A region of `channel`, or where that is None the time from low on, to high where it `ends`."""
+    """A region of `channel`; where that is None the time from low on, to high where it `ends`; EPISODE: from low on."""
+    if channel == EPISODE:
+        return Gate(since_episode=int(np.ceil(low)))
     if channel is None:
         return Gate(since=float(low), until=float(high) if ends else None)
     return Gate(region={channel: (float(low), float(high))})
@@ -65,8 +67,9 @@ def placed(
     share: of the channel's range, how far the first scan looks on both sides; finest: of the range, the last spacing;
     effort: simulated rows after which no further scan begins.
     """
-    gate = at.hypothesis.terms[index].gate
-    channel = next(iter(gate.region), None)
+    gate, channel = at.hypothesis.terms[index].gate, at.hypothesis.terms[index].gate.looks_at
+    if channel == EPISODE:
+        return _first_episode(problem, at, index)
     outer = range_around(problem, channel, gate.region.get(channel or ""))
     spread = outer[1] - outer[0]
     reach, stays = share * spread, 0
@@ -92,6 +95,20 @@ def placed(
     return at
 
 
+def _first_episode(problem: Problem, at: Fit, index: int) -> Fit:
+    """The fit with one term since the episode at which the likelihood is highest, from one to the next."""
+    known = [int(e) for e in np.unique(problem.windows.episode)]
+    for side in (1, -1):
+        place = known.index(at.hypothesis.terms[index].gate.since_episode or 0) + side
+        while 0 < place < len(known):
+            gated = at.hypothesis.gated(index, Gate(since_episode=known[place]))
+            tried = fit(problem, gated, at.starts, iterations=8, tolerance=0.2)
+            if tried.objective > at.objective - FLAT:
+                break
+            at, place = tried, place + side
+    return at
+
+
 @dataclass(frozen=True)
 class _Span:
     """What a term's gate lets through, an open edge at the end of the range `outer`; ends: whether it ends at all."""
@@ -106,7 +123,7 @@ class _Span:
     def of(cls, at: Fit, index: int, outer: tuple[float, float]) -> _Span:
         """That of one term."""
         gate = at.hypothesis.terms[index].gate
-        channel = next(iter(gate.region), None)
+        channel = gate.looks_at
         low, high = gate.region[channel] if channel else (gate.since, gate.until)
         ends = channel is not None or high is not None
         return cls(channel, outer[0] if low is None else low, outer[1] if high is None else high, ends, outer)

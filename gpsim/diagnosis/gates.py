@@ -22,6 +22,7 @@ from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.screening import Directions, screened, starts_of, stronger
 from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import effect_of, has_patch
+from gpsim.effects.term import EPISODE
 
 GATED, PROMISING, PLACED = (
     4,
@@ -29,6 +30,8 @@ GATED, PROMISING, PLACED = (
     2,
 )  # gated terms that are fitted, of so many plain ones; of which edges are placed
 GLIMPSE = 2.5e7  # simulated rows for the edges of one gate at first
+MOMENTS: tuple[str | None, ...] = (None, EPISODE)
+"""What an onset is one of: it lasts to the end."""
 WORTH_PLACING = 1.0  # nats that thresholds gained, after which edges are placed anew
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
 COARSE, FINE, FINEST = (
@@ -64,8 +67,8 @@ def gated_children(
 
     The gated term is the last one; where its edges lie is known to a bin. The best come first.
 
-    channels: where gates may look, None among them for time; `region_channels` unless given. few: directions around
-    the same parent on a few windows, to look at all other terms, too; some show behind a gate only. Where these are all
+    channels: where gates may look, None among them for time; `region_channels` unless given. few: directions around the
+    same parent on a few windows, to look at all other terms, too; some show behind a gate only. Where these are all
     windows, thresholds are looked at from all their starting values and limits from the lowest, too: acting everywhere
     dilutes one that began late.
     """
@@ -167,7 +170,7 @@ def _best_gate(
     changes = _by_bin(directions, candidate, values, channel, edges)
     pull, size = changes @ directions.rest.ravel(), changes @ changes.T
     circle = goes_round(directions.problem, channel, edges)
-    first, last, gain, whole = _best_run(pull, size, suffix=channel is None, circle=circle)
+    first, last, gain, whole = _best_run(pull, size, suffix=channel in MOMENTS, circle=circle)
     more = count_windows / len(directions.problem.windows)
     if more * (gain - whole) < WORTH:
         return None
@@ -210,7 +213,7 @@ def _spares(
     count, circle = len(pull), goes_round(without.problem, channel, edges)
     for first in range(count):
         for last in range(first, count):
-            if (channel is None and last < count - 1) or last - first == count - 1:
+            if (channel in MOMENTS and last < count - 1) or last - first == count - 1:
                 continue
             inside = np.zeros(count, dtype=np.bool_)
             inside[first : last + 1] = True
@@ -230,9 +233,23 @@ def _by_bin(
     """(bins, N): what the term takes off the residual when it acts in one bin of the channel alone."""
     hypothesis = directions.parent.hypothesis
     plain = hypothesis.plus(candidate.term(values), candidate.declared)
+    if channel == EPISODE:
+        return _by_episodes(directions, plain, np.array([*hypothesis.theta, *values]), edges)
     binned = declared_edges(plain, len(hypothesis.terms), channel, float(edges[0]), float(edges[-1]), True)
     thetas = np.array([[*hypothesis.theta, *values, low, high] for low, high in pairwise(edges)])
     return directions.of(binned, thetas).reshape(len(edges) - 1, -1)
+
+
+def _by_episodes(
+    directions: Directions, plain: Hypothesis, theta: FloatArray, edges: FloatArray
+) -> FloatArray:
+    """The same of a term that acts everywhere in some episodes: a window lies in one."""
+    problem, parent = directions.problem, directions.parent
+    (acting,) = problem.residuals(plain, theta[None], parent.starts[None])
+    which = np.searchsorted(edges, problem.windows.episode) - 1
+    bins = np.arange(len(edges) - 1)[:, None, None, None]
+    inside = which[None, :, None, None] == bins
+    return directions.changes(np.where(inside, acting, parent.residuals)).reshape(len(bins), -1)
 
 
 def _best_run(
@@ -256,8 +273,13 @@ def _best_run(
     return first, last, float(gains[first, last]), whole
 
 
+def moments(problem: Problem) -> list[str | None]:
+    """Where an onset may be looked for: time, and which episode it is where their clocks begin anew."""
+    return list(MOMENTS) if problem.windows.own_clocks else [None]
+
+
 def region_channels(problem: Problem) -> list[str | None]:
-    """Where a gate may look: positions, then time."""
+    """Where a gate may look: positions, then moments."""
     velocities = {c.velocity for c in problem.simulator.coordinates}
     names = [c.name for c in problem.simulator.state if c.name not in velocities]
-    return [*names, None]
+    return [*names, *moments(problem)]

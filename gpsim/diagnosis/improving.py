@@ -16,6 +16,7 @@ from gpsim.diagnosis.gates import (
     PROMISING,
     gated_children,
     may_be_limited,
+    moments,
     polished,
     region_channels,
     with_edges,
@@ -193,7 +194,7 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         few = Directions(*sampled(part, seen, GLANCED_AT))
         gated += gated_children(part, directions, everywhere, offers, few=few)
     elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
-        gated += gated_children(part, directions, plain, offers, [None], few=directions)
+        gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
     gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATES], GATES)
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
 

@@ -25,11 +25,13 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison) -> 
     gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
     region = {k: list(v) for gate in gates for k, v in gate.region.items()}
     since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
+    episode = next((gate.since_episode for gate in gates if gate.since_episode is not None), None)
     differs = judgement.verdict != "none"
     return {
         "channels": channels,
         "region": region,
         "since": since,
+        "since_episode": question.episode_name(episode),
         "depends_on": depends_on(simulator, comparison, comparison.left_before) if differs else [],
         "concentrated": _concentrated(question, comparison) if differs else None,
     }

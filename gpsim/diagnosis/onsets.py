@@ -32,11 +32,11 @@ WORTH = 10.0  # nats that one must promise: it is the best of many moments
 
 @dataclass(frozen=True)
 class Onset:
-    """A term that may have begun at a moment [s]: the gain [nats] that promises, and all parameters (P,) then."""
+    """A term behind an onset: the gain [nats] that promises, and all parameters (P,) then."""
 
     gain: float
     index: int
-    moment: float
+    gate: Gate
     theta: FloatArray
 
 
@@ -51,19 +51,22 @@ def begun_later(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> l
     found = [o for o in onsets(problem, leader, open_ones) if o.gain > WORTH]
     most = max((o.gain for o in found), default=0.0)
     best = sorted((o for o in found if o.gain > ALIKE * most), key=lambda o: -o.gain)[:FITTED]
-    children = [leader.hypothesis.having(o.theta).gated(o.index, Gate(since=o.moment)) for o in best]
+    children = [leader.hypothesis.having(o.theta).gated(o.index, o.gate) for o in best]
     fits = fit_all(problem, [Order(child, leader.starts, 8) for child in children])
     calls = [(problem, f, o.index, NEAR, COARSE, GLIMPSE) for f, o in zip(fits, best, strict=True)]
     return side_by_side(placed, calls)
 
 
 def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:
-    """When each of these terms best begins; none where there are too few windows to say."""
-    order = np.argsort(problem.windows.t[:, 0], kind="stable")
-    count, clock = len(order), problem.windows.t[order, 0]
-    inner = range(max(1, int(TRIMMED * count)), count - int(TRIMMED * count))
-    moments = [k for k in inner if clock[k] > clock[k - 1]]
-    if not moments or not terms:
+    """When each of these terms best begins, at a moment or, of clocks that begin anew, with an episode.
+
+    None where there are too few windows to say.
+    """
+    windows = problem.windows
+    clocks: list[FloatArray | IntArray] = [windows.t[:, 0]]
+    clocks += [windows.episode] if windows.own_clocks else []
+    orders = [_ordered(clock) for clock in clocks]
+    if not terms or not any(moments for _, moments in orders):
         return []
     hypothesis, theta = at.hypothesis, at.hypothesis.theta
     by_state, by_theta = jacobians(problem, hypothesis, theta, at.starts, at.residuals)
@@ -73,15 +76,31 @@ def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:
         off = _switched_off(problem, at, index) - at.residuals
         columns = np.concatenate([by_theta, off[..., None]], axis=-1)
         informations, gradients = projected(
-            problem, at.residuals, by_state, columns, at.variance, np.zeros(count)
+            problem, at.residuals, by_state, columns, at.variance, np.zeros(len(windows))
         )
         first = sum(len(group) for group in hypothesis.declared[:index])
         own = np.arange(first, first + len(hypothesis.declared[index]))
-        gains, steps = _switches(informations[order], gradients[order], moments, own)
-        best = int(np.argmax(gains))
-        moment = float(clock[moments[best]])
-        found.append(Onset(float(gains[best]), index, moment, np.clip(theta + steps[best], low, high)))
+        for clock, (order, moments) in zip(clocks, orders, strict=True):
+            if not moments:
+                continue
+            gains, steps = _switches(informations[order], gradients[order], moments, own)
+            best = int(np.argmax(gains))
+            first_one = clock[order[moments[best]]]
+            gate = (
+                Gate(since_episode=int(first_one))
+                if clock is windows.episode
+                else Gate(since=float(first_one))
+            )
+            found.append(Onset(float(gains[best]), index, gate, np.clip(theta + steps[best], low, high)))
     return found
+
+
+def _ordered(clock: FloatArray | IntArray) -> tuple[IntArray, list[int]]:
+    """The windows in the order of a clock (W,), and the places in it where something may begin."""
+    order = np.argsort(clock, kind="stable")
+    count, ticks = len(order), clock[order]
+    inner = range(max(1, int(TRIMMED * count)), count - int(TRIMMED * count))
+    return order, [k for k in inner if ticks[k] > ticks[k - 1]]
 
 
 def _switched_off(problem: Problem, at: Fit, index: int) -> FloatArray:

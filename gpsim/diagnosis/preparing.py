@@ -55,6 +55,10 @@ class Question:
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
 
+    def episode_name(self, index: int | None) -> str | None:
+        """What the recording calls one of its episodes; None of none."""
+        return None if index is None else self.recording.episodes[index].name
+
 
 def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> Question:
     """Thin, complete, cut, split and measure; raises UsageError when it does not match or is too short.

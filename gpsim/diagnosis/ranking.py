@@ -60,7 +60,7 @@ def ranked(
 def _limited_in(gate: Gate) -> str:
     if not gate:
         return ""
-    return next(iter(gate.region), "time")
+    return gate.looks_at or "time"
 
 
 def _key(hypothesis: Hypothesis) -> object:

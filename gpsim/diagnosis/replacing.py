@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.edges import NEAR, placed
-from gpsim.diagnosis.gates import FINE, gated_children, makes_sense, with_edges
+from gpsim.diagnosis.gates import FINE, gated_children, makes_sense, moments, with_edges
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.leaning import CLEAR, sampled
 from gpsim.diagnosis.numerics import rescored
@@ -143,17 +143,17 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
     directions = Directions(part, parent)
     everywhere = grown(part, directions, there, JUMPS)
-    found = with_edges(part, gated_children(part, directions, everywhere, there, (None,)))
+    found = with_edges(part, gated_children(part, directions, everywhere, there, moments(part)))
     return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
 
 
 def _later(problem: Problem, part: Problem, directions: Directions, offers: Sequence[Candidate]) -> list[Fit]:
     """In place of a slight term: what began at one moment."""
-    found = with_edges(part, gated_children(part, directions, [], offers, (None,), few=directions))
+    found = with_edges(part, gated_children(part, directions, [], offers, moments(part), few=directions))
     return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found[:JUMPS]])
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:
     if not gate:
         return not candidate.only_gated
-    return candidate.gateable and makes_sense(candidate, next(iter(gate.region), None))
+    return candidate.gateable and makes_sense(candidate, gate.looks_at)

@@ -75,14 +75,14 @@ def rivals_of(
 def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     """Rivals that are a little behind, once more behind the leader's gates: their edges were placed less closely."""
     others = _others(leader, fits)
-    gates = {next(iter(t.gate.region), None): t.gate for t in leader.hypothesis.terms if t.gate}
+    gates = {t.gate.looks_at: t.gate for t in leader.hypothesis.terms if t.gate}
     if not gates or not others:
         return []
     nats = scores(problem, [leader, *others])
     orders = []
     for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
         terms = [
-            replace(t, gate=gates.get(next(iter(t.gate.region), None), t.gate)) if t.gate else t
+            replace(t, gate=gates.get(t.gate.looks_at, t.gate)) if t.gate else t
             for t in rival.hypothesis.terms
         ]
         if TIE <= behind < NEARLY and tuple(terms) != rival.hypothesis.terms:

@@ -14,6 +14,7 @@ from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
 from gpsim.effects.elapsed import last_at_most
+from gpsim.effects.term import EPISODE
 from gpsim.simulators.plant import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
@@ -85,7 +86,7 @@ def _simulated(
     extra: Extra | None = None,
 ) -> FloatArray:
     copies, count = starts.shape[:2]
-    rows, values = np.tile(np.arange(count), copies), spread(thetas, count)
+    rows, values = np.tile(np.arange(count), copies), _values(chain, windows, spread, thetas)
     with np.errstate(all="ignore"):
         drive = (
             _precomputed(chain, windows, spread, thetas, setting)
@@ -96,6 +97,15 @@ def _simulated(
     return out.reshape(copies, count, windows.length + 1, -1)
 
 
+def _values(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray) -> list[Values]:
+    """Of every term, the values of all windows of all copies; where a gate asks for it, their episodes, too."""
+    values = list(spread(thetas, len(windows)))
+    for i, term in enumerate(chain.terms):
+        if term.gate.since_episode is not None:
+            values[i] = {**values[i], EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
+    return values
+
+
 def _set(
     chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
 ) -> tuple[_Setting, Windows]:
@@ -103,7 +113,7 @@ def _set(
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
     if not (chain.actuates or chain.sensors.remember):
         return _Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
-    values, even = spread(thetas, len(windows)), windows.even
+    values, even = _values(chain, windows, spread, thetas), windows.even
     slots = _slots(chain, windows, values, n) if chain.sensors.remember else 0
     windows = _what_matters(chain, windows, values, slots / n)
     if chain.actuates:  # parameters of other sites do not change what becomes of a command
@@ -161,7 +171,7 @@ def _precomputed(
     Where they do depend on the state, those before the window are taken at the measured one, those in it step by step.
     """
     count, n, first = len(windows), setting.n, setting.first
-    rows, values = np.tile(np.arange(count), len(first)), spread(thetas[first], count)
+    rows, values = np.tile(np.arange(count), len(first)), _values(chain, windows, spread, thetas[first])
     coarser = chain.looks and not setting.even
     memory = chain.rest(len(rows), setting.usual / DENSER if coarser else setting.usual)
     if setting.leaps:
@@ -183,7 +193,8 @@ def _precomputed(
     which = (setting.which[:, None] * count + np.arange(count)).ravel()
     if not chain.looks:
         return lambda k, j, state: by_time[before + n * k + j][which]
-    held, every = {key: kept[which] for key, kept in memory.items()}, spread(thetas, count)
+    held = {key: kept[which] for key, kept in memory.items()}
+    every = _values(chain, windows, spread, thetas)
     row = np.tile(np.arange(count), len(thetas))
 
     def drive(k: int, j: int, state: FloatArray) -> FloatArray:

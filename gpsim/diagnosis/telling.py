@@ -50,6 +50,8 @@ def _where(report: Report) -> str:
         text += f"; it acts for {name} in {_between(low, high)}"
     if location["since"] is not None:
         text += f"; since t = {_moment(location['since'], report.get('dt'))} s"
+    if location.get("since_episode") is not None:
+        text += f"; since episode {location['since_episode']}"
     return f"{text}{_part(report)}.{_looked_at(report)}"
 
 
@@ -68,7 +70,9 @@ def _own_step(report: Report) -> str:
 def _part(report: Report) -> str:
     """In which part of state, action or time nearly all of it lies; what a named region says already is left out."""
     part = report["location"].get("concentrated")
-    if part is None or report["location"]["region"] or report["location"]["since"] is not None:
+    location = report["location"]
+    named = location["region"] or location["since"] is not None or location.get("since_episode") is not None
+    if part is None or named:
         return ""
     (low, high), name = part["interval"], part["channel"]
     of = name.removeprefix(SINCE_REVERSAL)

@@ -15,6 +15,7 @@ from gpsim.diagnosis.simulate import simulate
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import PRE_ROLL
 
+AFTERWARDS = 2**31  # an episode that comes after all others
 SECONDS, FEWEST, MOST = 3.0, 20, 150
 LEVELS = (0.25, 1.0, 1.5)
 LARGE = 0.95  # quantile of an action's sizes that is taken for a large command,
@@ -123,7 +124,7 @@ def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
         np.tile(start, (count, PRE_ROLL, 1)),
         np.zeros((count, PRE_ROLL, actions.shape[2])),
         np.tile(t[: PRE_ROLL + 1], (count, 1)),
-        np.zeros(count, dtype=np.int64),
+        np.full(count, AFTERWARDS),
         np.ones(count, dtype=np.bool_),
     )
 

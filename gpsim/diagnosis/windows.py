@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,13 @@ class Windows:
         """Whether every step in the windows and before them is as long as the usual one."""
         steps = np.diff(np.concatenate([self.before_t, self.t[:, 1:]], axis=1), axis=1)
         return even(steps, np.median(steps, keepdims=True)) if steps.size else True
+
+    @cached_property
+    def own_clocks(self) -> bool:
+        """Whether several episodes' clocks begin anew: their times do not say which came first."""
+        every = [self.t[self.episode == e] for e in np.unique(self.episode)]
+        ends = [(float(t.min()), float(t.max())) for t in every]
+        return any(later[0] < earlier[1] for earlier, later in pairwise(ends))
 
     def remembering(self, samples: int) -> Windows:
         """The windows with so many transitions before them, or as many as there are."""

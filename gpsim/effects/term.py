@@ -13,19 +13,34 @@ from gpsim.effects.effect import Effect, Values
 from gpsim.effects.registry import effect_of
 from gpsim.errors import UsageError
 
-FROM, TO = "from", "to"
+FROM, TO, EPISODE = "from", "to", "episode"
+"""Values that a search gives every row beside a law's own: edges of its gate, and which episode it is in."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Where and when an effect acts: intervals of channels (state or action), moments [s] of the recording's clock."""
+    """Where and when an effect acts: intervals of channels (state or action), moments [s] of the recording's clock.
+
+    since_episode: the first episode (from 0) in which it acts; what is not one of a recording comes after them all.
+    """
 
     region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     since: float | None = None
     until: float | None = None
+    since_episode: int | None = None
 
     def __bool__(self) -> bool:
-        return bool(self.region) or self.since is not None
+        return bool(self.region) or self.since is not None or self.since_episode is not None
+
+    @property
+    def looks_at(self) -> str | None:
+        """The channel whose region it is; `EPISODE`, or None for time."""
+        return next(iter(self.region), None if self.since_episode is None else EPISODE)
+
+    @property
+    def opened(self) -> Gate:
+        """What is left of it once everything has begun."""
+        return Gate(region=self.region)
 
     def share(
         self,
@@ -55,6 +70,8 @@ class Gate:
             share *= _after(values.get(FROM, self.since), t, step)
         if self.until is not None:
             share *= 1.0 - _after(values.get(TO, self.until), t, step)
+        if self.since_episode is not None:
+            share *= np.asarray(values.get(EPISODE, np.inf)) >= self.since_episode
         return share
 
 
@@ -117,6 +134,7 @@ def to_json(term: Term) -> dict[str, Any]:
         "values": {k: float(v) for k, v in term.values.items()},
         "region": {k: [float(low), float(high)] for k, (low, high) in term.gate.region.items()},
         "since": term.gate.since,
+        "since_episode": term.gate.since_episode,
     }
 
 
@@ -125,8 +143,10 @@ def from_json(data: Mapping[str, Any]) -> Term:
     try:
         region = {str(k): (float(v[0]), float(v[1])) for k, v in data["region"].items()}
         since = None if data["since"] is None else float(data["since"])
+        episode = data.get("since_episode")  # earlier versions knew none
+        gate = Gate(region, since, since_episode=None if episode is None else int(episode))
         values = {str(k): float(v) for k, v in data["values"].items()}
-        term = Term(str(data["family"]), str(data["on"]), values, Gate(region, since), str(data["variant"]))
+        term = Term(str(data["family"]), str(data["on"]), values, gate, str(data["variant"]))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UsageError(
             f"an effect needs family, on, variant, values, region and since, got {data!r}"

@@ -68,7 +68,7 @@ def test_the_files_keep_the_contract(diagnosed):
     assert report["fit"]["held_out"] == ["4"]
     for effect in report["effects"] + [e for other in report["alternatives"] for e in other["effects"]]:
         assert set(effect) >= {
-            "family", "on", "site", "parameters", "region", "since",
+            "family", "on", "site", "parameters", "region", "since", "since_episode",
             "probability", "evidence_gain", "explains", "sentence",
         }  # fmt: skip
         assert effect["evidence_gain"] > 0

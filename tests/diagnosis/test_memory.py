@@ -139,7 +139,9 @@ def test_a_step_that_is_no_number_is_not_taken():
     residual = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
     here = shooting._point(problem, hypothesis.theta, starts, residual)
     nowhere = shooting.Step(np.full(1, np.nan), np.zeros((*starts.shape, 1)), np.zeros_like(starts))
-    new, moved, *_ = shooting._stepped(problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1))
+    new, moved, *_ = shooting._stepped(
+        problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1), alone=False
+    )
     assert not moved
     assert (new.theta == here.theta).all()
     assert np.isfinite(new.value)

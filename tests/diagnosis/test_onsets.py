@@ -8,7 +8,6 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.onsets import WORTH, begun_later, onsets
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.shooting import fit
-from gpsim.effects import Gate
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -45,7 +44,7 @@ def test_a_dead_zone_that_began_late(since):
     found = {o.index: o for o in onsets(problem, leader, [0, 1])}
     assert found[0].gain < 0.0
     assert found[1].gain > WORTH
-    assert found[1].moment == pytest.approx(since, abs=1.0)  # nothing was commanded that tells more
+    assert found[1].gate.since == pytest.approx(since, abs=1.0)  # nothing was commanded that tells more
     (best,) = begun_later(problem, leader, offers)
     assert best.objective < leader.objective - WORTH
     drag, zone = best.hypothesis.terms
@@ -61,9 +60,9 @@ def test_what_is_promised_a_fit_gains():
     leader = everywhere(problem, offers, ("viscous_friction", [1.0]), ("constant_force", [0.5]))
     assert 0.1 < leader.hypothesis.theta[1] < 0.3
     onset = onsets(problem, leader, [0, 1])[1]
-    gated = leader.hypothesis.having(onset.theta).gated(1, Gate(since=onset.moment))
+    gated = leader.hypothesis.having(onset.theta).gated(1, onset.gate)
     found = fit(problem, gated, leader.starts)
-    assert onset.moment == pytest.approx(15.0, abs=1.0)
+    assert onset.gate.since == pytest.approx(15.0, abs=1.0)
     assert WORTH < onset.gain < leader.objective - found.objective
     assert onset.theta == pytest.approx(found.hypothesis.theta, abs=0.05)
     assert found.hypothesis.theta == pytest.approx([2.0, 0.4], abs=0.05)

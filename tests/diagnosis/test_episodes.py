@@ -1,0 +1,116 @@
+"""What began with an episode of a recording whose episodes each have a clock of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.edges import placed
+from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.onsets import onsets
+from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.telling import paragraphs
+from gpsim.effects import Gate, Term
+from gpsim.effects.term import EPISODE, from_json, to_json
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+SLIDER = make_simulator("slider")
+FIRST = 5
+DRAGGED = World("slider", grips={0: lambda q, v, normal: 1.0 + 0 * q})
+DEAF = World("slider", filters=[lambda u, t, h, m: np.where(np.abs(u) < 1.0, 0.0, u)])
+
+
+def changed(world, *, session=False):
+    """Twelve episodes of a slider, which from one on is another one."""
+    before, after = (
+        record(w, seed=seed, episodes=12, steps=155, session=session)
+        for w, seed in ((World("slider"), 7), (world, 8))
+    )
+    return replace(before, episodes=(*before.episodes[:FIRST], *after.episodes[FIRST:]))
+
+
+def asked(recording):
+    """The problem, and what may be added."""
+    known = SLIDER.defaults(recording.parameters)
+    question = prepare(recording, SLIDER, known)
+    return question.everything, candidates(question.recording, SLIDER, known)
+
+
+@pytest.mark.parametrize(
+    ("world", "family", "value"),
+    [(DRAGGED, "coulomb_friction", ("force", 1.0)), (DEAF, "actuator_dead_zone", ("width", 1.0))],
+)
+def test_it_is_named_since_the_episode(world, family, value):
+    recording = changed(world)
+    report = diagnose(
+        recording, SLIDER, SLIDER.defaults(recording.parameters), np.random.default_rng(0)
+    ).report
+    assert report["verdict"] == "named"
+    (effect,) = report["effects"]
+    assert (effect["family"], effect["since"], effect["since_episode"]) == (family, None, str(FIRST))
+    assert effect["parameters"][value[0]]["value"] == pytest.approx(value[1], rel=0.01)
+    assert report["location"]["since_episode"] == str(FIRST)
+    assert f"; since episode {FIRST}." in paragraphs(report)[0]
+
+
+def test_a_session_says_when_and_not_which_episode():
+    recording = changed(DRAGGED, session=True)
+    report = diagnose(
+        recording, SLIDER, SLIDER.defaults(recording.parameters), np.random.default_rng(0)
+    ).report
+    (effect,) = report["effects"]
+    began = recording.episodes[FIRST].t[0]
+    assert effect["since_episode"] is None
+    assert effect["since"] == pytest.approx(began, abs=1.0)
+
+
+@pytest.mark.parametrize("near", [FIRST - 2, FIRST - 1, FIRST, FIRST + 1])
+def test_the_episode_is_found_from_one_nearby(near):
+    problem, offers = asked(changed(DRAGGED))
+    law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
+    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared).gated(0, Gate(since_episode=near))
+    found = placed(problem, fit(problem, hypothesis, problem.windows.measured[:, 0]), 0, 0.1, 1e-3)
+    assert found.hypothesis.terms[0].gate == Gate(since_episode=FIRST)
+
+
+def test_one_linearisation_tells_the_episode():
+    problem, offers = asked(changed(DRAGGED))
+    law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
+    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared)
+    everywhere = fit(problem, hypothesis, problem.windows.measured[:, 0])
+    best = max(onsets(problem, everywhere, [0]), key=lambda o: o.gain)
+    assert best.gate == Gate(since_episode=FIRST)
+    assert best.theta == pytest.approx([1.0], abs=0.3)
+
+
+def test_clocks_of_their_own_are_seen():
+    windows = asked(changed(DRAGGED))[0].windows
+    assert windows.own_clocks
+    assert not windows.take(windows.episode == 3).own_clocks
+    assert not asked(changed(DRAGGED, session=True))[0].windows.own_clocks
+
+
+def test_a_gate_in_episodes_opens_once_and_stays_open():
+    gate, three = Gate(since_episode=2), np.zeros(3)
+    path = (np.zeros((3, 2)), np.zeros((3, 2)))
+    values = {EPISODE: np.array([1.0, 2.0, 3.0])}
+    share = gate.share(path, np.zeros((3, 1)), three, three, SLIDER.state, values)
+    np.testing.assert_array_equal(share, [0.0, 1.0, 1.0])
+    afterwards = gate.share(path, np.zeros((3, 1)), three, three, SLIDER.state, {})
+    np.testing.assert_array_equal(afterwards, 1.0)  # what no recording holds comes after it
+    assert gate
+    assert gate.looks_at == EPISODE
+    assert not gate.opened
+
+
+def test_it_is_written_and_read():
+    term = Term("constant_force", "q", {"force": 1.0}, Gate(since_episode=4))
+    assert from_json(to_json(term)) == term
+    earlier = to_json(term)
+    del earlier["since_episode"]
+    assert from_json(earlier).gate == Gate()
