@@ -25,7 +25,7 @@ from gpsim.diagnosis.hypothesis import Candidate
 from gpsim.diagnosis.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.leaning import lean, likeliest, sampled, simplest
 from gpsim.diagnosis.onsets import begun_later
-from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.orders import Order, fit_all, fit_near
 from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.replacing import AS_WELL, left_open, specialised, swapped
@@ -127,7 +127,8 @@ def _extended(
             steps += 1
         if not better:
             break
-        leader = polished(problem, _ended(problem, likeliest(problem, better)))
+        leader = _ended(problem, likeliest(problem, better))
+        leader = leader if over else polished(problem, leader)  # at the end it is, in any case
         if steps == 0 or whiteness(problem, leader)[0] > STRUCTURED:
             leader = firm = lean(problem, leader)
             steps = 0
@@ -177,8 +178,8 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         promised = more * found[0][0] if found else 0.0
         if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
             return later
-        orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 12) for c, start in chosen]
-        plain = fit_all(problem, orders)
+        orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 5) for c, start in chosen]
+        plain = fit_near(problem, orders, 8, 0.5)
     plain += later
     if spent() > most or any(pays(problem, f, leader) for f in plain):
         return plain  # other gates are dear: first what acts everywhere

@@ -19,7 +19,7 @@ from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
 from gpsim.diagnosis.leaning import simplest, without_a_term
-from gpsim.diagnosis.orders import Order, fit_all
+from gpsim.diagnosis.orders import Order, fit_near
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
@@ -33,7 +33,6 @@ REFITTED, WITHIN = (
     8,
     12.0,
 )  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
-BEHIND = 60.0  # nats after a few iterations that no further ones make good
 UNEXPLAINED = {
     1e-2: 0.15,
     1e-3: 0.03,
@@ -168,12 +167,7 @@ def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """All fitted a little, those that are not far behind the best to the end."""
     starts = problem.windows.measured[:, 0]
-    begun = fit_all(problem, [Order(hypothesis, starts, 6) for hypothesis in hypotheses])
-    least = min((f.objective for f in begun), default=0.0) + BEHIND
-    ended = fit_all(
-        problem, [Order(f.hypothesis, f.starts, 17, 0.02, near=True) for f in begun if f.objective < least]
-    )
-    return [*ended, *(f for f in begun if f.objective >= least)]
+    return fit_near(problem, [Order(hypothesis, starts, 6) for hypothesis in hypotheses], 17, 0.02)
 
 
 def _null_of(problem: Problem, scheme: Scheme) -> Fit:

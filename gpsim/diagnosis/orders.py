@@ -11,6 +11,8 @@ from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit, fit
 
+BEHIND = 60.0  # nats after a few iterations that no further ones make good
+
 
 @dataclass(frozen=True)
 class Order:
@@ -29,6 +31,15 @@ class Order:
 def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
     """The fits of all orders, in their order; raises what a fit raises."""
     return side_by_side(fit_order, [(problem, order) for order in orders])
+
+
+def fit_near(problem: Problem, begun: Sequence[Order], iterations: int, tolerance: float) -> list[Fit]:
+    """All fitted as ordered, and those that are not far behind the best then for so many more iterations."""
+    fits = fit_all(problem, begun)
+    least = min((f.objective for f in fits), default=0.0) + BEHIND
+    near = [f for f in fits if f.objective < least and not f.converged]
+    more = [Order(f.hypothesis, f.starts, iterations, tolerance, near=True) for f in near]
+    return [*fit_all(problem, more), *(f for f in fits if not any(f is g for g in near))]
 
 
 def fit_order(problem: Problem, order: Order) -> Fit:
