@@ -96,12 +96,16 @@ def placed(
 
 
 def _first_episode(problem: Problem, at: Fit, index: int) -> Fit:
-    """The fit with one term since the episode at which the likelihood is highest, from one to the next."""
-    known = [int(e) for e in np.unique(problem.windows.episode)]
+    """The fit with one term since the episode at which the likelihood is highest, from one to the next.
+
+    These windows need not hold any of the one that it is said to have begun with.
+    """
+    known = np.unique(problem.windows.episode)
     for side in (1, -1):
-        place = known.index(at.hypothesis.terms[index].gate.since_episode or 0) + side
+        began = at.hypothesis.terms[index].gate.since_episode
+        place = int(np.searchsorted(known, 0 if began is None else began)) + side
         while 0 < place < len(known):
-            gated = at.hypothesis.gated(index, Gate(since_episode=known[place]))
+            gated = at.hypothesis.gated(index, Gate(since_episode=int(known[place])))
             tried = fit(problem, gated, at.starts, iterations=8, tolerance=0.2)
             if tried.objective > at.objective - FLAT:
                 break

@@ -34,10 +34,8 @@ LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must
 LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
 BEYOND_DOUBT, SLIGHT_SHARE = 10.0, 0.002  # or so little where it gains so many nats, and leaves white noise
 BETTER_LAW = 5.0  # nats beyond doubt for a richer law in a simpler one's place, which is not one of dozens
-MOST_OF_IT, NO_LAST_DIGITS = (
-    0.5,
-    200.0,
-)  # of the variance left over, and nats: enough for a richer law in any case
+MOST_OF_IT = 0.5  # of the variance left over, which a richer law in a simpler one's place may remove instead,
+NO_LAST_DIGITS = 200.0  # where it gains so many nats
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
 ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one

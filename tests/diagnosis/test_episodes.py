@@ -78,6 +78,18 @@ def test_the_episode_is_found_from_one_nearby(near):
     assert found.hypothesis.terms[0].gate == Gate(since_episode=FIRST)
 
 
+def test_windows_may_miss_the_episode():
+    """A first look is taken at a few of the windows only."""
+    problem, offers = asked(changed(DRAGGED))
+    some = problem.on(problem.windows.take(~np.isin(problem.windows.episode, (FIRST, FIRST + 1))))
+    law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
+    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared).gated(0, Gate(since_episode=FIRST))
+    at = fit(some, hypothesis, some.windows.measured[:, 0])
+    found = placed(some, at, 0, 0.1, 1e-3)
+    assert found.objective <= at.objective
+    assert found.hypothesis.terms[0].gate.since_episode in (FIRST, FIRST + 2)
+
+
 def test_one_linearisation_tells_the_episode():
     problem, offers = asked(changed(DRAGGED))
     law = next(c for c in offers if c.family == "coulomb_friction" and not c.variant)
