@@ -34,7 +34,7 @@ def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
 
 
 def fit_near(problem: Problem, begun: Sequence[Order], iterations: int, tolerance: float) -> list[Fit]:
-    """All fitted as ordered, and those that are not far behind the best then for so many more iterations."""
+    """All fitted as ordered, and those that are not far behind the best then, nor at their end, a while longer."""
     fits = fit_all(problem, begun)
     least = min((f.objective for f in fits), default=0.0) + BEHIND
     near = [f for f in fits if f.objective < least and not f.converged]
