@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gpsim.trials import strengths_2026, strengths_2028, strengths_2029, strengths_everybody
+from gpsim.trials import (
+    strengths_2026,
+    strengths_2028,
+    strengths_2029,
+    strengths_2030,
+    strengths_everybody,
+)
 from gpsim.trials.strengths import Draw
 
 OUTSIDE: Mapping[str, Draw] = {
@@ -12,5 +18,6 @@ OUTSIDE: Mapping[str, Draw] = {
     **strengths_2026.STRENGTHS,
     **strengths_2028.STRENGTHS,
     **strengths_2029.STRENGTHS,
+    **strengths_2030.STRENGTHS,
 }
 """Every kind outside it."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, kinds_2028, kinds_2029, outside
+from gpsim.trials import drawing, kinds_2028, kinds_2029, kinds_2030, outside
 from gpsim.trials.kinds_everybody import EVERYBODYS
 from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.running import run
@@ -15,7 +15,11 @@ from gpsim.trials.worlds import TrueEffect
 
 from .outside_worlds import effect_of, world_of
 
-KINDS = {**kinds_2028.GENERATION.kinds, **kinds_2029.GENERATION.kinds}
+KINDS = {
+    name: kind
+    for generation in (kinds_2028, kinds_2029, kinds_2030)
+    for name, kind in generation.GENERATION.kinds.items()
+}
 CASES = [
     (kind, system, place)
     for kind in sorted(KINDS)
@@ -46,6 +50,16 @@ NOTHING = {
         "length": 5e-4
     },  # no shorter than it rolls in a fine step, or that would be too coarse
     "loose_marker": {"frequency": 1e6, "damping_ratio": 0.2},
+    "one_way_damper": {"damping": 0.0, "side": 1.0},
+    "dragged_cable": {"drag": 0.0, "anchor": 0.1, "speed": 0.1},
+    "slipping_flywheel": {"grip": 0.0, "inertia": 1.0, "speed": 0.1},
+    "leaking_tank": {"inertia": 0.0, "time": 1.0},
+    "tip_tether": {"stiffness": 0.0, "length": 1.0, "rest": 0.7},
+    "pneumatic_valve": {"fill": 1e-20, "vent": 1e-20},
+    "expo_curve": {"softness": 0.0, "full": 1.0},
+    "hill": {"loss": 0.0, "x": 0.1, "y": 0.2, "radius": 0.5},
+    "coarse_encoder": {"step": 1e-14},
+    "warming_sensor": {"offset": 0.0, "time": 1.0},
 }
 SHORT = {"tyre_relaxation": 4e-3}  # m, rad: what is left of one that vanishes in a limit only, w length / v
 
@@ -70,7 +84,7 @@ def test_strength_zero_is_no_effect(kind, system, place):
     np.testing.assert_allclose(with_it.clean, run(world, ()).clean, rtol=1e-12, atol=near)
 
 
-OF_THE_BODY = ("eddy_brake", "loose_load")
+OF_THE_BODY = ("eddy_brake", "loose_load", "leaking_tank")
 BESIDE_IT = {
     "worm_gear": "force",
     "hot_motor": "force",
@@ -78,6 +92,9 @@ BESIDE_IT = {
     "sticky_valve": "force",
     "power_limit": "force",
     "loose_marker": "q",
+    "pneumatic_valve": "force",
+    "expo_curve": "force",
+    "warming_sensor": "q",
 }
 
 
