@@ -1,15 +1,20 @@
-"""Short, perfect worlds with one kind of physics outside the catalogue."""
+"""Short, perfect worlds with one kind of physics outside the catalogue, and oracles for it."""
 
 from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from gpsim.trials import drawing
+from gpsim.trials.mechanics import Body
 from gpsim.trials.outside_strengths import OUTSIDE
+from gpsim.trials.replaying import Replay
 from gpsim.trials.running import run
 from gpsim.trials.strengths import Dial, Scales
 from gpsim.trials.systems import SYSTEMS
 from gpsim.trials.worlds import TrueEffect
+
+H = 1e-3  # s, a fine step
 
 
 def world_of(system, effects=(), **changes):
@@ -27,3 +32,34 @@ def effect_of(kind, system, strength, place=0):
     on = drawing.places_of(kind, SYSTEMS[system], "measured")[place]
     values = OUTSIDE[kind](Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
     return TrueEffect(kind, on, values, outside=True)
+
+
+def driven(system, parameters, effect, start, push, seconds):
+    """(K + 1, S) and (K + 1, H) state and hidden state under the push(t), every fine step."""
+    body, s = Body(system, parameters, [effect]), np.array([start])
+    z = body.begin(s)
+    states, hidden = [s[0]], [z[0]]
+    for i in range(round(seconds / H)):
+        t = np.full(1, i * H)
+        s, z = body.step(s, z, np.full((1, 1), push(i * H + H / 2)), t, t, H)
+        states.append(s[0])
+        hidden.append(z[0])
+    return np.array(states), np.array(hidden)
+
+
+def reference(slope, start, seconds, points):
+    """(points, N) of y' = slope(t, y), by a method and tolerances of its own; no step jumps over a knock."""
+    t = np.linspace(0.0, seconds, points)
+    return solve_ivp(
+        slope, (0.0, seconds), start, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12, max_step=2e-3
+    ).y.T
+
+
+def check_replay(kind, system):
+    """A run that begins in its middle goes on as it did, whatever the kind remembers."""
+    effect = effect_of(kind, system, 0.8)
+    world = world_of(system, [effect])
+    truth = run(world, [effect])
+    picks = np.array([[0, 7, 33], [0, 1, 2]])
+    states = Replay(world, truth, [effect]).states(picks, 20)
+    np.testing.assert_allclose(states, truth.sampled[picks[0] + 20, picks[1]], atol=1e-9)

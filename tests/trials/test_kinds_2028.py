@@ -7,7 +7,6 @@ from gpsim.trials import drawing, kinds_2028
 from gpsim.trials.kinds import MECHANICAL
 from gpsim.trials.mechanics import Body, with_inertia
 from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.replaying import Replay
 from gpsim.trials.running import Chain, run
 from gpsim.trials.sensors import sense
 from gpsim.trials.strengths import Dial, Scales
@@ -15,7 +14,7 @@ from gpsim.trials.systems import SYSTEMS, dynamics
 from gpsim.trials.vehicle import Vehicle
 from gpsim.trials.worlds import TrueEffect
 
-from .outside_worlds import effect_of, world_of
+from .outside_worlds import check_replay, world_of
 
 
 def test_an_eddy_brake_brakes_most_at_its_speed():
@@ -155,12 +154,7 @@ def test_a_trolley_pulls_a_curve_straight_and_does_nothing_straight_ahead():
 
 @pytest.mark.parametrize(("kind", "system"), [("towed_trolley", "unicycle"), ("rubber_buffer", "cartpole")])
 def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
-    effect = effect_of(kind, system, 0.8)
-    world = world_of(system, [effect])
-    truth = run(world, [effect])
-    picks = np.array([[0, 7, 33], [0, 1, 2]])
-    states = Replay(world, truth, [effect]).states(picks, 20)
-    np.testing.assert_allclose(states, truth.sampled[picks[0] + 20, picks[1]], atol=1e-9)
+    check_replay(kind, system)
 
 
 def test_a_slow_sensor_says_what_was_at_its_last_tick():

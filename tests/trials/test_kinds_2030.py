@@ -2,46 +2,21 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from gpsim.trials import drawing, kinds_2030
 from gpsim.trials.mechanics import Body
-from gpsim.trials.replaying import Replay
-from gpsim.trials.running import run
 from gpsim.trials.sensors import sense
 from gpsim.trials.systems import SYSTEMS, dynamics
 from gpsim.trials.vehicle import Vehicle
 from gpsim.trials.worlds import TrueEffect
 
-from .outside_worlds import effect_of, world_of
+from .outside_worlds import H, check_replay, driven, reference
 
-H = 1e-3
 CART = {"gravity": 9.8, "cart_mass": 1.2, "pole_mass": 0.2, "pole_half_length": 0.4}
 FLYWHEEL = {"grip": 1.5, "inertia": 0.8, "speed": 0.05}
 TANK = {"inertia": 1.5, "time": 0.7}
 TETHER = {"stiffness": 12.0, "length": 0.8, "rest": 0.6}
 VALVE = {"fill": 0.02, "vent": 0.3}
-
-
-def driven(system, parameters, effect, start, push, seconds):
-    """(K + 1, S) and (K + 1, H) state and hidden state under the push(t), every fine step."""
-    body, s = Body(system, parameters, [effect]), np.array([start])
-    z = body.begin(s)
-    states, hidden = [s[0]], [z[0]]
-    for i in range(round(seconds / H)):
-        t = np.full(1, i * H)
-        s, z = body.step(s, z, np.full((1, 1), push(i * H + H / 2)), t, t, H)
-        states.append(s[0])
-        hidden.append(z[0])
-    return np.array(states), np.array(hidden)
-
-
-def reference(slope, start, seconds, points):
-    """(points, N) of y' = slope(t, y), by a method and tolerances of its own."""
-    t = np.linspace(0.0, seconds, points)
-    return solve_ivp(
-        slope, (0.0, seconds), start, method="DOP853", t_eval=t, rtol=1e-10, atol=1e-12, max_step=2e-3
-    ).y.T
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -242,12 +217,7 @@ def test_a_sensor_that_warms_up_is_right_when_cold_and_off_by_its_offset_when_wa
     ],
 )
 def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
-    effect = effect_of(kind, system, 0.8)
-    world = world_of(system, [effect])
-    truth = run(world, [effect])
-    picks = np.array([[0, 7, 33], [0, 1, 2]])
-    states = Replay(world, truth, [effect]).states(picks, 20)
-    np.testing.assert_allclose(states, truth.sampled[picks[0] + 20, picks[1]], atol=1e-9)
+    check_replay(kind, system)
 
 
 def test_where_they_act():
