@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.corrected_effects import EffectsPlant
 from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.coarseness import simplest_on_fine_grid
 from gpsim.diagnosis.comparing import Comparison, compare
 from gpsim.diagnosis.effort import begin, spent
 from gpsim.diagnosis.evidence import gain
@@ -69,7 +70,9 @@ def diagnose(
     base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
     found = search(question.searched, offers, base, lambda d, t, text: note(5 + 35 * d // t, 100, text))
     note(40, 100, "fitting the best on all windows")
-    question = settled_question(question, _best(found))
+    best, on_fine_grid = _best(found)
+    question = settled_question(question, best)
+    found = replace(found, fits=[on_fine_grid, *found.fits])
     judgement = judge(question, found, offers, _by_effort(note, 40, 90))
     note(90, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
@@ -97,10 +100,15 @@ def _by_effort(note: Note, first: int, last: int) -> Callable[[str], None]:
     return tell
 
 
-def _best(found: Found) -> Fit:
-    """The best of the search, without a region that only made its grid finer: what is left then asks for that grid."""
+def _best(found: Found) -> tuple[Fit, Fit]:
+    """The best of the search, without what only makes up for a coarse grid: what is left then asks for a fine one.
+
+    As it was fitted, and on the grid on which it is the best.
+    """
     best = found.fits[0]
-    return lean(found.problem, best) if any(t.gate.region for t in best.hypothesis.terms) else best
+    if any(t.gate.region for t in best.hypothesis.terms):
+        best = lean(found.problem, best)
+    return simplest_on_fine_grid(found.problem, best, found.fits)
 
 
 def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:

@@ -175,12 +175,12 @@ def _null_of(problem: Problem, scheme: Scheme) -> Fit:
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
-    """The best by evidence that also does better than nothing on held-out windows."""
+    """The best by evidence that also does better than nothing on held-out windows, or what says as much in fewer words."""
     problem, held_out = question.everything, question.held_out
     before: float | None = None
     nats = scores(problem, list(fits))
-    for i in np.argsort(-nats):
-        chosen = fits[int(i)]
+    order = [fits[int(i)] for i in np.argsort(-nats)]
+    for place, chosen in enumerate(order):
         if chosen is null or not chosen.hypothesis.terms:
             return null
         if not pays(problem, chosen, null):
@@ -188,7 +188,8 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
         if before is None:
             before = held_out_objective(held_out, Hypothesis(scheme=null.hypothesis.scheme))
         if not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
-            return chosen
+            behind = [f for f in order[place + 1 :] if f.hypothesis.terms and pays(problem, f, null)]
+            return simplest(problem, [chosen, *behind])
     return null
 
 

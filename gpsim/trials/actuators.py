@@ -67,7 +67,7 @@ class Lag:
 
 
 class RateLimit:
-    """|a'| <= r; the mean over the step, but for the kink inside one."""
+    """|a'| <= r; the mean over the step, in which the command may be reached."""
 
     def __init__(self, k: Values) -> None:
         self._rate = k["rate"]
@@ -77,7 +77,8 @@ class RateLimit:
         """A level that walks towards the command."""
         before = self._level
         self._level = before + np.maximum(np.minimum(u - before, self._rate * h), -self._rate * h)
-        return np.asarray((before + self._level) / 2)
+        walking = np.abs(self._level - before) / self._rate  # s of the step; then it stands there
+        return np.asarray(self._level - (self._level - before) * walking / (2 * h))
 
 
 class Backlash:

@@ -9,6 +9,7 @@ from gpsim.corrected_effects import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.trials import drawing, laws
+from gpsim.trials.actuators import ACTUATORS
 from gpsim.trials.mechanics import Body
 from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.replaying import Replay
@@ -157,3 +158,12 @@ def test_a_world_survives_its_json():
     world = drawing.draw(1, 6)
     again = world_from_json(world_json(world), [effect_json(e) for e in world.effects])
     assert again == world
+
+
+def test_a_rate_limit_acts_for_the_part_of_a_millisecond_that_it_takes():
+    """A command that is reached inside a step counts by what it does, not as if it took all of the step."""
+    once, finely = (ACTUATORS["actuator_rate_limit"]({"rate": 500.0}) for _ in range(2))
+    nowhere, at, pieces = np.zeros((4, 2)), np.zeros(4), 2000
+    for u in (np.array([0.1, -0.3, 0.5, 2.0]), np.array([0.15, 0.3, -0.7, 2.0]), np.zeros(4)):
+        small = [finely.act(u, nowhere, at, H / pieces) for _ in range(pieces)]
+        np.testing.assert_allclose(once.act(u, nowhere, at, H), np.mean(small, axis=0), atol=1e-6)
