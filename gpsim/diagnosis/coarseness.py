@@ -1,4 +1,4 @@
-"""What a coarse grid leaves over passes for physics: is a simpler hypothesis as good on a finer one?
+"""What a coarse grid leaves over passes for physics: a simpler hypothesis may be as good on a finer one.
 
 A late command that changes inside a substep leaves an error in the position; two sensors that are late by as much leave
 none, and are the same physics in more words.
@@ -19,7 +19,7 @@ TRIED = 3  # simpler hypotheses, the best
 
 
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
-    """The best, or one of `fits` with fewer parameters that a fine grid makes as good; as it is, and as good as it is."""
+    """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
     fewer = _best_of_each(best, fits)
     if not fewer:
         return best, best

@@ -175,7 +175,7 @@ def _null_of(problem: Problem, scheme: Scheme) -> Fit:
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
-    """The best by evidence that also does better than nothing on held-out windows, or what says as much in fewer words."""
+    """The best by evidence that also does better than nothing on held-out windows, or a simpler one as good."""
     problem, held_out = question.everything, question.held_out
     before: float | None = None
     nats = scores(problem, list(fits))
