@@ -5,25 +5,28 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from functools import wraps
-from typing import TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
 
 Answer = TypeVar("Answer")
+More = ParamSpec("More")
+Question = Callable[Concatenate[Problem, Fit, More], Answer]
 REMEMBERED = 6  # answers: a leader's is asked for again after a few rivals'
 
 
-def kept(function: Callable[[Problem, Fit], Answer]) -> Callable[[Problem, Fit], Answer]:
-    """The function with its last answers kept, for the very same problem and fit."""
-    last: deque[tuple[Problem, Fit, Answer]] = deque(maxlen=REMEMBERED)
+def kept(function: Question[More, Answer]) -> Question[More, Answer]:
+    """The function with its last answers kept, for the very same problem, fit and whatever else it was given."""
+    last: deque[tuple[tuple[object, ...], Answer]] = deque(maxlen=REMEMBERED)
 
     @wraps(function)
-    def asked(problem: Problem, at: Fit) -> Answer:
-        for of, to, answer in last:
-            if of is problem and to is at:
+    def asked(problem: Problem, at: Fit, /, *more: More.args, **named: More.kwargs) -> Answer:
+        given = (problem, at, *more, *named.values())
+        for before, answer in last:
+            if len(before) == len(given) and all(x is y for x, y in zip(before, given, strict=True)):
                 return answer
-        last.append((problem, at, function(problem, at)))
-        return last[-1][2]
+        last.append((given, function(problem, at, *more, **named)))
+        return last[-1][1]
 
     return asked

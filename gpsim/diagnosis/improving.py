@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.effort import spent
 from gpsim.diagnosis.evidence import scores, whiteness
 from gpsim.diagnosis.gates import (
@@ -64,7 +65,8 @@ def improved(
     enough = min(most + SWAPPING, ALTOGETHER)
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
-        leader, children = _extended(problem, leader, offers, most)
+        leader, children = _extended(problem, leader, offers, most, gates=False)
+        tried += _new(children, tried)
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
         others = [
             f
@@ -76,19 +78,29 @@ def improved(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
         leaned = [lean(problem, f) for f in near[:LEANED] if spent() < enough]
-        others += [f for f in leaned if not any(f is g for g in near)]
-        tried += [*children, *others]
+        others += _new(leaned, near)
+        tried += others
         best = simplest(problem, [leader, *others])
-        if not _advances(problem, best, leader):
+        if _advances(problem, best, leader):
+            leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
+            if spent() > most:
+                leader, twins = _among_twins(problem, leader, offers)
+                tried += twins
+                break
+            continue
+        tell(f"{leader.hypothesis.label}: is one more missing somewhere?")  # dear: last
+        extended, children = _extended(problem, leader, offers, most, gates=True)
+        tried += _new(children, tried)
+        if extended is leader:
             break
-        leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
-        if spent() > most:
-            leader, twins = _among_twins(problem, leader, offers)
-            tried += twins
-            break
+        leader = extended
     if leader.hypothesis.patchwork:
         return leader, tried  # it will not be named
     return polished(problem, specialised(problem, leader, offers), FINEST), tried
+
+
+def _new(fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
+    return [f for f in fits if not any(f is g for g in known)]
 
 
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
@@ -110,19 +122,25 @@ def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
 
 
 def _extended(
-    problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float, *, gates: bool
 ) -> tuple[Fit, list[Fit]]:
-    """The leader with terms added and gated while that pays, and all that was tried; most: effort to stop at."""
+    """The leader with terms added while that pays, and all that was tried; most: effort to stop at.
+
+    gates: also such that act behind a gate, and terms on trial.
+    """
     tried: list[Fit] = []
     firm, steps = leader, 0
     while not leader.hypothesis.patchwork:
         over = spent() >= most  # to ask when what there is began costs next to nothing
-        children = begun_later(problem, leader, offers) if over else _children(problem, leader, offers, most)
+        if over and gates:
+            break
+        children = (
+            begun_later(problem, leader, offers) if over else _children(problem, leader, offers, most, gates)
+        )
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
-        if (
-            not better and steps < FORESEEN
-        ):  # a slight term may pay once another one has left nothing but noise
+        if not better and gates and steps < FORESEEN:
+            # a slight term may pay once another one has left nothing but noise
             better = [child for child in children if may_pay(problem, child, leader)]
             steps += 1
         if not better:
@@ -161,27 +179,16 @@ def _ended(problem: Problem, leader: Fit) -> Fit:
     return best if best.objective < leader.objective else leader
 
 
-def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float) -> list[Fit]:
-    """The leader with one term more, or where structure is left with one behind a gate.
+def _children(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float, gates: bool
+) -> list[Fit]:
+    """The leader with one term more, or where structure is left and `gates` are asked for with one behind a gate.
 
     most: the effort after which nothing more is begun.
     """
-    part, seen = sampled(problem, leader)
-    directions = Directions(part, seen)
-    later = begun_later(problem, leader, offers)
-    plain: list[Fit] = []
-    if len(leader.hypothesis.terms) < MOST_TERMS:
-        taken = leader.hypothesis.claims
-        found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
-        more = len(problem.windows) / len(part.windows)
-        chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
-        promised = more * found[0][0] if found else 0.0
-        if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
-            return later
-        orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 5) for c, start in chosen]
-        plain = fit_near(problem, orders, 8, 0.5)
-    plain += later
-    if spent() > most or any(pays(problem, f, leader) for f in plain):
+    directions, plain = _plain(problem, leader, offers)
+    part, seen = directions.problem, directions.parent
+    if not gates or spent() > most or any(pays(problem, f, leader) for f in plain):
         return plain  # other gates are dear: first what acts everywhere
     structured = whiteness(problem, leader)[0] < GATED_BELOW
     if not structured:
@@ -198,6 +205,25 @@ def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], most: 
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
     gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATES], GATES)
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
+
+
+@kept
+def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
+    """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
+    part, seen = sampled(problem, leader)
+    directions = Directions(part, seen)
+    later = begun_later(problem, leader, offers)
+    if len(leader.hypothesis.terms) >= MOST_TERMS:
+        return directions, later
+    taken = leader.hypothesis.claims
+    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+    more = len(problem.windows) / len(part.windows)
+    chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
+    promised = more * found[0][0] if found else 0.0
+    if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
+        return directions, later
+    orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 5) for c, start in chosen]
+    return directions, fit_near(problem, orders, 8, 0.5) + later
 
 
 def _gated(
