@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Any
@@ -17,15 +17,31 @@ from typing import Any
 from gpsim.errors import UsageError
 
 
+class WorkerPool(ProcessPoolExecutor):
+    """Its workers leave when the parent ends them, though another job be at hand."""
+
+    def submit(self, job: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """As the executor's own."""
+        return super().submit(_run, job, *args, **kwargs)
+
+
+def _run(job: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    """The executor would take SystemExit for the job's result, begin the next job, or wait for one for ever."""
+    try:
+        return job(*args, **kwargs)
+    except SystemExit:
+        os._exit(1)
+
+
 @contextmanager
-def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iterator[ProcessPoolExecutor]:
+def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iterator[WorkerPool]:
     """A pool of `count` spawned processes, each begun by `begin(*arguments)`; none outlives the block.
 
     Spawned, not forked: torch does not survive a fork, nor does a parent that shows its progress from a thread. A
     worker that was killed raises UsageError.
     """
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(count, context, initializer=begin, initargs=arguments)
+    pool = WorkerPool(count, context, initializer=begin, initargs=arguments)
     try:
         yield pool
         pool.shutdown()

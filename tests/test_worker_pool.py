@@ -40,6 +40,22 @@ def test_an_interrupted_worker_takes_its_temporary_folder_with_it(tmp_path: Path
     assert waited_for(lambda: not any(tmp_path.iterdir()))
 
 
+def test_an_interrupted_pool_ends_with_jobs_at_hand(tmp_path: Path):
+    """The executor hands out one job more than it has workers."""
+
+    def interrupted():
+        with worker_pool(2, begin_worker, os.getpid()) as pool:
+            for _ in range(8):
+                pool.submit(hold_a_folder, str(tmp_path))
+            assert waited_for(lambda: len(list(tmp_path.iterdir())) == 2)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert waited_for(lambda: not multiprocessing.active_children())
+    assert not any(tmp_path.iterdir())
+
+
 def slow_trial(place: Path, number: int) -> int:
     (place / str(number)).touch()
     time.sleep(30)

@@ -8,6 +8,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -88,22 +90,41 @@ def test_the_same_seed_gives_the_same_bytes(finished, tmp_path, tree):
     assert tree(tmp_path) == tree(folder)
 
 
+@contextmanager
+def started(folder: Path, **pipes: int) -> Iterator[subprocess.Popen[str]]:
+    """The loop in a process group of its own; where it still runs at the end of the block, it is killed."""
+    process = subprocess.Popen(
+        LOOP,
+        cwd=folder,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(
+            signal.SIGINT, signal.SIG_DFL
+        ),  # a shell's background jobs ignore it
+        **pipes,
+    )
+    with process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+
+
 def kill_at_random_moments(folder: Path, kills: int, longest: float, seed: int) -> None:
     """Start the loop and kill it, again and again: SIGKILL to all of it or to its parent alone, or Ctrl-C."""
     rng = random.Random(seed)
     for _ in range(kills):
-        process = subprocess.Popen(
-            LOOP, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
-        time.sleep(rng.uniform(0.2, longest))
-        how = rng.choice(["group", "parent", "interrupt"])
-        if how == "group":
-            os.killpg(process.pid, signal.SIGKILL)
-        elif how == "parent":
-            process.kill()
-        else:
-            os.killpg(process.pid, signal.SIGINT)
-        process.wait(timeout=60)
+        with started(folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            time.sleep(rng.uniform(0.2, longest))
+            how = rng.choice(["group", "parent", "interrupt"])
+            if how == "group":
+                os.killpg(process.pid, signal.SIGKILL)
+            elif how == "parent":
+                process.kill()
+            else:
+                os.killpg(process.pid, signal.SIGINT)
+            process.wait(timeout=60)
         for path in versions(folder):
             read_artifact(path)
 
@@ -134,22 +155,12 @@ def test_killed_many_times(tmp_path):
 
 
 def test_ctrl_c_says_how_to_carry_on(tmp_path):
-    process = subprocess.Popen(
-        LOOP,
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=lambda: signal.signal(
-            signal.SIGINT, signal.SIG_DFL
-        ),  # a shell's background jobs ignore it
-    )
-    deadline = time.monotonic() + 120
-    while not versions(tmp_path) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    os.killpg(process.pid, signal.SIGINT)
-    _, shown = process.communicate(timeout=60)
+    with started(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        deadline = time.monotonic() + 120
+        while not versions(tmp_path) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        os.killpg(process.pid, signal.SIGINT)
+        _, shown = process.communicate(timeout=120)
     assert process.returncode == 130
     assert shown.splitlines()[-1].startswith("interrupted: finished artifacts are whole")
     assert "Traceback" not in shown
