@@ -82,7 +82,7 @@ class Forces:
             position, velocity, _ = self._columns[coordinate]
             force = effect.force(at.state[:, position], at.state[:, velocity], values[i])
             if force is not None:
-                smooth[:, coordinate] += force * at.shares.get(i, 1.0)
+                smooth[:, coordinate] += force * at.shares[i] if i in at.shares else force
             elif coordinate not in dry:
                 dry.append(coordinate)
         return smooth, dry
@@ -97,7 +97,7 @@ class Forces:
             if on == coordinate:
                 most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], load)
                 if most is not None:
-                    total += most * at.shares.get(i, 1.0)
+                    total += most * at.shares[i] if i in at.shares else most
         return total
 
     def _mobility(self, at: Instant, coordinate: int, smooth: FloatArray, rates: FloatArray) -> FloatArray:
@@ -151,15 +151,16 @@ class Forces:
             return sign * self._most(coordinate, at, values, rates, mobility, sign)
         speed, step = at.substep[0][:, velocity], at.substep[1]
         sign = -np.sign(speed)
-        rests = np.flatnonzero(speed == 0)
-        sign[rests] = -np.sign(own[rests] / reacts[rests])
+        if not speed.all():  # nearly all move
+            (rests,) = np.nonzero(speed == 0)
+            sign[rests] = -np.sign(own[rests] / reacts[rests])
         most = self._most(coordinate, at, values, rates, mobility, sign)
         friction = sign * most
         after = speed + step * (own + reacts * friction)
-        stops = np.flatnonzero(speed * after <= 0)  # few do
+        (stops,) = (speed * after <= 0).nonzero()  # few do
         if len(stops):
             free = -own[stops] / reacts[stops]  # the force that would leave no acceleration
-            held = np.clip(free, -most[stops], most[stops])
+            held = np.minimum(np.maximum(free, -most[stops]), most[stops])
             begun, ended = speed[stops], after[stops]
             share = begun / np.where(begun == ended, 1.0, begun - ended)
             friction[stops] = share * friction[stops] + (1.0 - share) * held

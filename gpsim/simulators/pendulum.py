@@ -35,3 +35,10 @@ class Pendulum(MechanicalSimulator):
         torque = action[:, 0] if forces is None else action[:, 0] + forces[:, 0]
         theta_acc = (torque / (m * length) - g * np.sin(state[:, 0])) / length
         return np.asarray(theta_acc)[:, None]
+
+    def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray:
+        """One over the moment of inertia."""
+        m, length = parameters["mass"], parameters["length"]
+        out = np.empty((len(state), 1))
+        out[:, 0] = 1.0 / (m * length * length)
+        return out

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from gpsim.channels import Channels, FloatArray
 from gpsim.simulators.simulator import Coordinate, MechanicalSimulator, Parameter, Parameters
 
@@ -28,6 +30,12 @@ class Slider(MechanicalSimulator):
         """Acceleration (B, 1)."""
         push = action if forces is None else action + forces
         return push / _column(parameters["mass"])
+
+    def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray:
+        """One over the mass."""
+        out = np.empty((len(state), 1))
+        out[:, 0] = 1.0 / parameters["mass"]
+        return out
 
 
 def _column(value: float | FloatArray) -> float | FloatArray:

@@ -23,8 +23,8 @@ def run_trials(
 ) -> Iterator[tuple[int, Result]]:
     """(number, work(number)) as they finish; `work` must be picklable and keep what it finishes.
 
-    No more trials are handed out than there are workers: a worker that is told to leave takes that for the failure of
-    its trial, and would begin the next one that it holds.
+    No more trials are handed out than there are workers: one that fails ends the run, and its worker would begin the
+    next one that it holds.
     """
     waiting, done = iter(numbers), 0
     with worker_pool(workers, begin_worker, os.getpid()) as pool:

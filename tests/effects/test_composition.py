@@ -160,15 +160,20 @@ def test_a_late_sensor_reads_a_time_ago_on_an_uneven_clock(delay):
         )  # straight between some
 
 
-@pytest.mark.parametrize("coordinate", [0, 1])
-def test_a_cart_poles_mobility_is_what_a_unit_force_changes(coordinate):
-    system = make_simulator("cartpole")
+@pytest.mark.parametrize(
+    ("name", "coordinate"), [("cartpole", 0), ("cartpole", 1), ("slider", 0), ("pendulum", 0)]
+)
+def test_mobility_is_what_a_unit_force_changes(name, coordinate):
+    system = make_simulator(name)
     rng = np.random.default_rng(0)
-    state, action, parameters = rng.normal(size=(9, 4)), rng.normal(size=(9, 1)), system.defaults({})
-    unit = np.zeros((9, 2))
-    unit[:, coordinate] = 1.0
-    change = system.rates(state, action, parameters, unit) - system.rates(state, action, parameters, 0 * unit)
-    np.testing.assert_allclose(system.mobility(state, parameters, coordinate), change, rtol=1e-9, atol=1e-12)
+    state, action = rng.normal(size=(9, len(system.state))), rng.normal(size=(9, 1))
+    fixed = system.defaults({})
+    for parameters in (fixed, {k: v * rng.uniform(0.5, 2.0, 9) for k, v in fixed.items()}):
+        unit = np.zeros((9, len(system.coordinates)))
+        unit[:, coordinate] = 1.0
+        pushed, free = (system.rates(state, action, parameters, f) for f in (unit, 0 * unit))
+        found = system.mobility(state, parameters, coordinate)
+        np.testing.assert_allclose(found, pushed - free, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("follower", ["actuator_dead_zone", "actuator_rate_limit", "actuator_backlash"])
