@@ -150,7 +150,13 @@ def _lack_of_fit(judgement: Judgement) -> dict[str, Any] | None:
     lack = judgement.lack
     if lack is None:
         return None
-    return {"rate": lack.rate, "on": list(lack.on), "nats": round(lack.nats, 2), "p_value": lack.p_value}
+    return {
+        "rate": lack.rate,
+        "on": list(lack.on),
+        "memory": lack.memory,
+        "nats": round(lack.nats, 2),
+        "p_value": lack.p_value,
+    }
 
 
 def _gp(comparison: Comparison, leader: Fit) -> dict[str, Any]:

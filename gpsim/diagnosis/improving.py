@@ -44,6 +44,9 @@ ADDED, GATES, LEANED = (
     3,
 )  # candidates fitted on all windows to add, behind a gate; rivals that are leaned
 LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
+MUCH_MORE = (
+    3.0  # times what the best term that acts everywhere gains: so much a smooth law promises that is hidden
+)
 GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate may explain
 ANY = 0.1  # nats that another leader must be better by
 CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
@@ -188,8 +191,10 @@ def _children(
     """
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
-    if not gates or spent() > most or any(pays(problem, f, leader) for f in plain):
-        return plain  # other gates are dear: first what acts everywhere
+    better = [f for f in plain if pays(problem, f, leader)]
+    # Other gates are dear: first what acts everywhere, but where that is little beside what is missing.
+    if spent() > most or not (_hidden(problem, leader, better) if better else gates):
+        return plain
     structured = whiteness(problem, leader)[0] < GATED_BELOW
     if not structured:
         lack = lack_of_fit(problem, leader)
@@ -205,6 +210,16 @@ def _children(
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
     gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATES], GATES)
     return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
+
+
+def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
+    """Whether a smooth law promises far more than the terms that act everywhere gain, which then stand in for it."""
+    best = min(better, key=lambda f: f.objective)
+    if whiteness(problem, best)[0] > STRUCTURED:
+        return False
+    lack = lack_of_fit(problem, leader)
+    gained = leader.objective - best.objective
+    return lack is not None and lack.significant and lack.nats > MUCH_MORE * gained
 
 
 @kept

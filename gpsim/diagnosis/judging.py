@@ -17,7 +17,7 @@ from gpsim.diagnosis.evidence import (
 )
 from gpsim.diagnosis.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.improving import improved
-from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit
+from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.leaning import simplest, without_a_term
 from gpsim.diagnosis.orders import Order, fit_near
 from gpsim.diagnosis.preparing import Question
@@ -98,6 +98,10 @@ def judge(
     p_value, _ = whiteness(problem, leader)
     lack = lack_of_fit(problem, leader)
     missing = _lacking(problem, leader, null, lack, p_value) or _patterned(problem, leader, null, p_value)
+    if not missing:
+        remembered = lack_of_memory(problem, leader)
+        missing = _lacking(problem, leader, null, remembered, p_value)
+        lack = remembered if missing else lack
     return Judgement(
         _verdict(leader, rivals, p_value, unexplained, missing),
         leader,

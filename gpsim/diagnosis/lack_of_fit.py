@@ -4,7 +4,7 @@ A score test (Rao 1948; with smooth alternatives Neyman 1937): a hypothesis is w
 one input or of two, multiplied; how the residual would change with each is simulated once, and what the best
 combination of them would take off half the sum of squares is chi-squared distributed, halved, if nothing is missing;
 not centrally, where the simulation's own error is left over, too. It tells that something is missing where no law of
-the catalogue does, and on what it depends.
+the catalogue does, and on what it depends. Laws that remember get, beside a command, its average over the last moments.
 """
 
 from __future__ import annotations
@@ -35,16 +35,21 @@ CHUNK = 4  # groups that one process looks at in a row
 SIGNIFICANT = 1e-6  # p-value, corrected for the number of groups
 LEAST = 1e-6  # nats
 NEGLIGIBLE = 1e-6  # of the largest singular value: directions that are the same
+MEMORIES = (2.0, 8.0)  # time constants [samples] of averages over what was commanded before
 
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """The functions that explain most: of which rate, of which inputs; nats on all windows, corrected p-value."""
+    """The functions that explain most: of which rate, of which inputs; nats on all windows, corrected p-value.
+
+    memory: [s] the time constant of the average over what was commanded before, which is an input, too.
+    """
 
     rate: str
     on: tuple[str, ...]
     nats: float
     p_value: float
+    memory: float | None = None
 
     @property
     def significant(self) -> bool:
@@ -54,11 +59,15 @@ class LackOfFit:
 
 @dataclass(frozen=True)
 class _Group:
-    """Functions of the same inputs (I,) of one rate; knots: (I, K)."""
+    """Functions of the same inputs (I,) of one rate; knots: (I, K).
+
+    memory: [samples] where the last input is the average of the other one, a command, over what was before.
+    """
 
     rate: int
     inputs: tuple[int, ...]
     knots: FloatArray
+    memory: float | None = None
 
     @property
     def size(self) -> int:
@@ -81,15 +90,37 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
     found = _all_tested(*shared, single)
     double = _double(some, single, [nats for nats, _ in found])
     found += _all_tested(*shared, double)
-    groups = [*single, *double]
+    return _best(some, part, [*single, *double], found, more)
+
+
+def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
+    """The same of laws that depend on a command and on what it was before.
+
+    Of what is commanded nobody doubts the past; that of a state is known through noise that the residual has, too.
+    """
+    some, part = sampled(problem, at, WINDOWS)
+    groups = _remembering(some)
+    if not groups:
+        return None
+    found = _all_tested(some, part, Directions(some, part), groups)
+    return _best(some, part, groups, found, len(problem.windows) / len(some.windows))
+
+
+def _best(
+    problem: Problem, at: Fit, groups: Sequence[_Group], found: Sequence[tuple[float, int]], more: float
+) -> LackOfFit:
+    """The group with the smallest p-value of those that explain so many nats with so many functions.
+
+    more: times as many windows there are.
+    """
     names = problem.simulator.state.names + problem.simulator.action.names
-    own, best = _numerical(some, part), None
-    for group, (nats, freedom) in zip(groups, found, strict=True):
-        p_value = _chance(nats, freedom, own, len(groups))
-        if best is None or (p_value, -nats) < (best.p_value, -best.nats):
-            on = tuple(names[i] for i in group.inputs)
-            best = LackOfFit(problem.simulator.rate.names[group.rate], on, nats * more, p_value)
-    return best
+    own, clock = _numerical(problem, at), float(np.median(np.diff(problem.windows.t, axis=1)))
+    chances = [_chance(nats, freedom, own, len(groups)) for nats, freedom in found]
+    best = min(range(len(groups)), key=lambda i: (chances[i], -found[i][0]))
+    group, rate = groups[best], problem.simulator.rate.names[groups[best].rate]
+    memory = None if group.memory is None else group.memory * clock
+    on = tuple(names[i] for i in (group.inputs if memory is None else group.inputs[:1]))
+    return LackOfFit(rate, on, found[best][0] * more, chances[best], memory)
 
 
 def _chance(nats: float, freedom: int, own: float, groups: int) -> float:
@@ -144,6 +175,33 @@ def _double(problem: Problem, single: Sequence[_Group], nats: Sequence[float]) -
     return out
 
 
+def _remembering(problem: Problem) -> list[_Group]:
+    """Every rate as a function of each command that moves and of each average of what it was before."""
+    flat, first = _visited(problem), len(problem.simulator.state)
+    out = []
+    for i in range(first, first + len(problem.simulator.action)):
+        for memory in MEMORIES:
+            past = _past(problem, i - first, memory)[problem.windows.valid[:, 1:]]
+            both = np.stack([flat[:, i], past], axis=1)
+            if (np.ptp(both, axis=0) > 0).all():
+                places = [np.quantile(values, np.linspace(0, 1, KNOTS_OF_TWO)) for values in both.T]
+                rates = range(len(problem.simulator.rate))
+                out += [_Group(rate, (i, i), np.array(places), memory) for rate in rates]
+    return out
+
+
+def _past(problem: Problem, action: int, memory: float) -> FloatArray:
+    """(W, L) the average of a command over what was before each transition, weights exp(-age / memory [samples])."""
+    windows = problem.windows
+    given = np.concatenate([windows.before_actions, windows.actions], axis=1)[:, :, action]
+    keeps, average = np.exp(-1.0 / memory), given[:, 0]
+    out = np.empty_like(given)
+    for k in range(given.shape[1]):
+        out[:, k] = average
+        average = keeps * average + (1.0 - keeps) * given[:, k]
+    return np.asarray(out[:, windows.before_actions.shape[1] :])
+
+
 def _group(flat: FloatArray, rate: int, inputs: tuple[int, ...], knots: int) -> _Group:
     places = [np.quantile(flat[:, i], np.linspace(0, 1, knots)) for i in inputs]
     return _Group(rate, inputs, np.array(places))
@@ -188,12 +246,17 @@ def _extra(problem: Problem, group: _Group, which: IntArray, scale: float) -> Ex
     """What is added to the rates of a batch whose rows have one function `which` (B,) each."""
     knots = group.knots
     places = np.unravel_index(which, (knots.shape[1],) * len(group.inputs))
+    past = np.empty((0, 0))
+    if group.memory is not None:
+        past = _past(problem, group.inputs[1] - len(problem.simulator.state), group.memory)
 
-    def extra(state: FloatArray, action: FloatArray) -> FloatArray:
-        inputs = _inputs(problem, state, action)
+    def extra(state: FloatArray, action: FloatArray, k: int) -> FloatArray:
+        inputs = [_inputs(problem, state, action)[:, i] for i in group.inputs]
+        if group.memory is not None:
+            inputs[1] = np.tile(past[:, k], len(state) // len(past))
         value = np.full(len(state), scale)
-        for i, channel in enumerate(group.inputs):
-            value = value * _hat(inputs[:, channel], knots[i], places[i])
+        for i, column in enumerate(inputs):
+            value = value * _hat(column, knots[i], places[i])
         added = np.zeros((len(state), len(problem.simulator.rate)))
         added[:, group.rate] = value
         return added

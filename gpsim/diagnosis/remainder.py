@@ -33,8 +33,8 @@ class Learnt:
     features: Features
     rows: BoolArray
 
-    def rates(self, state: FloatArray, action: FloatArray) -> FloatArray:
-        """(B, R) its mean."""
+    def rates(self, state: FloatArray, action: FloatArray, transition: int = 0) -> FloatArray:
+        """(B, R) its mean, the same in every transition of a window."""
         return self.predictor.mean(self.features(np.hstack([state, action])))
 
 

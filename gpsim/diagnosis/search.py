@@ -37,6 +37,7 @@ BETTER_LAW = 5.0  # nats beyond doubt for a richer law in a simpler one's place,
 MOST_OF_IT = 0.5  # of the variance left over, which a richer law in a simpler one's place may remove instead,
 NO_LAST_DIGITS = 200.0  # where it gains so many nats
 LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
+SELDOM_PART, BEYOND_ALL_DOUBT = 1e-5, 50.0  # a richer law's: so little, where it gains so many nats
 ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
 MOST_EFFORT = 2.5e8  # simulated rows after which it grows no deeper; improving goes on from there
@@ -180,10 +181,17 @@ def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
         bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
     )
     better = _better_law(richer, poorer)
-    # Part of a law that is seldom asked for: next to nothing of the mismatch, but nearly all that is left over.
-    seldom = better and bool(((removed > MOST_OF_IT * poorer.variance) & problem.observed).any())
     slightly = slightly and won > (BETTER_LAW if better else BEYOND_DOUBT)
-    return plainly, slightly or (seldom and won > NO_LAST_DIGITS)
+    return plainly, slightly or (better and _seldom_asked(problem, removed, poorer, won))
+
+
+def _seldom_asked(problem: Problem, removed: FloatArray, poorer: Fit, won: float) -> bool:
+    """Whether part of a law acts seldom: little of the mismatch, but a good share of what is left, or most of it."""
+    good, most = (
+        bool((removed > share * poorer.variance)[problem.observed & (removed > least)].any())
+        for share, least in ((LEAST_SHARE, SELDOM_PART * problem.mismatch), (MOST_OF_IT, 0.0))
+    )
+    return (good and won > BEYOND_ALL_DOUBT) or (most and won > NO_LAST_DIGITS)
 
 
 def _better_law(richer: Fit, poorer: Fit) -> bool:

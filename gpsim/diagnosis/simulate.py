@@ -23,8 +23,8 @@ Drive = Callable[[int, int, FloatArray], FloatArray]
 
 Transitions before the window are -1, -2, ..., their commands are known whatever the state.
 """
-Extra = Callable[[FloatArray, FloatArray], FloatArray]
-"""State (B, S) and recorded action (B, A) at a transition's start -> (B, R) rates that are added throughout it."""
+Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
+"""State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
 PART = 300  # rows at least that a part has: the overhead of its substeps is not split
 WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
@@ -249,7 +249,7 @@ def _run(
     for k in range(windows.length):
         t = clock[k]
         step = (clock[k + 1] - t) / n
-        added = extra(state, windows.actions[rows, k]) if extra is not None else None
+        added = extra(state, windows.actions[rows, k], k) if extra is not None else None
         for j in range(n):
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
             if watching:

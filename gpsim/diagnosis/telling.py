@@ -146,6 +146,8 @@ def _missing_law(lack: Mapping[str, Any] | None) -> str:
     if lack is None or lack["p_value"] >= SIGNIFICANT:
         return ""
     on = " and ".join(lack["on"])
+    if lack.get("memory"):
+        on += f" and on what it was over the last {lack['memory']:.2g} s"
     return f" In {lack['rate']} something is missing that depends on {on} ({lack['nats']:.0f} nats)."
 
 

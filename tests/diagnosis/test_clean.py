@@ -31,15 +31,16 @@ def test_a_bias_is_found_to_the_digit_though_its_own_channel_does_not_show_it(se
     assert offset["low"] <= truth.values["offset"] <= offset["high"]
 
 
-def test_half_of_a_law_that_was_seldom_asked_for_pays():
-    """A gain that differs by direction, hardly ever backwards: the mean was named, 6758 nats behind."""
-    uneven = World("slider", filters=[lambda u, t, h, m: np.where(u > 0, 1.5, 1.48) * u])
-    recording = record(uneven, seed=1, episodes=12, steps=155, noise=0.0, hold=60)
+@pytest.mark.parametrize(("back", "noise", "times"), [(1.48, 0.0, 1), (1.487, 0.1, 2)])
+def test_half_of_a_law_that_was_seldom_asked_for_pays(back, noise, times):
+    """A gain that differs by direction, hardly ever backwards: the mean was named, 6758 nats behind, or 87."""
+    uneven = World("slider", filters=[lambda u, t, h, m: np.where(u > 0, 1.5, back) * u])
+    recording = record(uneven, seed=1, episodes=12, steps=155, noise=noise, hold=60)
     slider = make_simulator("slider")
     known = slider.defaults(recording.parameters)
     problem = prepare(recording, slider, known).everything
     backwards = (problem.windows.actions[..., 0] < 0).any(axis=1)
-    some = np.concatenate([np.flatnonzero(~backwards), np.flatnonzero(backwards)[:1]])
+    some = np.concatenate([np.flatnonzero(~backwards), np.flatnonzero(backwards)[:times]])
     problem = problem.on(problem.windows.take(some))
     offers = {c.family: c for c in candidates(recording, slider, known) if not c.variant}
 
@@ -49,5 +50,5 @@ def test_half_of_a_law_that_was_seldom_asked_for_pays():
         return fit(problem, hypothesis, problem.windows.measured[:, 0])
 
     gain, uneven_gain = fitted("actuator_gain", 1.4), fitted("actuator_asymmetry", 1.4, 1.4)
-    assert uneven_gain.hypothesis.theta == pytest.approx([1.5, 1.48], rel=1e-4)
+    assert uneven_gain.hypothesis.theta == pytest.approx([1.5, back], rel=1e-3)
     assert pays(problem, uneven_gain, gain)

@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.improving import _ended
+from gpsim.diagnosis.improving import MOST_EFFORT, _children, _ended
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.shooting import fit
 from gpsim.effects import Term
@@ -44,3 +44,30 @@ def test_a_new_leader_is_fitted_to_its_end(led_astray):
     ended = _ended(problem, at)
     assert ended.objective < at.objective - 100.0
     np.testing.assert_allclose(ended.hypothesis.theta, [DELAY, RATE], rtol=0.01)
+
+
+def drag_somewhere(q, v, t):
+    return -1.5 * v * ((q > -0.2) & (q < 0.1))
+
+
+def drag_everywhere(q, v, t):
+    return -0.5 * v - 1.0 * v * np.abs(v)
+
+
+@pytest.mark.parametrize(("force", "somewhere"), [(drag_somewhere, True), (drag_everywhere, False)])
+def test_gates_are_tried_at_once_where_what_is_missing_is_far_more_than_a_term_gains(force, somewhere):
+    """One term that acts everywhere was added after another in the place of one that acts in a region."""
+    recording = record(World("slider", forces={0: force}), seed=5, episodes=8, steps=155, noise=0.1)
+    simulator = make_simulator("slider")
+    known = simulator.defaults(recording.parameters)
+    problem = prepare(recording, simulator, known).everything
+    offers = candidates(recording, simulator, known)
+    law = next(c for c in offers if c.family == "quadratic_drag")
+    hypothesis = Hypothesis().plus(law.term([0.5]), law.declared)
+    leader = fit(problem, hypothesis, problem.windows.measured[:, 0])
+    children = _children(problem, leader, offers, MOST_EFFORT, gates=False)
+    best = min(children, key=lambda f: f.objective).hypothesis.terms[-1]
+    assert (best.family, best.on) == ("viscous_friction", "q")
+    assert any(term.gate for f in children for term in f.hypothesis.terms) == somewhere
+    if somewhere:
+        assert best.gate.region["q"] == pytest.approx((-0.2, 0.1), abs=0.005)

@@ -5,12 +5,15 @@ import pytest
 
 from gpsim.diagnosis import lack_of_fit as module
 from gpsim.diagnosis.catalogue import candidates
+from gpsim.diagnosis.evidence import whiteness
 from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.lack_of_fit import lack_of_fit
+from gpsim.diagnosis.lack_of_fit import lack_of_fit, lack_of_memory
 from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.search import STRUCTURED
 from gpsim.diagnosis.shooting import fit
 from gpsim.simulators import make_simulator
 
+from .truths import level_filter
 from .worlds import World, record
 
 
@@ -53,6 +56,59 @@ def test_nothing_is_found_beside_the_right_law():
     named = fit(problem, Hypothesis().plus(drag.term([1.0]), drag.declared), problem.windows.measured[:, 0])
     assert lack_of_fit(problem, without_a_name(problem)).significant
     assert not lack_of_fit(problem, named).significant
+
+
+def lagging(*times):
+    """An actuator that follows its command through lags [s] one after the other."""
+
+    def follow(time):
+        follows = level_filter(lambda level, u, h: u + (level - u) * np.exp(-h / time))
+        return lambda u, t, h, m: follows(u, t, h, m)
+
+    return World("pendulum", filters=[follow(time) for time in times])
+
+
+def beside_a_lag(world, **how):
+    problem, offers = posed(world, **how)
+    lag = next(c for c in offers if c.family == "actuator_lag")
+    return problem, fit(
+        problem, Hypothesis().plus(lag.term([0.03]), lag.declared), problem.windows.measured[:, 0]
+    )
+
+
+def test_a_law_that_remembers_is_found_with_its_command():
+    """Two lags, one of which was named: under noise no law of the present tells, nor does whiteness."""
+    problem, named = beside_a_lag(lagging(0.03, 0.02), noise=6.0)
+    assert whiteness(problem, named)[0] > STRUCTURED
+    assert not lack_of_fit(problem, named).significant
+    lack = lack_of_memory(problem, named)
+    assert lack.significant
+    assert (lack.rate, lack.on) == ("theta_acc", ("torque",))
+    assert lack.memory == pytest.approx(0.04)  # two samples
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0, 4.0])
+def test_no_law_that_remembers_is_found_beside_the_right_one(noise):
+    problem, named = beside_a_lag(lagging(0.03), noise=noise, differentiated=noise > 1.0)
+    assert lack_of_memory(problem, without_a_name(problem)).significant
+    assert not lack_of_memory(problem, named).significant
+
+
+@pytest.mark.parametrize("system", ["slider", "unicycle", "cartpole"])
+def test_no_law_that_remembers_is_found_where_nothing_is_missing(system):
+    problem, _ = posed(World(system), noise=1.0)
+    assert not lack_of_memory(problem, without_a_name(problem)).significant
+
+
+def test_the_past_of_a_command_is_an_average_of_what_was_before():
+    problem, _ = posed(World("slider"))
+    windows, memory = problem.windows, 2.0
+    given = np.concatenate([windows.before_actions, windows.actions], axis=1)[3, :, 0]
+    before, k = windows.before_actions.shape[1], 5
+    ages = np.arange(before + k)[::-1]
+    weights = np.exp(-ages / memory)
+    expected = (weights * given[: before + k]).sum() / weights.sum()
+    assert module._past(problem, 0, memory)[3, k] == pytest.approx(expected, abs=1e-6)
 
 
 def test_nothing_to_explain_beside_numerical_error_is_chance():
