@@ -24,7 +24,7 @@ SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1}
 NOISE = {"clean": 0.02, "light": 0.3, "normal": 1.0, "heavy": 4.0}
 NEEDS_LEVELS = (
     "actuator_dead_zone", "actuator_saturation", "actuator_backlash", "quantised_actuator", "worm_gear",
-    "wheel_speed_limit", "sticky_valve", "expo_curve",
+    "wheel_speed_limit", "sticky_valve", "expo_curve", "pulsed_thrusters",
 )  # fmt: skip
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
 DATED = (

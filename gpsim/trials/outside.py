@@ -3,12 +3,12 @@
 Ten are everybody's. The others come in generations of ten, a file each (`kinds_2026.py` and so on). A seed draws
 everybody's and those of the last generation that began with it or before it, so that half of the kinds of a measurement
 run for the first time; seeds for tuning draw everybody's alone. A new generation is one file with its laws, one with
-its strengths (`strengths_2030.py`, for one), and an entry in GENERATIONS and in `outside_strengths.OUTSIDE`.
+its strengths (`strengths_2031.py`, for one), and an entry in GENERATIONS and in `outside_strengths.OUTSIDE`.
 """
 
 from __future__ import annotations
 
-from gpsim.trials import kinds_2026, kinds_2028, kinds_2029, kinds_2030
+from gpsim.trials import kinds_2026, kinds_2028, kinds_2029, kinds_2030, kinds_2031
 from gpsim.trials.kinds import Generation, Kind
 from gpsim.trials.kinds_everybody import EVERYBODYS
 
@@ -19,6 +19,7 @@ GENERATIONS = (
     kinds_2028.GENERATION,
     kinds_2029.GENERATION,
     kinds_2030.GENERATION,
+    kinds_2031.GENERATION,
 )
 """In the order of their first seeds."""
 _ALL = (EVERYBODYS, *GENERATIONS)

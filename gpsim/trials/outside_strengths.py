@@ -9,6 +9,7 @@ from gpsim.trials import (
     strengths_2028,
     strengths_2029,
     strengths_2030,
+    strengths_2031,
     strengths_everybody,
 )
 from gpsim.trials.strengths import Draw
@@ -19,5 +20,6 @@ OUTSIDE: Mapping[str, Draw] = {
     **strengths_2028.STRENGTHS,
     **strengths_2029.STRENGTHS,
     **strengths_2030.STRENGTHS,
+    **strengths_2031.STRENGTHS,
 }
 """Every kind outside it."""

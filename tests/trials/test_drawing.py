@@ -42,7 +42,7 @@ def test_the_same_trial_is_the_same_world():
 
 
 EVERY_SEEDS = set(EVERYBODYS.kinds)
-OF_2026, OF_2028, OF_2029, OF_2030 = (set(g.kinds) for g in outside.GENERATIONS)
+OF_2026, OF_2028, OF_2029, OF_2030, OF_2031 = (set(g.kinds) for g in outside.GENERATIONS)
 
 
 def drawn(seed):
@@ -59,7 +59,8 @@ def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_th
         ((0, 100, 2026, 2027), OF_2026),
         ((2028,), OF_2028),
         ((2029,), OF_2029),
-        ((2030, 3000), OF_2030),
+        ((2030,), OF_2030),
+        ((2031, 3000), OF_2031),
     ):
         for seed in seeds:
             assert len(drawn(seed)) == 20

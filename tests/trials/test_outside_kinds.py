@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, kinds_2028, kinds_2029, kinds_2030, outside
+from gpsim.trials import drawing, kinds_2028, kinds_2029, kinds_2030, kinds_2031, outside
 from gpsim.trials.kinds_everybody import EVERYBODYS
 from gpsim.trials.outside_strengths import OUTSIDE
 from gpsim.trials.running import run
@@ -17,7 +17,7 @@ from .outside_worlds import effect_of, world_of
 
 KINDS = {
     name: kind
-    for generation in (kinds_2028, kinds_2029, kinds_2030)
+    for generation in (kinds_2028, kinds_2029, kinds_2030, kinds_2031)
     for name, kind in generation.GENERATION.kinds.items()
 }
 CASES = [
@@ -60,8 +60,22 @@ NOTHING = {
     "hill": {"loss": 0.0, "x": 0.1, "y": 0.2, "radius": 0.5},
     "coarse_encoder": {"step": 1e-14},
     "warming_sensor": {"offset": 0.0, "time": 1.0},
+    "running_belt": {"force": 0.0, "belt": 0.3, "speed": 0.1},
+    "toggle_spring": {"stiffness": 0.0, "centre": 0.1, "aside": 0.2, "rest": 0.5},
+    "heaped_chain": {"density": 0.0, "edge": 0.1},
+    "towed_sledge": {"friction": 0.0, "slack": 0.1, "inertia": 1e-3, "stiffness": 0.0, "speed": 0.1},
+    "rubbing_axle": {"force": 0.0, "radius": 0.1, "speed": 0.1},
+    "overload_foldback": {"share": 1.0, "rated": 0.1, "reset": 0.8, "time": 0.2},
+    "pulsed_thrusters": {"period": 1e-3, "full": 1e3},
+    "weathervane": {"turn": 0.0, "wind": 1.0},
+    "lagging_wheel": {"time": 4e-4, "half_track": 0.2},  # no shorter, as above
+    "encoder_play": {"gap": 0.0},
 }
-SHORT = {"tyre_relaxation": 4e-3}  # m, rad: what is left of one that vanishes in a limit only, w length / v
+SHORT = {
+    "tyre_relaxation": 4e-3,
+    "lagging_wheel": 4e-3,
+    "pulsed_thrusters": 1e-9,
+}  # m, rad: what is left of one that vanishes in a limit only, w length / v
 
 
 @pytest.mark.parametrize(("kind", "system", "place"), CASES)
@@ -84,7 +98,7 @@ def test_strength_zero_is_no_effect(kind, system, place):
     np.testing.assert_allclose(with_it.clean, run(world, ()).clean, rtol=1e-12, atol=near)
 
 
-OF_THE_BODY = ("eddy_brake", "loose_load", "leaking_tank")
+OF_THE_BODY = ("eddy_brake", "loose_load", "leaking_tank", "running_belt", "towed_sledge")
 BESIDE_IT = {
     "worm_gear": "force",
     "hot_motor": "force",
@@ -95,6 +109,9 @@ BESIDE_IT = {
     "pneumatic_valve": "force",
     "expo_curve": "force",
     "warming_sensor": "q",
+    "overload_foldback": "force",
+    "pulsed_thrusters": "force",
+    "encoder_play": "q",
 }
 
 
