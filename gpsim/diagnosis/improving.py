@@ -185,14 +185,15 @@ def _ended(problem: Problem, leader: Fit) -> Fit:
 def _children(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float, gates: bool
 ) -> list[Fit]:
-    """The leader with one term more, or where structure is left and `gates` are asked for with one behind a gate.
+    """The leader with one term more, or where structure is left with one behind a gate.
 
+    That is where `gates` are asked for and nothing else pays, or where far more is missing than what else pays gains.
     most: the effort after which nothing more is begun.
     """
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
-    # Other gates are dear: first what acts everywhere, but where that is little beside what is missing.
+    # Other gates are dear.
     if spent() > most or not (_hidden(problem, leader, better) if better else gates):
         return plain
     structured = whiteness(problem, leader)[0] < GATED_BELOW
@@ -213,13 +214,15 @@ def _children(
 
 
 def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
-    """Whether a smooth law promises far more than the terms that act everywhere gain, which then stand in for it."""
+    """Whether a smooth law of a place promises far more than those terms gain that act everywhere: they stand in for it."""
     best = min(better, key=lambda f: f.objective)
     if whiteness(problem, best)[0] > STRUCTURED:
         return False
     lack = lack_of_fit(problem, leader)
     gained = leader.objective - best.objective
-    return lack is not None and lack.significant and lack.nats > MUCH_MORE * gained
+    if lack is None or not lack.significant or lack.nats < MUCH_MORE * gained:
+        return False
+    return any(channel in lack.on for channel in region_channels(problem))
 
 
 @kept
