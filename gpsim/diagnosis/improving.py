@@ -214,7 +214,7 @@ def _children(
 
 
 def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
-    """Whether a smooth law of a place promises far more than those terms gain that act everywhere: they stand in for it."""
+    """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
     best = min(better, key=lambda f: f.objective)
     if whiteness(problem, best)[0] > STRUCTURED:
         return False
