@@ -6,14 +6,14 @@ Definition: a shift; between samples, Lagrange's interpolation (Laakso, Valimaki
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray
+from gpsim.channels import FloatArray
 from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
-from gpsim.effects.elapsed import last_at_most
 from gpsim.simulators.plant import Memory
 
 CLOSE = (
@@ -85,29 +85,30 @@ def _change(delay: FloatArray, column: int, memory: Memory) -> FloatArray:
 
     Lagrange's cubic through the four states around that moment, a straight line where some of them nearly coincide.
     """
-    past, when, rows = memory["past"], memory["when"], np.arange(len(delay))
-    depth = past.shape[1]
-    newest = (memory["head"].astype(np.int64) - 1) % depth
-
-    def ago(back: IntArray) -> FloatArray:
-        return np.asarray(when[rows, newest] - when[rows, (newest - back) % depth])
-
-    def was(back: IntArray) -> FloatArray:
-        return np.asarray(past[rows, (newest - back) % depth, column])
-
-    late = np.minimum(delay, ago(np.full(len(delay), depth - 1)))
-    before = last_at_most(ago, depth - 1, late)  # the moment lies between this state and the next older one
+    past, when = memory["past"][:, :, column].T, memory["when"].T  # (K, B), in the order of the ring
+    (depth, count), rows = past.shape, np.arange(len(delay))
+    oldest = memory["head"].astype(np.int64)
+    newest = np.where(oldest > 0, oldest, depth) - 1
+    ages = np.subtract(when[newest, rows], when, order="C")
+    late = np.minimum(delay, ages[oldest, rows])
+    # The moment lies between this state and the next older one. A count is quicker than a search: rings are short.
+    before = np.clip((ages <= late).sum(axis=0) - 1, 0, depth - 2)
     first = np.clip(before - 1, 0, max(depth - 4, 0))
-    ages = np.stack([ago(first + i) for i in range(min(4, depth))])
-    apart = np.diff(ages, axis=0)
-    near, far = ago(before), ago(before + 1)
-    share = np.clip((late - near) / np.where(far > near, far - near, 1.0), 0.0, 1.0)
-    straight = was(before) + share * (was(before + 1) - was(before))
-    curved = np.zeros(len(delay))
-    with np.errstate(all="ignore"):
-        for i, age in enumerate(ages):
-            others = [j for j in range(len(ages)) if j != i]
-            weight = np.prod([(late - ages[j]) / (age - ages[j]) for j in others], axis=0)
-            curved += weight * was(first + i)
+    slots = newest - first - np.arange(min(4, depth))[:, None]
+    slots += depth * (slots < 0)
+    age, was = ages.take(slots * count + rows), past[slots, rows]
+    now = past[newest, rows]
+    apart = np.diff(age, axis=0)
     smooth = apart.min(axis=0) > CLOSE * apart.max(axis=0)
-    return np.asarray(np.where(smooth, curved, straight) - past[rows, newest, column])
+    to, curved = late - age, np.zeros(count)
+    with np.errstate(all="ignore"):
+        for i in range(len(age)):
+            others = [to[j] / (age[i] - age[j]) for j in range(len(age)) if j != i]
+            curved += math.prod(others[1:], start=others[0]) * was[i]
+    if smooth.all():
+        return np.asarray(curved - now)
+    place = (before - first) * count + rows
+    near, far, there = age.take(place), age.take(place + count), was.take(place)
+    share = np.clip((late - near) / np.where(far > near, far - near, 1.0), 0.0, 1.0)
+    straight = there + share * (was.take(place + count) - there)
+    return np.asarray(np.where(smooth, curved, straight) - now)
