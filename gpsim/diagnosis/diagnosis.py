@@ -36,6 +36,7 @@ from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
 SCHEMA = "gpsim.diagnosis/1"
+AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 USUAL_EFFORT = 1.5e8  # simulated rows that a judgement takes: a scale for its progress
 
 
@@ -190,7 +191,9 @@ def _effects(
             low, high = (float(v) for v in bounds[at + i])
             value = term.values[p.name]
             parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
-            parameters[p.name] |= {"at_bound": value in (p.low, p.high)}
+            parameters[p.name] |= {
+                "at_bound": any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (p.low, p.high))
+            }
         at += len(declared)
         parameters |= _in_other_words(question, found, term, parameters)
         without = lesser[index]

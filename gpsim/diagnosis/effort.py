@@ -11,6 +11,7 @@ MOST_CHANNELS = 4  # laws of the larger systems that come along take more calls;
 DRY = 2.5  # times as much where dry friction acts
 
 COMMAND = 0.45  # times as much for each actuator that a command passes
+READING = 0.3  # times as much for each sensor that remembers
 
 _spent = 0.0
 
@@ -24,6 +25,11 @@ def spend(rows: int, substeps: int, *, channels: int, dry: bool) -> None:
 def spend_on_commands(rows: int, substeps: int, actuators: int) -> None:
     """Count what becomes of `rows` commands in each of `substeps` on their way through so many actuators."""
     add(COMMAND * actuators * substeps * (CALL + rows))
+
+
+def spend_on_readings(rows: int, substeps: int, sensors: int) -> None:
+    """Count what so many sensors that remember make of `rows` states in each of `substeps`."""
+    add(READING * sensors * substeps * (CALL + rows))
 
 
 def add(amount: float) -> None:

@@ -6,6 +6,7 @@ more data, or was taken by a term that is not quite right, and shows when that o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -71,12 +72,7 @@ def improved(
         leader, children = _extended(problem, leader, offers, most, gates=False)
         tried += _new(children, tried)
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
-        others = [
-            f
-            for i in range(len(leader.hypothesis.terms))
-            if spent() < enough
-            for f in swapped(problem, leader, i, offers)
-        ]
+        others = _swapped(problem, leader, offers, enough)
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
@@ -106,13 +102,17 @@ def _new(fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
     return [f for f in fits if not any(f is g for g in known)]
 
 
+def _swapped(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], until: float, *, twins: bool = False
+) -> list[Fit]:
+    """`swapped` for one term of the leader after the other, until so much effort is spent."""
+    calls = [(problem, leader, i, offers, twins) for i in range(len(leader.hypothesis.terms))]
+    return [f for found in side_by_side(swapped, calls, until) for f in found]
+
+
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
     """The leader or one of its near twins, of which those of the last leader say nothing, and the twins."""
-    twins = [
-        f
-        for i in range(len(leader.hypothesis.terms))
-        for f in swapped(problem, leader, i, offers, twins=True)
-    ]
+    twins = _swapped(problem, leader, offers, math.inf, twins=True)
     return simplest(problem, [leader, *twins]), twins
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -36,14 +37,27 @@ def available() -> int:
     return 1 if pool is None else pool[1]
 
 
-def side_by_side(function: Callable[..., Result], calls: Sequence[tuple[Any, ...]]) -> list[Result]:
-    """What a module's `function` makes of the arguments of every call, in their order; raises what it raises."""
-    pool = _POOL.get()
-    if pool is None or len(calls) < 2:
-        return [function(*call) for call in calls]
-    results = [f.result() for f in [pool[0].submit(_counted, function, call) for call in calls]]
-    add(sum(effort for _, effort in results))
-    return [result for result, _ in results]
+def side_by_side(
+    function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], until: float = math.inf
+) -> list[Result]:
+    """What a module's `function` makes of the arguments of every call, in their order; raises what it raises.
+
+    until: effort after which no further call counts, whether or not another process has begun it already.
+    """
+    pool, results = _POOL.get(), []
+    begun = [pool[0].submit(_counted, function, call) for call in calls] if pool and len(calls) > 1 else None
+    for i, call in enumerate(calls):
+        if spent() >= until:
+            break
+        if begun is None:
+            results.append(function(*call))
+            continue
+        result, effort = begun[i].result()
+        add(effort)
+        results.append(result)
+    for late in (begun or [])[len(results) :]:
+        late.cancel()
+    return results
 
 
 def at_once(function: Callable[..., Result], calls: Sequence[tuple[Any, ...]]) -> list[Result]:

@@ -27,7 +27,7 @@ SLIGHT = 200.0  # nats: a term that explains no more may stand for one that bega
 
 
 def swapped(
-    problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate], *, twins: bool = False
+    problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate], twins: bool = False
 ) -> list[Fit]:
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one.
 

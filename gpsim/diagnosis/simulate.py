@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
-from gpsim.diagnosis.effort import spend, spend_on_commands
+from gpsim.diagnosis.effort import spend, spend_on_commands, spend_on_readings
 from gpsim.diagnosis.pool import at_once, available
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
@@ -142,6 +142,7 @@ def _count(chain: Chain, windows: Windows, copies: int, setting: _Setting) -> No
     rows, inside = copies * len(windows), windows.length * setting.n
     before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
     spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
+    spend_on_readings(rows, inside, chain.sensors.remembering)
     if chain.actuates:
         spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
     if chain.looks:

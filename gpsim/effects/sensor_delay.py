@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import FloatArray, IntArray
 from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
 from gpsim.simulators.plant import Memory
 
@@ -46,7 +46,11 @@ class SensorDelay(SensorEffect):
 
     def watch(self, state: FloatArray, column: int, memory: Memory, step: FloatArray) -> None:
         """Remember the newest state."""
-        head, rows = memory["head"].astype(np.int64), np.arange(len(state))
+        head = memory["head"].astype(np.int64)
+        rows: IntArray | slice = np.arange(len(state))
+        if len(head) and (head == head[0]).all():
+            # They began together: a column is quicker than picked places.
+            rows, head = slice(None), head[0]
         memory["past"][rows, head] = state
         if "when" in memory:
             memory["when"][rows, head] = memory["when"][rows, head - 1] + step

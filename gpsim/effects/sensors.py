@@ -27,7 +27,12 @@ class Sensors:
     @cached_property
     def remember(self) -> bool:
         """Whether one remembers, and `watch` must be called at every substep."""
-        return any(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._effects)
+        return self.remembering > 0
+
+    @cached_property
+    def remembering(self) -> int:
+        """How many remember."""
+        return sum(type(effect).watch is not SensorEffect.watch for _, effect, _ in self._effects)
 
     def looks_back(self, values: Sequence[Values]) -> float:
         """How far back [s] they look."""

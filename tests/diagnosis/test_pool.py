@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.effort import spent
+from gpsim.diagnosis.effort import add, spent
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.orders import Order, fit_all
-from gpsim.diagnosis.pool import cores
+from gpsim.diagnosis.pool import cores, side_by_side
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.simulate import _parts, simulate
 from gpsim.effects import Gate, Term
@@ -86,3 +86,19 @@ def test_one_window_is_simulated_in_one_part_however_many_copies_there_are():
         assert _parts(700, 1, 100) == 1
         assert _parts(700, 5, 100) == 2
     assert _parts(700, 5, 100) == 1
+
+
+def spending(answer: int, effort: float) -> int:
+    """A call that takes so much effort."""
+    add(effort)
+    return answer
+
+
+def test_calls_after_the_effort_is_used_up_do_not_count_whatever_the_cores():
+    """The second call begins before 15 are spent, the third after."""
+    calls = [(k, 10.0) for k in range(5)]
+    for count in (1, 2):
+        with cores(count):
+            begun = spent()
+            assert side_by_side(spending, calls, until=begun + 15.0) == [0, 1]
+            assert spent() - begun == pytest.approx(20.0)
