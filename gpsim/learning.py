@@ -40,6 +40,10 @@ class PpoSettings:
     reward_scale: float = (
         1.0  # rewards are multiplied by it while training; a critic learns small targets faster
     )
+    expert_rounds: int = 0  # of expert iteration that follow (gpsim/expert_iteration.py); 0: none
+    expert_states: int = 6000  # that the expert is asked about in each
+    expert_width: int = 16  # states that its search keeps
+    expert_horizon: int = 30  # steps that it looks ahead
 
     def __post_init__(self) -> None:
         _check(self, 1, "total_steps", "n_envs", "n_steps", "n_epochs")
@@ -48,6 +52,12 @@ class PpoSettings:
         _check_positive(self, "learning_rate", "clip_range", "reward_scale")
         _check_share(self, "gamma", "gae_lambda")
         _check_layers(self.hidden)
+        _check(self, 0, "expert_rounds")
+        _check(self, 1, "expert_states", "expert_width", "expert_horizon")
+        if self.expert_rounds and self.gamma == 1.0:
+            raise ValueError(
+                "gamma must be below 1 where expert_rounds follow: they go by the critic's share"
+            )
         if self.n_envs * self.n_steps < 2:
             raise ValueError("n_envs times n_steps must be at least 2")
 

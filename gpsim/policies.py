@@ -34,8 +34,11 @@ ADAM_EPSILON = (
 
 def train_ppo(
     env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress
-) -> tuple[Policy, LearningCurve]:
-    """Train on one torch thread (two are no faster for networks of this size) and return plain arrays."""
+) -> tuple[Policy, LearningCurve, Policy]:
+    """Train on one torch thread (two are no faster for networks of this size) and return plain arrays.
+
+    The last is the critic: its one logit is the discounted return that it expects of the policy.
+    """
     torch.set_num_threads(1)
     scale = observation_scale(env.single_observation_space, settings.observation_scale)
     watcher = _Watcher(settings.total_steps, progress)
@@ -46,7 +49,11 @@ def train_ppo(
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
         model = _ppo(env, scale, settings, n_steps, seed)
     model.learn(settings.total_steps, callback=watcher)
-    return _actor(model, scale), watcher.curve()
+    return (
+        _network(model, "policy_net", "action_net", scale),
+        watcher.curve(),
+        _network(model, "value_net", "value_net", scale),
+    )
 
 
 def train_sac(
@@ -113,10 +120,11 @@ def _linear(start: float, anneal: bool, share: float = 0.0) -> float | Callable[
     return (lambda remaining: start * min(max(remaining + share, 0.0), 1.0)) if anneal else start
 
 
-def _actor(model: PPO, scale: NDArray[np.float32]) -> Policy:
+def _network(model: PPO, hidden: str, last: str, scale: NDArray[np.float32]) -> Policy:
+    """The actor's layers, or the critic's."""
     state = _arrays(model.policy)
     weights = {}
-    for i, prefix in enumerate([*_hidden(state, "mlp_extractor.policy_net."), "action_net"]):
+    for i, prefix in enumerate([*_hidden(state, f"mlp_extractor.{hidden}."), last]):
         weights[f"layer.{i}.weight"] = state[f"{prefix}.weight"]
         weights[f"layer.{i}.bias"] = state[f"{prefix}.bias"]
     return Policy(weights, scale)

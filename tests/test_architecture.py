@@ -12,11 +12,13 @@ ROOT = Path(__file__).resolve().parent.parent
 LEVELS = [
     {"cli"},
     {"stages"},
-    {"diagnosis", "evaluation", "policies", "trials", "reports"},
+    {"diagnosis", "evaluation", "policies", "expert_iteration", "trials", "reports"},
     {
         "corrected",
         "corrected_effects",
         "envs",
+        "beam",
+        "expert",
         "residuals",
         "collecting",
         "driving",
@@ -88,6 +90,7 @@ SIDEWAYS = {
     ("corrected", "residuals"),  # applies to what was recorded, too
     ("policy_export", "policy"),
     ("driving", "collecting"),  # a policy at the wheel
+    ("expert", "beam"),  # looks ahead by it
     ("corrected_effects", "corrected"),  # both kinds of correction meet there
     ("effects", "simulators"),  # an effect asks a simulator for its coordinates
     ("reports", "evaluation"),  # and what an evaluation did

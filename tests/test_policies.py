@@ -23,7 +23,8 @@ SMALL = PpoSettings(
 
 
 def train(settings, seed=0):
-    return train_ppo(BatchedEnv(PLANT, Balance(), settings.n_envs, seed), settings, seed, lambda *_: None)
+    env = BatchedEnv(PLANT, Balance(), settings.n_envs, seed)
+    return train_ppo(env, settings, seed, lambda *_: None)[:2]
 
 
 def test_same_seed_same_bytes_other_seed_other_policy():

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from gpsim.beam import BeamSearch, balance_search
 from gpsim.errors import UsageError
 from gpsim.learning import PpoSettings, SacSettings
 from gpsim.settings import build, choice
@@ -85,6 +86,17 @@ def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:
     return build(
         ALGORITHMS[choice(section.get("name", "ppo"), tuple(ALGORITHMS), "policy.name")], section, "policy"
     )
+
+
+def expert_search(config: Mapping[str, Any], width: int) -> BeamSearch:
+    """How an expert looks ahead in the simulator; raises UsageError where nothing says what is near to failure."""
+    parameters = base_plant(config).parameters
+    if config["task"]["name"] != "balance" or not {"gravity", "pole_half_length"} <= set(parameters):
+        raise UsageError(
+            "policy.expert_rounds: an expert looks ahead on a cart-pole that is to be balanced, and nowhere else; "
+            "set policy.expert_rounds=0"
+        )
+    return balance_search(parameters["gravity"], parameters["pole_half_length"], width)
 
 
 def _check_fits(what: str, part: Plant | Task, simulator: Simulator) -> None:

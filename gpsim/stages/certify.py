@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from gpsim.artifacts import Artifact, Recipe
+from gpsim.beam import balance_search
 from gpsim.channels import BoolArray
 from gpsim.errors import UsageError
 from gpsim.evaluation import turning
-from gpsim.evaluation.certify import balance_search
 from gpsim.files import Json
 from gpsim.settings import positive
 from gpsim.stages.building import make_task, target_plant

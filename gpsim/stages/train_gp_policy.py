@@ -45,12 +45,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     request = _settled(request)
     correction, prediction = request.config["correction"], request.config["prediction"]
-    if correction == "gp":
-        plant: Plant = corrected_plant(request, recipe.parents["gp"].path)
-    else:
-        plant = effects_plant(request, recipe.parents["diagnosis"])
+    make = _gp_plant if correction == "gp" else effects_plant
+    parent = recipe.parents["gp" if correction == "gp" else "diagnosis"]
+    plant, expected = make(request, parent), make(request.having(prediction="mean"), parent)
     purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
-    return train(request, plant, make_task(request.config), f"train-gp-policy/{purpose}", folder)
+    task = make_task(request.config)
+    return train(request, plant, task, f"train-gp-policy/{purpose}", folder, expected)
+
+
+def _gp_plant(request: Request, gp: Artifact) -> CorrectedPlant:
+    return corrected_plant(request, gp.path)
 
 
 def _settled(request: Request) -> Request:

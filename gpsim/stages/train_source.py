@@ -6,22 +6,37 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from gymnasium.spaces import Discrete
+from numpy.typing import NDArray
 
 from gpsim.artifacts import Recipe
+from gpsim.channels import FloatArray
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
+from gpsim.expert import Expert
 from gpsim.files import Json
-from gpsim.learning import TRAINING_FORMAT, PpoSettings, SacSettings, observation_scale
+from gpsim.learning import TRAINING_FORMAT, Checkpoints, PpoSettings, SacSettings, observation_scale
+from gpsim.policy import Policy
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
-from gpsim.stages.building import base_plant, make_task, randomised_plant, target_plant, training_settings
+from gpsim.stages.building import (
+    base_plant,
+    expert_search,
+    make_task,
+    randomised_plant,
+    target_plant,
+    training_settings,
+)
 from gpsim.stages.code import IN_NUMBERS
 from gpsim.stages.policy_files import write_checkpoints, write_curve, write_policy
 from gpsim.stages.stage import Request, Stage, derived_seed
 from gpsim.tasks import Task
 
 VARIANTS = ("source", "randomised", "target")
+ROUND = (
+    60_000  # environment steps that a round of expert iteration takes as long as: a scale for the progress
+)
 _EXTRA = {"source": (), "randomised": ("randomise",), "target": ("target",)}
 
 
@@ -43,7 +58,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     task = make_task(request.config)
     if variant == "target":
         task = task.on_target()
-    return train(request, plants[variant](request.config), task, f"train-source/{variant}", folder)
+    model = base_plant(request.config) if variant == "randomised" else None  # the middle of what is drawn
+    return train(request, plants[variant](request.config), task, f"train-source/{variant}", folder, model)
 
 
 def settings_for(request: Request, task: Task) -> PpoSettings | SacSettings:
@@ -54,18 +70,32 @@ def settings_for(request: Request, task: Task) -> PpoSettings | SacSettings:
         kind, fits = ("discrete", "ppo") if discrete else ("continuous", "sac")
         raise UsageError(f"policy: this task's actions are {kind}; choose policy={fits}")
     observation_scale(task.observation_space, settings.observation_scale)
+    if isinstance(settings, PpoSettings) and settings.expert_rounds:
+        expert_search(request.config, settings.expert_width)
     return settings
 
 
-def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path) -> Json:
-    """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose."""
+def train(
+    request: Request, plant: Plant, task: Task, purpose: str, folder: Path, model: Plant | None = None
+) -> Json:
+    """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose.
+
+    model: what an expert looks ahead in, where that is not the plant itself.
+    """
     from gpsim.policies import train_ppo, train_sac  # torch takes seconds to load, and only training needs it
 
     settings = settings_for(request, task)
     places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
     if isinstance(settings, PpoSettings):
         env = BatchedEnv(plant, task, settings.n_envs, places)
-        policy, curve = train_ppo(env, settings, weights, request.progress)
+        rounds = settings.expert_rounds
+        total = settings.total_steps + rounds * ROUND
+        policy, curve, critic = train_ppo(
+            env, settings, weights, lambda done, _, said: request.progress(done, total, said)
+        )
+        if rounds:
+            policy, checkpoints = _improved(request, policy, critic, plant, model or plant, purpose, settings)
+            write_checkpoints(folder, checkpoints)
     else:
         env = BatchedEnv(plant, task, settings.n_envs, places, settings.action_repeat)
         policy, curve, checkpoints = train_sac(env, settings, weights, request.progress)
@@ -73,6 +103,37 @@ def train(request: Request, plant: Plant, task: Task, purpose: str, folder: Path
     write_policy(folder, policy)
     write_curve(folder, curve)
     return {"environment_steps": int(curve.steps[-1]) * env.repeat}
+
+
+def _improved(
+    request: Request,
+    policy: Policy,
+    critic: Policy,
+    plant: Plant,
+    model: Plant,
+    purpose: str,
+    settings: PpoSettings,
+) -> tuple[Policy, Checkpoints]:
+    """The policy after expert iteration."""
+    from gpsim.expert_iteration import improved
+
+    seed, total = derived_seed(request.seed, f"{purpose}/expert"), settings.total_steps
+    most = settings.reward_scale / (1.0 - settings.gamma)
+
+    def worth(observations: NDArray[np.float32]) -> FloatArray:
+        return np.clip(critic.logits(observations)[:, 0].astype(np.float64) / most, -1.0, 1.2)
+
+    task, search = make_task(request.config), expert_search(request.config, settings.expert_width)
+    expert = Expert(model, task, search, settings.expert_horizon, worth)
+    last = total + settings.expert_rounds * ROUND
+    return improved(
+        policy,
+        plant,
+        expert,
+        settings,
+        seed,
+        lambda turn, _, said: request.progress(total + turn * ROUND, last, said),
+    )
 
 
 STAGE = Stage(

@@ -129,7 +129,7 @@ def test_exported_policies_act_alike(tmp_path):
     continuous, _, _ = train()
     cart = SimulatorPlant(make_simulator("cartpole"), make_simulator("cartpole").defaults(), "euler", 0.02)
     settings = PpoSettings(total_steps=64, n_steps=32, n_envs=2, batch_size=32, n_epochs=1)
-    discrete, _ = train_ppo(BatchedEnv(cart, Balance(), 2, 0), settings, 0, lambda *_: None)
+    discrete, *_ = train_ppo(BatchedEnv(cart, Balance(), 2, 0), settings, 0, lambda *_: None)
     rng = np.random.default_rng(0)
     for policy in (continuous, discrete):
         session = onnxruntime.InferenceSession(to_onnx(policy), providers=["CPUExecutionProvider"])

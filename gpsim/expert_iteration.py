@@ -1,0 +1,179 @@
+"""Expert iteration: a policy learns from an expert that looks ahead from where the policy itself comes by.
+
+Anthony, Tian and Barber (2017), "Thinking fast and slow with deep learning and tree search", arXiv:1705.08439; the
+data are gathered as in DAgger (Ross, Gordon and Bagnell 2011, arXiv:1011.0686), mistakes weigh what they cost (Ross and
+Bagnell 2014, arXiv:1406.5979). The expert knows the simulator, not the target.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from gpsim.channels import FloatArray
+from gpsim.envs import Episodes
+from gpsim.expert import Expert, Visited
+from gpsim.learning import Checkpoints, PpoSettings, Progress
+from gpsim.policy import Policy
+from gpsim.simulators.plant import Memory, Plant
+
+EPISODES = 1000  # that a policy plays in each round
+FAILED = 300  # episodes that ended early, of which what came before is looked at:
+BEGINNING, END, EVERY = 20, 60, 3  # the first steps, and of the last ones every third
+ANYWHERE = 25  # and of all episodes every so many steps
+EPOCHS, BATCH, LEARNING_RATE = 20, 512, 2e-3
+MOST, TINY = 0.1, 1e-9  # that a mistake weighs, and that all weigh on average at least
+FOLLOWED = 0.01  # weight of doing as the first policy did, where the expert sees no difference
+
+
+@dataclass(frozen=True)
+class _Round:
+    """What a policy did: alive (T, N) before each step, and the states, observations and memories (T, N, .) then.
+
+    length, score, lasted: (N,) steps of each episode, its return, and whether nothing ended it.
+    """
+
+    alive: NDArray[np.bool_]
+    states: FloatArray
+    observations: NDArray[np.float32]
+    memories: list[Memory]
+    context: FloatArray
+    length: NDArray[np.int64]
+    score: FloatArray
+    lasted: NDArray[np.bool_]
+
+    def visited(self, steps: NDArray[np.int64], episodes: NDArray[np.int64]) -> Visited:
+        """Some of the states; both (M,)."""
+        memory = {
+            key: np.stack([self.memories[k][key][i] for k, i in zip(steps, episodes, strict=True)])
+            for key in self.memories[0]
+        }
+        return Visited(
+            self.states[steps, episodes], memory, self.context[episodes], self.observations[steps, episodes]
+        )
+
+
+def improved(
+    policy: Policy, plant: Plant, expert: Expert, settings: PpoSettings, seed: int, progress: Progress
+) -> tuple[Policy, Checkpoints]:
+    """The policy after the rounds of expert iteration that did best on fresh starts in `plant`, and all their scores.
+
+    Same seed, same bytes: one torch thread, draws from generators of its own.
+    """
+    torch.set_num_threads(1)
+    rng, shuffle = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
+    learner = _Learner(policy, shuffle)
+    observed: list[NDArray[np.float32]] = []
+    costs: list[FloatArray] = []
+    rows: list[tuple[int, float, float, float]] = []
+    best, at = policy, policy
+    for turn in range(settings.expert_rounds + 1):
+        done = _played(at, plant, expert, rng)
+        said = (len(observed) * settings.expert_states, float(done.score.mean()))
+        rows.append((*said, float(done.lasted.mean()), float(done.length.mean())))
+        if rows[-1][1] >= max(row[1] for row in rows):
+            best = at
+        progress(turn, settings.expert_rounds, f"expert iteration: {rows[-1][2]:.1%} of episodes last")
+        if turn == settings.expert_rounds or done.lasted.all():
+            break
+        visited = done.visited(*_looked_at(done, settings.expert_states, rng))
+        observed.append(visited.observations)
+        costs.append(expert.costs(visited, rng))
+        at = learner.learn(np.concatenate(observed), np.concatenate(costs))
+    steps, score, success, length = zip(*rows, strict=True)
+    return best, Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
+
+
+def _played(policy: Policy, plant: Plant, expert: Expert, rng: np.random.Generator) -> _Round:
+    """Episodes on fresh starts, by the most probable actions."""
+    running = Episodes(plant, expert.task, EPISODES, rng)
+    observations = running.begin()
+    alive, score = np.ones(EPISODES, dtype=np.bool_), np.zeros(EPISODES)
+    length = np.full(EPISODES, expert.task.max_steps)
+    seen: dict[str, list[Any]] = {"alive": [], "states": [], "observations": [], "memories": []}
+    for k in range(expert.task.max_steps):
+        for key, value in (("alive", alive), ("states", running.states), ("observations", observations)):
+            seen[key].append(value.copy())
+        seen["memories"].append({key: values.copy() for key, values in running.memory.items()})
+        rewards, terminated, _ = running.step(policy.act(observations))
+        score += np.where(alive, rewards, 0.0)
+        length[alive & terminated] = k + 1
+        alive = alive & ~terminated
+        if not alive.any():
+            break
+        running.restart(terminated)  # what falls on would leave the range of numbers; nobody looks there
+        observations = running.observe()
+    stacked = {key: np.stack(seen[key]) for key in ("alive", "states", "observations")}
+    return _Round(
+        **stacked,
+        memories=seen["memories"],
+        context=running.context,
+        length=length,
+        score=score,
+        lasted=alive,
+    )
+
+
+def _looked_at(
+    done: _Round, most: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Steps and episodes (M,), M at most `most`: how episodes that failed began and ended, and a little of all."""
+    step = np.arange(len(done.alive))[:, None]
+    left = done.length[None] - step
+    failed = np.flatnonzero(~done.lasted)
+    looked = np.zeros_like(done.alive)
+    looked[:, rng.permutation(failed)[:FAILED]] = True
+    looked &= (step < BEGINNING) | ((left <= END) & (left % EVERY == 0))
+    looked |= step % ANYWHERE == 0
+    steps, episodes = np.nonzero(looked & done.alive)
+    chosen = rng.permutation(len(steps))[:most]
+    return steps[chosen], episodes[chosen]
+
+
+class _Learner:
+    """The policy's network, taught what the expert would do; `learn` goes on from what was learnt before."""
+
+    def __init__(self, first: Policy, shuffle: torch.Generator) -> None:
+        self._first, self._shuffle = first, shuffle
+        layers: list[torch.nn.Module] = []
+        for i in range(first.layers):
+            weight, bias = first.weights[f"layer.{i}.weight"], first.weights[f"layer.{i}.bias"]
+            linear = torch.nn.Linear(weight.shape[1], weight.shape[0])
+            linear.load_state_dict({"weight": torch.tensor(weight), "bias": torch.tensor(bias)})
+            layers += [linear, torch.nn.Tanh()]
+        self._network = torch.nn.Sequential(*layers[:-1])
+
+    def learn(self, observations: NDArray[np.float32], costs: FloatArray) -> Policy:
+        """The policy after some epochs on all that was gathered: observations (N, O), costs of actions (N, A)."""
+        order = np.sort(costs, axis=1)
+        weight = np.minimum(order[:, 1] - order[:, 0], MOST)
+        scale = max(float(weight.mean()), TINY)
+        inputs = torch.tensor(observations / self._first.scale)
+        best = torch.tensor(costs.argmin(axis=1))
+        weights = torch.tensor((weight / scale).astype(np.float32))
+        usual = torch.softmax(torch.tensor(self._first.logits(observations)), dim=1)
+        optimiser = torch.optim.Adam(self._network.parameters(), lr=LEARNING_RATE, fused=True)
+        for epoch in range(EPOCHS):
+            for group in optimiser.param_groups:
+                group["lr"] = LEARNING_RATE * (1.0 - epoch / EPOCHS)
+            shuffled = torch.randperm(len(inputs), generator=self._shuffle)
+            for rows in torch.split(shuffled, BATCH):
+                said = torch.log_softmax(self._network(inputs[rows]), dim=1)
+                missed = -said.gather(1, best[rows, None])[:, 0] * weights[rows]
+                strayed = -(usual[rows] * said).sum(dim=1) * (FOLLOWED / scale)
+                optimiser.zero_grad()
+                (missed + strayed).mean().backward()  # type: ignore[no-untyped-call]
+                optimiser.step()
+        return self._policy()
+
+    def _policy(self) -> Policy:
+        weights: dict[str, NDArray[np.float32]] = {}
+        linear = [part for part in self._network if isinstance(part, torch.nn.Linear)]
+        for i, part in enumerate(linear):
+            weights[f"layer.{i}.weight"] = part.weight.detach().numpy().copy()
+            weights[f"layer.{i}.bias"] = part.bias.detach().numpy().copy()
+        return Policy(weights, self._first.scale, None, "tanh")
