@@ -43,6 +43,16 @@ def finished(tmp_path_factory):
     return folder, ended
 
 
+def test_every_policy_of_the_loop_can_learn_from_an_expert(tmp_path):
+    ended = run_loop(tmp_path, "policy=expert", "policy.expert_rounds=1", "task.max_steps=60")
+    assert ended.returncode == 0, ended.stderr
+    for stage in ("train-source", "train-gp-policy"):
+        tables = [path / "checkpoints.csv" for path in tmp_path.glob(f"runs/cartpole/{stage}/v*")]
+        assert len(tables) == 3
+        for table in tables:
+            assert table.read_text().startswith("steps,score,success,length\n0,")
+
+
 def test_the_loop_leaves_every_artifact_and_a_report(finished):
     folder, ended = finished
     count = {
