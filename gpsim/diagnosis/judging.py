@@ -20,6 +20,7 @@ from gpsim.diagnosis.improving import improved
 from gpsim.diagnosis.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.leaning import simplest, without_a_term
 from gpsim.diagnosis.orders import Order, fit_near
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.ranking import Ranked, ranked
@@ -201,24 +202,30 @@ def _pruned(question: Question, leader: Fit) -> Fit:
     """Terms that do not pay, or do not help on held-out windows, are taken out."""
     problem = question.everything
     while leader.hypothesis.terms:
-        less = [f for f in without_a_term(problem, leader) if not _needed(question, leader, f)]
+        parts = without_a_term(problem, leader)
+        less = [f for f, needed in zip(parts, _needed(question, leader, parts), strict=True) if not needed]
         if not less:
             break
         leader = min(less, key=lambda f: f.objective)
     return leader
 
 
-def _needed(question: Question, leader: Fit, without: Fit) -> bool:
-    """Whether a term pays, and held-out windows do not contradict it: a few of them may say nothing of it."""
-    if not pays(question.everything, leader, without):
-        return False
-    if not len(question.held_out.windows):
-        return True
-    grid = question.held_out.as_finely(without.hypothesis, leader.hypothesis)
-    worse = held_out_objective(question.held_out, leader.hypothesis)
-    worse -= held_out_objective(grid, without.hypothesis)
-    less = on_its_grid(question.everything, without, leader)
-    return worse < CONTRADICTS * gain(question.everything, leader, less)
+def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]:
+    """Whether the term that each part lacks pays, and held-out windows do not contradict it.
+
+    A few of them may say nothing of it.
+    """
+    problem, held_out = question.everything, question.held_out
+    paying = [pays(problem, leader, part) for part in parts]
+    if not len(held_out.windows) or not any(paying):
+        return paying
+    asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
+    grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
+    calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
+    own, *others = side_by_side(held_out_objective, [(held_out, leader.hypothesis), *calls])
+    won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
+    kept = iter([own - other < CONTRADICTS * by for other, by in zip(others, won, strict=True)])
+    return [pay and next(kept) for pay in paying]
 
 
 def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, FloatArray]:

@@ -24,7 +24,7 @@ def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkey
     monkeypatch.setattr(judging, "on_its_grid", lambda problem, less, leader: less)
     monkeypatch.setattr(judging, "gain", lambda *fits: gain)
     monkeypatch.setattr(judging, "held_out_objective", lambda problem, said: worse if said == "with" else 0.0)
-    assert judging._needed(question, leader, without) == needed
+    assert judging._needed(question, leader, [without]) == [needed]
 
 
 @pytest.mark.parametrize(
