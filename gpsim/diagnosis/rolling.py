@@ -12,6 +12,7 @@ from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.hidden import Completions
 from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.hypothesis import Hypothesis
+from gpsim.diagnosis.pool import side_by_side
 from gpsim.diagnosis.predicting import predicted
 from gpsim.diagnosis.preparing import Question
 from gpsim.diagnosis.problem import Problem
@@ -45,19 +46,22 @@ def rollouts(
     `typical` holds the same from the median, which rare glitches of a sensor do not move.
     """
     problem, dt, length = question.everything, question.recording.dt, _length(question.recording)
-    errors, last, windows = {}, None, None
-    for kind, model in models.items():
-        if windows is None or question.hidden:  # what is hidden each model guesses for itself
+    calls: list[tuple[Problem, Windows, Hypothesis, Extra | None]] = []
+    for model in models.values():
+        if question.hidden or not calls:  # what is hidden each model guesses for itself
             windows = whole_windows(question, completions.by(model.hypothesis))
         if not len(windows):
             return {"horizon_s": length * dt}
-        last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
-        errors[kind] = difference(windows.measured[:, -1], last, problem.simulator.state)
-    assert last is not None
-    assert windows is not None
+        calls.append((problem, windows, model.hypothesis, model.extra))
+    ends = side_by_side(_ends, calls)
+    errors = {
+        kind: difference(call[1].measured[:, -1], end, problem.simulator.state)
+        for kind, call, end in zip(models, calls, ends, strict=True)
+    }
+    (_, windows, hypothesis, extra), last = calls[-1], ends[-1]
     start, end = (rng.normal(size=last.shape) * noise for _ in range(2))
     noisy = replace(windows, measured=windows.measured + start[:, None])
-    disturbed = predicted(problem, noisy, model.hypothesis, model.extra)[:, -1]
+    disturbed = _ends(problem, noisy, hypothesis, extra)
     errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
     out: dict[str, Any] = {"horizon_s": length * dt}
     for i, channel in enumerate(problem.simulator.state):
@@ -70,9 +74,14 @@ def rollouts(
     return out
 
 
+def _ends(problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None) -> FloatArray:
+    """(W, S): where a model says that the windows end."""
+    return predicted(problem, windows, hypothesis, extra)[:, -1]
+
+
 def rolled(problem: Problem, windows: Windows, model: Model) -> FloatArray:
     """(W, S) how far the model has drifted from what was measured at the windows' ends."""
-    last = predicted(problem, windows, model.hypothesis, model.extra)[:, -1]
+    last = _ends(problem, windows, model.hypothesis, model.extra)
     return difference(windows.measured[:, -1], last, problem.simulator.state)
 
 
