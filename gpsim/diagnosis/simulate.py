@@ -26,7 +26,7 @@ Transitions before the window are -1, -2, ..., their commands are known whatever
 Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
 """State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
-PART = 300  # rows at least that a part has: the overhead of its substeps is not split
+PART = 150  # rows at least that a part has: the overhead of its substeps is not split
 WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
 DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
 
