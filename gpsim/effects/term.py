@@ -93,7 +93,7 @@ def _between(
     inside = np.minimum(right, high) - np.maximum(left, low)
     if moving.all():  # as nearly always
         return np.asarray(np.minimum(np.maximum(inside / way, 0.0), 1.0))
-    share = np.clip(inside / np.where(moving, way, 1.0), 0.0, 1.0)
+    share = np.minimum(np.maximum(inside / np.where(moving, way, 1.0), 0.0), 1.0)
     return np.asarray(np.where(moving, share, (begin >= low) & (begin <= high)))
 
 

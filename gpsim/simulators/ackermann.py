@@ -31,5 +31,7 @@ class Ackermann(PlanarVehicle):
         forces: FloatArray | None = None,
     ) -> FloatArray:
         """The twist (B, 3)."""
-        w = action[:, 0] * np.tan(action[:, 1]) / parameters["wheelbase"]
-        return np.stack([action[:, 0], np.zeros(len(state)), np.asarray(w)], axis=1)
+        out = np.zeros((len(state), 3))
+        out[:, 0] = action[:, 0]
+        out[:, 2] = action[:, 0] * np.tan(action[:, 1]) / parameters["wheelbase"]
+        return out
