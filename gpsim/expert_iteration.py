@@ -91,7 +91,7 @@ def improved(
 def _played(policy: Policy, plant: Plant, expert: Expert, rng: np.random.Generator) -> _Round:
     """Episodes on fresh starts, by the most probable actions."""
     running = Episodes(plant, expert.task, EPISODES, rng)
-    observations = running.begin()
+    observations, context = running.begin(), running.context.copy()  # a restart draws another
     alive, score = np.ones(EPISODES, dtype=np.bool_), np.zeros(EPISODES)
     length = np.full(EPISODES, expert.task.max_steps)
     seen: dict[str, list[Any]] = {"alive": [], "states": [], "observations": [], "memories": []}
@@ -111,7 +111,7 @@ def _played(policy: Policy, plant: Plant, expert: Expert, rng: np.random.Generat
     return _Round(
         **stacked,
         memories=seen["memories"],
-        context=running.context,
+        context=context,
         length=length,
         score=score,
         lasted=alive,

@@ -34,9 +34,8 @@ from gpsim.stages.stage import Request, Stage, derived_seed
 from gpsim.tasks import Task
 
 VARIANTS = ("source", "randomised", "target")
-ROUND = (
-    60_000  # environment steps that a round of expert iteration takes as long as: a scale for the progress
-)
+# Environment steps that a round of expert iteration takes as long as: a scale for the progress.
+ROUND = 60_000
 _EXTRA = {"source": (), "randomised": ("randomise",), "target": ("target",)}
 
 
@@ -94,7 +93,9 @@ def train(
             env, settings, weights, lambda done, _, said: request.progress(done, total, said)
         )
         if rounds:
-            policy, checkpoints = _improved(request, policy, critic, plant, model or plant, purpose, settings)
+            policy, checkpoints = _improved(
+                request, policy, critic, plant, model or plant, task, purpose, settings
+            )
             write_checkpoints(folder, checkpoints)
     else:
         env = BatchedEnv(plant, task, settings.n_envs, places, settings.action_repeat)
@@ -111,6 +112,7 @@ def _improved(
     critic: Policy,
     plant: Plant,
     model: Plant,
+    task: Task,
     purpose: str,
     settings: PpoSettings,
 ) -> tuple[Policy, Checkpoints]:
@@ -123,7 +125,7 @@ def _improved(
     def worth(observations: NDArray[np.float32]) -> FloatArray:
         return np.clip(critic.logits(observations)[:, 0].astype(np.float64) / most, -1.0, 1.2)
 
-    task, search = make_task(request.config), expert_search(request.config, settings.expert_width)
+    search = expert_search(request.config, settings.expert_width)
     expert = Expert(model, task, search, settings.expert_horizon, worth)
     last = total + settings.expert_rounds * ROUND
     return improved(
