@@ -15,6 +15,8 @@ from gpsim.tasks.task import Actions
 Cost = Callable[[FloatArray], FloatArray]
 """cost(states (B, S)) -> (B,): how close to failure; the beam keeps the lowest."""
 Progress = Callable[[int, int, str], None]
+SCATTER = 6364136223846793005
+"""An odd number without pattern (Knuth, MMIX): powers of it keep the cells' coordinates apart."""
 
 
 @dataclass(frozen=True)
@@ -81,20 +83,47 @@ class BeamSearch:
 
     def _pruned(self, beam: Beam) -> Beam:
         """The `width` cheapest states of every owner, one a grid cell where the state alone decides what follows."""
-        states, owner = beam.states, beam.owner
-        cost = self.cost(states)
-        order = np.arange(len(owner))
+        order, place = _by_owner(beam.owner)
+        cost = np.full(place.shape, np.inf)
+        cost[place] = self.cost(beam.states)[order]
+        cheapest = np.argsort(cost, axis=1, kind="stable")
+        kept = np.take_along_axis(place, cheapest, axis=1)
         if not beam.memory:
-            cells = np.floor(states / self.cells).astype(np.int64)
-            order = np.lexsort((cost, *cells.T, owner))
-            same = (owner[order[1:]] == owner[order[:-1]]) & (cells[order[1:]] == cells[order[:-1]]).all(
-                axis=1
-            )
-            order = order[~np.concatenate([np.zeros(min(len(order), 1), dtype=np.bool_), same])]
-        order = order[np.lexsort((cost[order], owner[order]))]
-        owner = owner[order]
-        rank = np.arange(len(owner)) - np.searchsorted(owner, owner, side="left")
-        return beam.take(order[rank < self.width])
+            cells = np.zeros(place.shape, dtype=np.int64)
+            cells[place] = self._cells(beam.states)[order]
+            kept &= _first_of_each(np.take_along_axis(cells, cheapest, axis=1))
+        kept &= np.cumsum(kept, axis=1) <= self.width
+        rows = np.zeros(place.shape, dtype=np.int64)
+        rows[place] = order
+        return beam.take(np.take_along_axis(rows, cheapest, axis=1)[kept])
+
+    def _cells(self, states: FloatArray) -> IntArray:
+        """(B,): a number for the grid cell of each state, as good as certain to differ from those of other cells."""
+        number = np.zeros(len(states), dtype=np.int64)
+        for channel in np.floor(states / self.cells).T:
+            number = number * SCATTER + channel.astype(np.int64)  # modulo 2^64
+        return number
+
+
+def _by_owner(owner: IntArray) -> tuple[IntArray, BoolArray]:
+    """The order (B,) that brings each owner's states together, and a table (owners, most of one) with their places.
+
+    Sorting the short rows of such a table takes a fifth of the time of sorting everything.
+    """
+    order = np.argsort(owner, kind="stable")
+    _, counts = np.unique(owner[order], return_counts=True)
+    return order, np.arange(counts.max(initial=0)) < counts[:, None]
+
+
+def _first_of_each(numbers: IntArray) -> BoolArray:
+    """Where a number comes for the first time in its row."""
+    order = np.argsort(numbers, axis=1, kind="stable")
+    along = np.take_along_axis(numbers, order, axis=1)
+    first = np.ones(numbers.shape, dtype=np.bool_)
+    first[:, 1:] = along[:, 1:] != along[:, :-1]
+    out = np.empty_like(first)
+    np.put_along_axis(out, order, first, axis=1)
+    return out
 
 
 def balance_search(gravity: float, half_length: float, width: int) -> BeamSearch:

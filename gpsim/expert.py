@@ -16,6 +16,7 @@ from gpsim.tasks import Task
 Worth = Callable[[NDArray[np.float32]], FloatArray]
 """worth(observations (B, O)) -> (B,): the share of the highest return that a policy can still expect."""
 NEARNESS = 0.3  # of the search's cost beside the critic's judgement
+FAILS = 2.0  # cost from which on every sequence that was followed fails
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ class Expert:
     def costs(self, at: Visited, rng: np.random.Generator) -> FloatArray:
         """(N, A): of each action, what the best sequence that begins with it leads to.
 
-        What is missing to the highest return, and a little of how close to failure; between 1 and 2 where every
-        sequence that was followed fails, the more the sooner.
+        What is missing to the highest return, and a little of how close to failure, less than FAILS; between FAILS and
+        one more where every sequence that was followed fails, the more the sooner.
         """
         actions: int = self.task.action_space.n  # type: ignore[attr-defined]
         count = len(at)
@@ -64,9 +65,9 @@ class Expert:
             else:
                 beam = self.search.grown(self.model, self.task, beam, context, rng)
             lives[beam.owner] = False
-            out[lives] = 1.0 + (self.horizon - step) / self.horizon  # alive before this step, and no longer
+            out[lives] = FAILS + (self.horizon - step) / self.horizon  # alive before this step, and no longer
         seen = self.task.observe(self.model.measure(beam.states, beam.memory, rng), context[beam.owner])
         cost = NEARNESS * self.search.cost(beam.states) + 1.0 - self.worth(seen)
-        out[beam.owner] = np.inf
+        out[beam.owner] = np.nextafter(FAILS, 0.0)
         np.minimum.at(out, beam.owner, cost)
         return np.ascontiguousarray(out.reshape(actions, count).T)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gpsim.channels import FloatArray
 from gpsim.envs import Episodes
-from gpsim.expert import Expert, Visited
+from gpsim.expert import FAILS, Expert, Visited
 from gpsim.learning import Checkpoints, PpoSettings, Progress
 from gpsim.policy import Policy
 from gpsim.simulators.plant import Memory, Plant
@@ -26,8 +26,10 @@ FAILED = 300  # episodes that ended early, of which what came before is looked a
 BEGINNING, END, EVERY = 20, 60, 3  # the first steps, and of the last ones every third
 ANYWHERE = 25  # and of all episodes every so many steps
 EPOCHS, BATCH, LEARNING_RATE = 20, 512, 2e-3
-MOST, TINY = 0.1, 1e-9  # that a mistake weighs, and that all weigh on average at least
+UNSURE = 0.03  # difference of two actions' costs below which it says nothing: a critic's judgements scatter as much
+MOST, TINY = 0.5, 1e-9  # that a mistake weighs, and that all weigh on average at least
 FOLLOWED = 0.01  # weight of doing as the first policy did, where the expert sees no difference
+FINALISTS, AGAIN = 5, 4  # rounds that play so many times more: their scores differ by less than chance does
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class _Round:
 def improved(
     policy: Policy, plant: Plant, expert: Expert, settings: PpoSettings, seed: int, progress: Progress
 ) -> tuple[Policy, Checkpoints]:
-    """The policy after the rounds of expert iteration that did best on fresh starts in `plant`, and all their scores.
+    """The policy of the round of expert iteration that did best on fresh starts in `plant`, and all rounds' scores.
 
     Same seed, same bytes: one torch thread, draws from generators of its own.
     """
@@ -70,13 +72,11 @@ def improved(
     observed: list[NDArray[np.float32]] = []
     costs: list[FloatArray] = []
     rows: list[tuple[int, float, float, float]] = []
-    best, at = policy, policy
+    policies, at = [policy], policy
     for turn in range(settings.expert_rounds + 1):
         done = _played(at, plant, expert, rng)
         said = (len(observed) * settings.expert_states, float(done.score.mean()))
         rows.append((*said, float(done.lasted.mean()), float(done.length.mean())))
-        if rows[-1][1] >= max(row[1] for row in rows):
-            best = at
         progress(turn, settings.expert_rounds, f"expert iteration: {rows[-1][2]:.1%} of episodes last")
         if turn == settings.expert_rounds or done.lasted.all():
             break
@@ -84,8 +84,21 @@ def improved(
         observed.append(visited.observations)
         costs.append(expert.costs(visited, rng))
         at = learner.learn(np.concatenate(observed), np.concatenate(costs))
-    steps, score, success, length = zip(*rows, strict=True)
-    return best, Checkpoints(np.array(steps), np.array(score), np.array(success), np.array(length))
+        policies.append(at)
+    steps, score, success, length = (np.array(column) for column in zip(*rows, strict=True))
+    best = _best([policies[i] for i in np.argsort(-score, kind="stable")[:FINALISTS]], plant, expert, rng)
+    return best, Checkpoints(steps, score, success, length)
+
+
+def _best(policies: list[Policy], plant: Plant, expert: Expert, rng: np.random.Generator) -> Policy:
+    """The one whose mean return is highest over further fresh starts, the same for all."""
+    seed = int(rng.integers(2**32))
+
+    def score(policy: Policy) -> float:
+        fresh = np.random.default_rng(seed)
+        return sum(float(_played(policy, plant, expert, fresh).score.mean()) for _ in range(AGAIN))
+
+    return max(policies, key=score)
 
 
 def _played(policy: Policy, plant: Plant, expert: Expert, rng: np.random.Generator) -> _Round:
@@ -134,6 +147,15 @@ def _looked_at(
     return steps[chosen], episodes[chosen]
 
 
+def _mistakes(costs: FloatArray) -> FloatArray:
+    """(N,): what the second best action costs more than the best.
+
+    Nothing where that is less than the expert is sure of, or where every sequence fails: how soon is of no use.
+    """
+    order = np.sort(costs, axis=1)
+    return np.where(order[:, 0] < FAILS, np.clip(order[:, 1] - order[:, 0] - UNSURE, 0.0, MOST), 0.0)
+
+
 class _Learner:
     """The policy's network, taught what the expert would do; `learn` goes on from what was learnt before."""
 
@@ -149,8 +171,7 @@ class _Learner:
 
     def learn(self, observations: NDArray[np.float32], costs: FloatArray) -> Policy:
         """The policy after some epochs on all that was gathered: observations (N, O), costs of actions (N, A)."""
-        order = np.sort(costs, axis=1)
-        weight = np.minimum(order[:, 1] - order[:, 0], MOST)
+        weight = _mistakes(costs)
         scale = max(float(weight.mean()), TINY)
         inputs = torch.tensor(observations / self._first.scale)
         best = torch.tensor(costs.argmin(axis=1))
