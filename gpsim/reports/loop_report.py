@@ -73,7 +73,8 @@ class LoopReport:
     trips: what a task with a goal adds, else None; system: the base simulator;
     starts: the keys of the sets of starts to masks (N,); best_return: how many steps an episode may take,
     which is what it earns at most where every step earns 1 (earns_steps); held: control steps that a decision is held
-    in training; curves: policy to one (decisions, mean return) per seed; slices: rate to slice, of the first seed;
+    in training; curves: policy to one (decisions, mean return) per seed; rounds: policy to one (round of expert
+    iteration, mean return on fresh starts) per seed; slices: rate to slice, of the first seed;
     named: seed to what its diagnosis found, in sentences; given: what the loop was given instead of making it
     (recording, diagnosis); fits: seed to the content of fit.json; outside: seed to the share of what each driver
     visited outside the recording; rollouts: simulator to (B, T + 1, S) states
@@ -93,6 +94,7 @@ class LoopReport:
     earns_steps: bool = True
     held: int = 1
     curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
+    rounds: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
     slices: Mapping[str, ResidualSlice] = field(default_factory=dict)
     named: Mapping[int, Sequence[str]] = field(default_factory=dict)
     given: tuple[str, ...] = ()

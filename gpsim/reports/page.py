@@ -25,7 +25,7 @@ from gpsim.reports.model_sheets import (
     scale_sheet,
 )
 from gpsim.reports.palette import colours
-from gpsim.reports.return_figures import figure_learning_curves, figure_returns
+from gpsim.reports.return_figures import figure_expert_rounds, figure_learning_curves, figure_returns
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
 from gpsim.reports.sheets import Sheet
@@ -155,6 +155,12 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
             figure_learning_curves(report),
             f"Mean return in training over {'decisions' if report.held > 1 else 'steps'}, per policy",
             "Each policy in the simulator that it is trained in: a high curve there says nothing yet about the target.",
+        ),
+        "rounds": (
+            figure_expert_rounds(report),
+            "Mean return on fresh starts over rounds of expert iteration, per policy",
+            "After PPO each policy learns from a search that looks ahead in the simulator in which it is trained, and "
+            "plays there on fresh starts; the best round is kept.",
         ),
     }
     return {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -101,8 +103,21 @@ def _mean(axis: Axes, report: LoopReport, starts: str, policy: str, y: float, *,
 
 
 def figure_learning_curves(report: LoopReport) -> Figure | None:
-    """Mean return in training over decisions: each seed faint, their mean bold. None where no curve is known."""
-    curves = {name: [c for c in found if len(c[0])] for name, found in report.curves.items()}
+    """Mean return in training over decisions. None where no curve is known."""
+    held = f"decisions in training, each held for {report.held} steps"
+    return _figure_of_curves(report, report.curves, held if report.held > 1 else "steps in training")
+
+
+def figure_expert_rounds(report: LoopReport) -> Figure | None:
+    """Mean return on fresh starts over rounds of expert iteration. None where no policy has any."""
+    return _figure_of_curves(report, report.rounds, "rounds of expert iteration, after PPO")
+
+
+def _figure_of_curves(
+    report: LoopReport, known_curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]], over: str
+) -> Figure | None:
+    """Mean return over `over` by policy: each seed faint, their mean bold. None where no curve is known."""
+    curves = {name: [c for c in found if len(c[0])] for name, found in known_curves.items()}
     curves = {name: found for name, found in curves.items() if found}
     if not curves:
         return None
@@ -114,8 +129,7 @@ def figure_learning_curves(report: LoopReport) -> Figure | None:
             for steps, values in found if len(found) > 1 else []:
                 axis.plot(steps, values, color=colour[name], linewidth=0.8, alpha=0.35)
             axis.plot(*_mean_curve(found), color=colour[name], label=name)
-        held = f"decisions in training, each held for {report.held} steps"
-        axis.set_xlabel(held if report.held > 1 else "steps in training")
+        axis.set_xlabel(over)
         axis.set_ylabel("mean return [steps]" if report.earns_steps else "mean return")
         axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}".replace(",", "\u202f")))
         if report.earns_steps:

@@ -103,6 +103,11 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         curves={
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
         },
+        rounds={
+            name: [_rounds(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
+        }
+        if getattr(training_settings(request.config), "expert_rounds", 0)
+        else {},
         slices=_slices(first),
         named=_named(requests) if "Effects" in evaluate.policy_names(request) else {},
         given=_given(request),
@@ -205,6 +210,12 @@ def _curve(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
     stage, settings = evaluate.TRAINED_BY[policy]
     table = pd.read_csv(stage.need(request.having(**settings)).path / "learning_curve.csv")
     return table["steps"].to_numpy(dtype=np.float64), table["mean_return"].to_numpy(dtype=np.float64)
+
+
+def _rounds(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
+    stage, settings = evaluate.TRAINED_BY[policy]
+    table = pd.read_csv(stage.need(request.having(**settings)).path / "checkpoints.csv")
+    return np.arange(float(len(table))), table["score"].to_numpy(dtype=np.float64)
 
 
 def _slices(request: Request) -> Mapping[str, ResidualSlice]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import matplotlib
@@ -12,7 +13,7 @@ import pytest
 from gpsim.reports.canvas import png, svg
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
 from gpsim.reports.palette import OTHERS, POLICIES, colours
-from gpsim.reports.return_figures import figure_learning_curves, figure_returns
+from gpsim.reports.return_figures import figure_expert_rounds, figure_learning_curves, figure_returns
 from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
 
 FIGURES = [
@@ -68,6 +69,17 @@ def test_learning_curve_is_the_mean_over_seeds(make_report: Any) -> None:
     bold = next(line for line in axis.lines if line.get_label() == "Target")
     expected = np.mean([values for _, values in report.curves["Target"]], axis=0)
     np.testing.assert_allclose(bold.get_ydata(), expected)
+
+
+def test_rounds_of_an_expert_are_drawn_where_there_are_any(make_report: Any) -> None:
+    report = make_report(2, ("Source", "Target"))
+    assert figure_expert_rounds(report) is None
+    scores = [np.array([300.0, 200.0, 450.0]), np.array([320.0, 420.0, 460.0])]
+    taught = replace(report, rounds={"Target": [(np.arange(3.0), score) for score in scores]})
+    axis = figure_expert_rounds(taught).axes[0]
+    bold = next(line for line in axis.lines if line.get_label() == "Target")
+    np.testing.assert_allclose(bold.get_ydata(), [310.0, 310.0, 455.0])
+    assert "rounds of expert iteration" in axis.get_xlabel()
 
 
 def test_unknown_policies_take_the_rest_of_the_palette() -> None:
