@@ -62,7 +62,7 @@ def test_what_acts_everywhere_lives_nowhere_in_particular(law):
     assert part(law) is None
 
 
-@pytest.mark.slow  # located physics that is not known is asked for in test_named.py, too
+@pytest.mark.slow  # test_named.py asks for where unknown physics sits, too, on reversal
 def test_physics_outside_the_catalogue_is_located():
     """A magnet under the track: nothing that is known, but it sits somewhere."""
 
