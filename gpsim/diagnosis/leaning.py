@@ -90,7 +90,7 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
         seen = rescored(some, seen)
         looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
         grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
-        looks = side_by_side(_moved, [(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
+        looks = _all_moved([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
         parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1, near=True) for part in parts])
     begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
@@ -98,7 +98,7 @@ def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> lis
     unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
     fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1, near=True) for f in unfinished])
     ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
-    return side_by_side(_moved, [(problem, f, leader) for f in ended])
+    return _all_moved([(problem, f, leader) for f in ended])
 
 
 def _finer(problem: Problem, less: Fit, leader: Fit) -> bool:
@@ -111,19 +111,33 @@ def _all_as_finely(problem: Problem, leader: Fit, orders: Sequence[Order]) -> li
     return side_by_side(fit_order, [(problem.as_finely(o.hypothesis, leader.hypothesis), o) for o in orders])
 
 
+def _all_moved(calls: Sequence[tuple[Problem, Fit, Fit]]) -> list[Fit]:
+    """`_moved` of every call; one that is alone in having something to move has all cores to itself."""
+    waiting = [_movable(*call) for call in calls]
+    moved = iter(side_by_side(_moved, [call for call, waits in zip(calls, waiting, strict=True) if waits]))
+    return [next(moved) if waits else call[1] for call, waits in zip(calls, waiting, strict=True)]
+
+
 def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
     """A fit with one term less and the edges of its gates moved to where they lie best without it.
 
     An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias, or
     something slight.
     """
-    gone = leader.hypothesis.claims - less.hypothesis.claims
-    shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
     for index, term in enumerate(less.hypothesis.terms):
-        near = shifting or less.objective < leader.objective + SLIGHT
-        if term.gate and near and pays(problem, leader, less):
+        if term.gate and _movable(problem, less, leader):
             less = placed(problem, less, index, NEAR, FINE, MOVING)
     return less
+
+
+def _movable(problem: Problem, less: Fit, leader: Fit) -> bool:
+    """Whether it has a gate and its edges may make good what it lacks."""
+    if not any(term.gate for term in less.hypothesis.terms):
+        return False
+    gone = leader.hypothesis.claims - less.hypothesis.claims
+    shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
+    near = shifting or less.objective < leader.objective + SLIGHT
+    return near and pays(problem, leader, less)
 
 
 def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:

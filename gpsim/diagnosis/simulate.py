@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -198,12 +199,16 @@ def _precomputed(
     every = _values(chain, windows, spread, thetas)
     row = np.tile(np.arange(count), len(thetas))
 
+    @lru_cache(maxsize=1)  # it is asked for n times in a row
+    def transition(k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begin = windows.t[row, k]
+        return windows.actions[row, k], begin, (windows.t[row, k + 1] - begin) / n
+
     def drive(k: int, j: int, state: FloatArray) -> FloatArray:
         if k < 0:
             return np.asarray(by_time[before + n * k + j][which])
-        begin = windows.t[row, k]
-        substep = (windows.t[row, k + 1] - begin) / n
-        return chain.command(windows.actions[row, k], state, every, held, substep, begin + j * substep)
+        action, begin, substep = transition(k)
+        return chain.command(action, state, every, held, substep, begin + j * substep)
 
     return drive
 

@@ -23,6 +23,7 @@ from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
 from gpsim.simulators import Integrator, Simulator
 from gpsim.simulators.plant import Memory, part_of
+from gpsim.simulators.simulator import RateFunction
 
 Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""
@@ -102,17 +103,7 @@ class Chain:
         """
         if not self.actuates:
             return actions
-        # The base simulator's own step takes what acts at its start.
-        grid = Grid(actions, states[:, :-1], states[:, 1:], t, step, self.channels, self.scheme == "fine")
-        out = np.array(actions)
-        for column in dict.fromkeys(column for _, _, column in self._actuators):
-            way = [
-                (self.terms[i].gate, e, values[i], part_of(memory, f"{i}/"))
-                for i, e, c in self._actuators
-                if c == column
-            ]
-            out[:, :, column] = on_its_way(way, column, grid)
-        return out
+        return self._acted(actions, states[:, :-1], states[:, 1:], values, memory, step, t)
 
     def command(
         self,
@@ -126,8 +117,31 @@ class Chain:
         """(B, A): what reaches the simulator during one substep (B,) that begins in state (B, S); memory moves on."""
         if not self.actuates:
             return action
-        states = np.stack([state, self._ahead(state, action, step)], axis=1)
-        return self.commands(action[:, None], states, values, memory, step[:, None], t[:, None])[:, 0]
+        begin, end = state[:, None], self._ahead(state, action, step)[:, None]
+        return self._acted(action[:, None], begin, end, values, memory, step[:, None], t[:, None])[:, 0]
+
+    def _acted(
+        self,
+        actions: FloatArray,
+        begin: FloatArray,
+        end: FloatArray,
+        values: Sequence[Values],
+        memory: Memory,
+        step: FloatArray,
+        t: FloatArray,
+    ) -> FloatArray:
+        """(B, K, A): what reaches the simulator; begin, end: (B, K, S) states between which each substep lies."""
+        # The base simulator's own step takes what acts at its start.
+        grid = Grid(actions, begin, end, t, step, self.channels, self.scheme == "fine")
+        out = np.array(actions)
+        for column in dict.fromkeys(column for _, _, column in self._actuators):
+            way = [
+                (self.terms[i].gate, e, values[i], part_of(memory, f"{i}/"))
+                for i, e, c in self._actuators
+                if c == column
+            ]
+            out[:, :, column] = on_its_way(way, column, grid)
+        return out
 
     @cached_property
     def looks(self) -> bool:
@@ -164,23 +178,30 @@ class Chain:
         """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
         shares = self._shares(state, action, values, step, t)
         parameters = self._corrected(values, shares)
+        begun = (state, step) if self.scheme == "fine" else None
+
+        def rates(at: FloatArray) -> FloatArray:
+            return _sum(self._rates(at, action, parameters, values, shares, begun), extra)
+
+        rates = self._held(rates, state)
         if self.scheme != "fine":
-            return self.simulator.integrate(
-                state,
-                lambda s: _sum(self._rates(s, action, parameters, values, shares, None), extra),
-                step,
-                self.scheme,
-            )
-        h, begun = step[:, None], (state, step)
+            return self.simulator.integrate(state, rates, step, self.scheme)
+        h = step[:, None]
 
         def slope(at: FloatArray) -> FloatArray:
-            rates = _sum(self._rates(at, action, parameters, values, shares, begun), extra)
-            return self.simulator.derivative(at, rates)
+            return self.simulator.derivative(at, rates(at))
 
         # Heun (1900), third order.
         first = slope(state)
         third = slope(state + 2 * h / 3 * slope(state + h / 3 * first))
         return state + h / 4 * (first + 3 * third)
+
+    def _held(self, rates: RateFunction, state: FloatArray) -> RateFunction:
+        """The rates in any state, found once where they are the same in all."""
+        if self._forces or not self.simulator.kinematic:
+            return rates
+        held = rates(state)
+        return lambda at: held
 
     @cached_property
     def _actuators(self) -> list[tuple[int, ActuatorEffect, int]]:
@@ -209,6 +230,11 @@ class Chain:
         rate = self.simulator.rate
         return rate.index("v"), rate.index("v_lateral"), rate.index("w")
 
+    @cached_property
+    def _gated(self) -> list[int]:
+        """Terms behind a gate that do not act on commands."""
+        return [i for i, term in enumerate(self.terms) if term.gate and not self.acts(i)]
+
     def _shares(
         self, state: FloatArray, action: FloatArray, values: Sequence[Values], step: FloatArray, t: FloatArray
     ) -> dict[int, FloatArray]:
@@ -216,12 +242,14 @@ class Chain:
 
         The base simulator's own step takes what acts at its start.
         """
-        gated = [i for i, term in enumerate(self.terms) if term.gate and not self.acts(i)]
-        if not gated:
+        if not self._gated:
             return {}
         looked = step if self.scheme == "fine" else np.zeros_like(step)
         path = state, self._ahead(state, action, step)
-        return {i: self.terms[i].gate.share(path, action, t, looked, self.channels, values[i]) for i in gated}
+        return {
+            i: self.terms[i].gate.share(path, action, t, looked, self.channels, values[i])
+            for i in self._gated
+        }
 
     def _ahead(self, state: FloatArray, action: FloatArray, step: FloatArray) -> FloatArray:
         """(B, S): about where a substep ends, for gates that look at the state."""

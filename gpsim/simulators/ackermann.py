@@ -23,6 +23,11 @@ class Ackermann(PlanarVehicle):
         "wheelbase": Parameter("m", 0.2, 1e-3, 20.0, "distance between the axles")
     }
 
+    @property
+    def kinematic(self) -> bool:
+        """Yes; a vehicle derived from it that writes rates of its own has to say so itself."""
+        return type(self).rates is Ackermann.rates
+
     def rates(
         self,
         state: FloatArray,
@@ -33,5 +38,5 @@ class Ackermann(PlanarVehicle):
         """The twist (B, 3)."""
         out = np.zeros((len(state), 3))
         out[:, 0] = action[:, 0]
-        out[:, 2] = action[:, 0] * np.tan(action[:, 1]) / parameters["wheelbase"]
+        out[:, 2] = action[:, 0] * np.tan(np.ascontiguousarray(action[:, 1])) / parameters["wheelbase"]
         return out

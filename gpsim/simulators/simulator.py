@@ -59,6 +59,11 @@ class Simulator(ABC):
         {}
     )  # a guess for every state channel that may go unmeasured
 
+    @property
+    def kinematic(self) -> bool:
+        """Whether the rates follow from action and parameters alone: they stay the same while an action is held."""
+        return False
+
     @abstractmethod
     def rates(
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None

@@ -21,6 +21,11 @@ class Unicycle(PlanarVehicle):
     action: ClassVar[Channels] = Channels.of({"v_cmd": "m/s", "w_cmd": "rad/s"})
     parameters: ClassVar[dict[str, Parameter]] = {}
 
+    @property
+    def kinematic(self) -> bool:
+        """Yes; a vehicle derived from it that writes rates of its own has to say so itself."""
+        return type(self).rates is Unicycle.rates
+
     def rates(
         self,
         state: FloatArray,

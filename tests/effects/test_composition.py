@@ -12,6 +12,7 @@ from gpsim.effects.chain import Chain
 from gpsim.simulators import make_simulator
 from gpsim.simulators.planar import PlanarVehicle
 from gpsim.simulators.simulator import Coordinate
+from gpsim.simulators.unicycle import Unicycle
 
 
 def run(simulator, terms, state, action, h, seconds, parameters=None):
@@ -111,6 +112,34 @@ def test_effects_on_a_twist_act_beside_forces():
         ends.append(at[0])
     assert [end[2] for end in ends] == pytest.approx([0.5, 0.5, 2.0])
     assert [end[4] for end in ends] == pytest.approx([1.0, np.exp(-0.5), np.exp(-0.5)], rel=1e-4)
+
+
+class Leaning(Unicycle):
+    """A unicycle that turns the more, the further it has come: no longer kinematic, though derived from one."""
+
+    def rates(self, state, action, parameters, forces=None):
+        return super().rates(state, action, parameters) + np.array([0.0, 0.0, 1.0]) * state[:, :1]
+
+
+@pytest.mark.parametrize("scheme", ["fine", "euler", "rk4"])
+def test_rates_that_an_action_holds_are_found_once_and_others_at_every_state(scheme):
+    terms = (Term("lateral_slip", "vehicle", {"slip": 0.2}), Term("understeer", "vehicle", {"gradient": 0.5}))
+    values, action = [t.values for t in terms], np.array([[0.7, 1.5]])
+    ends = []
+    for kinematic in (True, False):
+        vehicle = type("Vehicle", (Unicycle,), {"kinematic": kinematic})()
+        ends.append(np.array([[0.0, 0.0, 0.3]]))
+        for _ in range(20):
+            chain = Chain(vehicle, {}, terms, scheme, 0.1)
+            ends[-1] = chain.advance(ends[-1], action, values, np.array([0.1]), np.zeros(1))
+    np.testing.assert_array_equal(*ends)
+    assert Unicycle().kinematic
+    assert not Leaning().kinematic
+    at, chain = np.zeros((1, 3)), Chain(Leaning(), {}, (), "fine", 0.01)
+    for _ in range(100):
+        at = chain.advance(at, np.array([[1.0, 0.0]]), [], np.full(1, 0.01), np.zeros(1))
+    # With yaw' = x and x' = cos yaw, x^2 / 2 - sin yaw stays what it was.
+    assert at[0, 0] ** 2 / 2 == pytest.approx(np.sin(at[0, 2]), abs=1e-6)
 
 
 def test_a_sensor_scales_before_it_is_biased_whatever_was_found_first():
