@@ -103,18 +103,19 @@ class RandomisedPlant(SimulatorPlant):
 
     Tobin et al. (2017), "Domain randomization for transferring deep neural networks from simulation to the real
     world"; the thesis (section 4.5.1) uses spread 0.1. With `of` actions each episode draws a gain of each action
-    instead: a simulator may have no parameters.
+    instead (a simulator may have no parameters), with both those as well.
     """
 
     spread: float = 0.1
-    of: Literal["parameters", "actions"] = "parameters"
+    of: Literal["parameters", "actions", "both"] = "parameters"
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
-        """One draw (count,) of every parameter, or of every action's gain."""
-        drawn = self.parameters if self.of == "parameters" else dict.fromkeys(self.action.names, 1.0)
+        """One draw (count,) of every parameter, of every action's gain, or of both."""
+        parameters = {} if self.of == "actions" else self.parameters
+        gains = {} if self.of == "parameters" else dict.fromkeys(map(_gain, self.action.names), 1.0)
         return {
             name: value * rng.uniform(1.0 - self.spread, 1.0 + self.spread, count)
-            for name, value in drawn.items()
+            for name, value in {**parameters, **gains}.items()
         }
 
     def step(
@@ -122,7 +123,11 @@ class RandomisedPlant(SimulatorPlant):
     ) -> FloatArray:
         """One control step under each episode's own draw."""
         dt = np.full(len(state), self.dt)
-        if self.of == "actions":
-            gains = np.column_stack([memory[name] for name in self.action.names])
-            return self.simulator.step(state, gains * action, self.parameters, dt, self.integrator)
-        return self.simulator.step(state, action, memory, dt, self.integrator)
+        if self.of != "parameters":
+            action = np.column_stack([memory[_gain(name)] for name in self.action.names]) * action
+        parameters = self.parameters if self.of == "actions" else memory
+        return self.simulator.step(state, action, parameters, dt, self.integrator)
+
+
+def _gain(action: str) -> str:
+    return f"gain of {action}"

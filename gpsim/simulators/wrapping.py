@@ -30,6 +30,11 @@ class _Wrapping(Simulator):
         self.start = dict(simulator.start)
         self._inner = simulator
 
+    @property
+    def kinematic(self) -> bool:
+        """As the simulator's own."""
+        return self._inner.kinematic
+
     def rates(
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
     ) -> FloatArray:

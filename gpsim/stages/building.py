@@ -17,7 +17,7 @@ from gpsim.targets import FrictionCartPole, Limo
 from gpsim.tasks import Balance, GoalReaching, Task
 
 TARGETS: Mapping[str, type[Plant]] = {"friction_cartpole": FrictionCartPole, "limo": Limo}
-RANDOMISED = ("parameters", "actions")
+RANDOMISED = ("parameters", "actions", "both")
 RECORDED = "recording"
 """The target that is known by its logs alone: nothing can be driven."""
 ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSettings, "sac": SacSettings}
@@ -37,7 +37,7 @@ def randomised_plant(config: Mapping[str, Any]) -> RandomisedPlant:
     """The base simulator under domain randomisation."""
     base, spread = base_plant(config), config["randomise"]["spread"]
     of = choice(config["randomise"]["of"], RANDOMISED, "randomise.of")
-    if of == "parameters" and not base.parameters:
+    if of != "actions" and not base.parameters:
         raise UsageError(
             f"simulator {base.simulator.name} has no parameters to randomise: set randomise.of=actions"
         )

@@ -148,6 +148,19 @@ def test_randomised_episodes_draw_their_own_parameters():
         assert np.all(values[rows] != kept[name][rows])
 
 
+def test_an_episode_may_draw_parameters_and_a_gain_of_its_force():
+    plant, rng = RandomisedPlant(CARTPOLE, P, "euler", 0.02, 0.1, "both"), np.random.default_rng(0)
+    memory, still = plant.begin(1000, rng), np.zeros((1000, 4))
+    after = plant.step(still, np.full((1000, 1), 10.0), memory, rng)
+    masses, half = memory["cart_mass"] + memory["pole_mass"], memory["pole_half_length"]
+    # An upright pole at rest adds a quarter of its mass to what the force has to move.
+    gains = after[:, 1] / 0.02 * (masses - 0.75 * memory["pole_mass"]) / 10.0
+    assert np.all(np.abs(gains - 1) <= 0.1)
+    assert np.ptp(gains) > 0.19
+    for drawn in (memory["cart_mass"], half, memory["gravity"]):
+        assert abs(np.corrcoef(gains, drawn)[0, 1]) < 0.1
+
+
 def test_wrong_parameters_are_named():
     with pytest.raises(UsageError, match="no parameter 'mass'; it has: gravity, cart_mass"):
         CARTPOLE.defaults({"mass": 1.0})
