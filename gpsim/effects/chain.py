@@ -180,10 +180,10 @@ class Chain:
         parameters = self._corrected(values, shares)
         begun = (state, step) if self.scheme == "fine" else None
 
-        def rates(at: FloatArray) -> FloatArray:
+        def found(at: FloatArray) -> FloatArray:
             return _sum(self._rates(at, action, parameters, values, shares, begun), extra)
 
-        rates = self._held(rates, state)
+        rates = self._held(found, state)
         if self.scheme != "fine":
             return self.simulator.integrate(state, rates, step, self.scheme)
         h = step[:, None]

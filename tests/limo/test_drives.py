@@ -10,14 +10,13 @@ import pytest
 from gpsim.cli.configuration import resolve
 from gpsim.cli.main import main
 
-from gpsim import policies
 from gpsim.artifacts import Recipe
 from gpsim.driving import Sweep, drive_plan, drive_policy
 from gpsim.envs import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import take_trips
 from gpsim.learning import PpoSettings, SacSettings
-from gpsim.policies import train_ppo, train_sac
+from gpsim.policies import sac, train_ppo, train_sac
 from gpsim.policy import Policy
 from gpsim.policy_export import ros_node, to_onnx
 from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
@@ -173,7 +172,7 @@ def test_a_checkpoint_that_leaves_the_floor_has_not_succeeded():
         def act(self, seen):
             return np.tile([0.2, 0.0], (len(seen), 1))
 
-    judge = policies._Judge(env, np.ones(2, dtype=np.float32), settings, 7, lambda *_: None)
+    judge = sac._Judge(env, np.ones(2, dtype=np.float32), settings, 7, lambda *_: None)
     _, success, length = judge._try(Ahead())
     start = task.start(200, np.random.default_rng(7))
     trips = take_trips(PLANT, task, Ahead().act, start, np.random.default_rng(7))
