@@ -7,7 +7,7 @@ Bagnell 2014, arXiv:1406.5979). The expert knows the simulator, not the target.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,15 +21,17 @@ from gpsim.learning import Checkpoints, PpoSettings, Progress
 from gpsim.policy import Policy
 from gpsim.simulators.plant import Memory, Plant
 
-EPISODES = 1000  # that a policy plays in each round
-FAILED = 300  # episodes that ended early, of which what came before is looked at:
-BEGINNING, END, EVERY = 20, 60, 3  # the first steps, and of the last ones every third
-ANYWHERE = 25  # and of all episodes every so many steps
+EPISODES = 3000  # that a policy plays in each round
+FAILED = 300  # episodes that ended early of which it is asked whether they had to:
+FORESIGHT = 100  # steps that the expert looks ahead then; what falls from a hopeless start falls sooner
+BEGINNING, END = 20, 60  # first and last steps that are looked at of an episode that need not have failed,
+ANYWHERE = 25  # and of all episodes every so many steps,
+ANYHOW = 1 / 3  # the share of these at least
 EPOCHS, BATCH, LEARNING_RATE = 20, 512, 2e-3
 UNSURE = 0.03  # difference of two actions' costs below which it says nothing: a critic's judgements scatter as much
 MOST, TINY = 0.5, 1e-9  # that a mistake weighs, and that all weigh on average at least
 FOLLOWED = 0.01  # weight of doing as the first policy did, where the expert sees no difference
-FINALISTS, AGAIN = 5, 4  # rounds that play so many times more: their scores differ by less than chance does
+FINALISTS, AGAIN = 5, 2  # rounds that play so many times more: their scores differ by less than chance does
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ def improved(
         progress(turn, settings.expert_rounds, f"expert iteration: {rows[-1][2]:.1%} of episodes last")
         if turn == settings.expert_rounds or done.lasted.all():
             break
-        visited = done.visited(*_looked_at(done, settings.expert_states, rng))
+        visited = done.visited(*_looked_at(done, settings.expert_states, expert, rng))
         observed.append(visited.observations)
         costs.append(expert.costs(visited, rng))
         at = learner.learn(np.concatenate(observed), np.concatenate(costs))
@@ -132,19 +134,37 @@ def _played(policy: Policy, plant: Plant, expert: Expert, rng: np.random.Generat
 
 
 def _looked_at(
-    done: _Round, most: int, rng: np.random.Generator
+    done: _Round, most: int, expert: Expert, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Steps and episodes (M,), M at most `most`: how episodes that failed began and ended, and a little of all."""
+    """Steps and episodes (M,), M at most `most`: how episodes that need not have failed did, and a little of all."""
     step = np.arange(len(done.alive))[:, None]
     left = done.length[None] - step
-    failed = np.flatnonzero(~done.lasted)
-    looked = np.zeros_like(done.alive)
-    looked[:, rng.permutation(failed)[:FAILED]] = True
-    looked &= (step < BEGINNING) | ((left <= END) & (left % EVERY == 0))
-    looked |= step % ANYWHERE == 0
-    steps, episodes = np.nonzero(looked & done.alive)
-    chosen = rng.permutation(len(steps))[:most]
-    return steps[chosen], episodes[chosen]
+    near = np.zeros_like(done.alive)
+    near[:, _needless(done, expert, rng)] = True
+    near &= ((step < BEGINNING) | (left <= END)) & done.alive
+    chosen = _drawn(near, most - round(ANYHOW * most), rng)
+    others = _drawn((step % ANYWHERE == 0) & done.alive & ~near, most - len(chosen[0]), rng)
+    return np.concatenate([chosen[0], others[0]]), np.concatenate([chosen[1], others[1]])
+
+
+def _drawn(
+    table: NDArray[np.bool_], most: int, rng: np.random.Generator
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Row and column of at most so many places that are True."""
+    rows, columns = np.nonzero(table)
+    chosen = rng.permutation(len(rows))[:most]
+    return rows[chosen], columns[chosen]
+
+
+def _needless(done: _Round, expert: Expert, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Episodes that failed though the expert, from where they began, would not have; no more than FAILED are judged.
+
+    Late in the training nearly all that fail had to. What they came by would crowd out the few mistakes that are left.
+    """
+    failed = rng.permutation(np.flatnonzero(~done.lasted))[:FAILED]
+    began = done.visited(np.zeros_like(failed), failed)
+    costs = replace(expert, horizon=FORESIGHT).costs(began, rng)
+    return np.asarray(failed[costs.min(axis=1) < FAILS])
 
 
 def _mistakes(costs: FloatArray) -> FloatArray:

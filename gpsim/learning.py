@@ -15,7 +15,7 @@ from gpsim.errors import UsageError
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note): called now and then while something long runs."""
 
-TRAINING_FORMAT = 2
+TRAINING_FORMAT = 3
 """Part of every trained policy's key. To be raised when the code of a training changes what it makes: policies that
 older code has trained are then trained again, and not kept."""
 
