@@ -3,51 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray, IntArray, difference
+from gpsim.channels import FloatArray, IntArray
+from gpsim.diagnosis.commanded import Drive, Setting, Spread, as_recorded, precomputed, values_of
 from gpsim.diagnosis.effort import spend, spend_on_commands, spend_on_readings
 from gpsim.diagnosis.pool import at_once, available
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
 from gpsim.effects.elapsed import last_at_most
-from gpsim.effects.term import EPISODE
-from gpsim.simulators.plant import Memory
 
-Spread = Callable[[FloatArray, int], Sequence[Values]]
-Drive = Callable[[int, int, FloatArray], FloatArray]
-"""What reaches the simulator (B, A) at transition k, substep j, in state (B, S); called in the order of time.
-
-Transitions before the window are -1, -2, ..., their commands are known whatever the state.
-"""
 Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
 """State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to
 PART = 150  # rows at least that a part has: the overhead of its substeps is not split
 WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
-DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
-
-
-@dataclass(frozen=True)
-class _Setting:
-    """What follows from all windows and thetas together, and must not depend on which of them are simulated here.
-
-    even: whether all clocks are; usual: s, a substep; slots: how many substeps back the sensors look; first: copies
-    with commands of their own; which: (C,) the place in `first` of each copy's commands; leaps: whether whole control
-    steps lead up to the windows.
-    """
-
-    n: int
-    even: bool
-    usual: float
-    slots: int
-    first: IntArray
-    which: IntArray
-    leaps: bool = False
 
 
 def simulate(
@@ -83,38 +55,29 @@ def _simulated(
     starts: FloatArray,
     spread: Spread,
     thetas: FloatArray,
-    setting: _Setting,
+    setting: Setting,
     extra: Extra | None = None,
 ) -> FloatArray:
     copies, count = starts.shape[:2]
-    rows, values = np.tile(np.arange(count), copies), _values(chain, windows, spread, thetas)
+    rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
     with np.errstate(all="ignore"):
         drive = (
-            _precomputed(chain, windows, spread, thetas, setting)
+            precomputed(chain, windows, spread, thetas, setting)
             if chain.actuates
-            else _as_recorded(windows, rows)
+            else as_recorded(windows, rows)
         )
         out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
     return out.reshape(copies, count, windows.length + 1, -1)
 
 
-def _values(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray) -> list[Values]:
-    """Of every term, the values of all windows of all copies; where a gate asks for it, their episodes, too."""
-    values = list(spread(thetas, len(windows)))
-    for i, term in enumerate(chain.terms):
-        if term.gate.since_episode is not None:
-            values[i] = {**values[i], EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
-    return values
-
-
 def _set(
     chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
-) -> tuple[_Setting, Windows]:
+) -> tuple[Setting, Windows]:
     """The setting, and the windows with as much of what was commanded before them as matters."""
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
     if not (chain.actuates or chain.sensors.remember):
-        return _Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
-    values, even = _values(chain, windows, spread, thetas), windows.even
+        return Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
+    values, even = values_of(chain, windows, spread, thetas), windows.even
     slots = _slots(chain, windows, values, n) if chain.sensors.remember else 0
     windows = _what_matters(chain, windows, values, slots / n)
     if chain.actuates:  # parameters of other sites do not change what becomes of a command
@@ -126,7 +89,7 @@ def _set(
     leaps = (
         even and chain.leaps and not chain.sensors.remember
     )  # sensors look at the substeps before a window
-    return _Setting(n, even, float(np.median(steps)), slots, first, which.reshape(-1), leaps), windows
+    return Setting(n, even, float(np.median(steps)), slots, first, which.reshape(-1), leaps), windows
 
 
 def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sensors: float) -> Windows:
@@ -138,7 +101,7 @@ def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sens
     return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
 
 
-def _count(chain: Chain, windows: Windows, copies: int, setting: _Setting) -> None:
+def _count(chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
     """Count the effort, which is the same in parts."""
     rows, inside = copies * len(windows), windows.length * setting.n
     before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
@@ -156,90 +119,13 @@ def _parts(copies: int, windows: int, substeps: int) -> int:
     return min(available(), rows // PART, windows) if rows * substeps > WORTH_SENDING else 1
 
 
-def _as_recorded(windows: Windows, rows: IntArray) -> Drive:
-    by_time = np.ascontiguousarray(windows.actions.transpose(1, 0, 2)[:, rows])
-
-    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
-        return np.asarray(by_time[k] if k >= 0 else windows.before_actions[rows, k])
-
-    return drive
-
-
-def _precomputed(
-    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: _Setting
-) -> Drive:
-    """All commands at once: they do not depend on the simulated state, nor on parameters of other sites.
-
-    Where they do depend on the state, those before the window are taken at the measured one, those in it step by step.
-    """
-    count, n, first = len(windows), setting.n, setting.first
-    rows, values = np.tile(np.arange(count), len(first)), _values(chain, windows, spread, thetas[first])
-    coarser = chain.looks and not setting.even
-    memory = chain.rest(len(rows), setting.usual / DENSER if coarser else setting.usual)
-    if setting.leaps:
-        memory = _led_up_to(chain, windows, rows, values, setting)
-        windows = windows.remembering(0)
-    before = n * windows.before_actions.shape[1]
-    end = before if chain.looks else None
-    actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
-    begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
-    steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
-    t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
-    step = np.repeat(steps, n, axis=1)[:, :end]
-    states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
-    if chain.looks:
-        states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1]
-    commands = np.repeat(actions, n, axis=1)[:, :end]
-    acted = chain.commands(commands[rows], states[rows], values, memory, step[rows], t[rows])
-    by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
-    which = (setting.which[:, None] * count + np.arange(count)).ravel()
-    if not chain.looks:
-        return lambda k, j, state: by_time[before + n * k + j][which]
-    held = {key: kept[which] for key, kept in memory.items()}
-    every = _values(chain, windows, spread, thetas)
-    row = np.tile(np.arange(count), len(thetas))
-
-    @lru_cache(maxsize=1)  # it is asked for n times in a row
-    def transition(k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        begin = windows.t[row, k]
-        return windows.actions[row, k], begin, (windows.t[row, k + 1] - begin) / n
-
-    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
-        if k < 0:
-            return np.asarray(by_time[before + n * k + j][which])
-        action, begin, substep = transition(k)
-        return chain.command(action, state, every, held, substep, begin + j * substep)
-
-    return drive
-
-
-def _led_up_to(
-    chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values], setting: _Setting
-) -> Memory:
-    """The actuators' memory at the windows' beginning, from whole control steps."""
-    actions, t = windows.before_actions[rows], windows.before_t[rows]
-    memory = chain.rest(len(rows), setting.usual * setting.n)
-    states = np.empty((*t.shape, 0))  # nobody looks at them
-    chain.commands(actions, states, values, memory, np.diff(t, axis=1), t[:, :-1])
-    return chain.finer(memory, setting.n)
-
-
-def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:
-    """(W, K + 1, S) the measured states at all substeps, before and in the window: where gates of actuators look."""
-    states = np.concatenate([windows.before_states, windows.measured], axis=1)
-    share = np.arange(n)[:, None] / n
-    between = states[:, :-1, None] + share * difference(states[:, 1:], states[:, :-1], channels)[:, :, None]
-    flat = between.reshape(len(states), -1, states.shape[2])
-    return np.concatenate([flat, states[:, -1:]], axis=1)
-
-
 def _run(
     chain: Chain,
     windows: Windows,
     rows: IntArray,
     starts: FloatArray,
     values: Sequence[Values],
-    setting: _Setting,
+    setting: Setting,
     drive: Drive,
     extra: Extra | None,
 ) -> FloatArray:
@@ -271,7 +157,7 @@ def _history(
     rows: IntArray,
     starts: FloatArray,
     values: Sequence[Values],
-    setting: _Setting,
+    setting: Setting,
     drive: Drive,
 ) -> tuple[FloatArray, FloatArray | None]:
     """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began.
