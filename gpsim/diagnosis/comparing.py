@@ -147,8 +147,8 @@ def _remainder(
     named = bool(judgement.leader.hypothesis.terms)
     beside = corrected("after", learn(problem, trains["after"], hypotheses["after"], rng) if named else alone)
     others = [corrected("before", alone)] if named and judgement.verdict == "unknown" else []
-    chosen = best(problem, [beside, *others])
-    why = why_not(problem, beside.errors(problem, modelled=False), chosen.errors(problem, modelled=True))
+    chosen, errors = best(problem, [beside, *others])
+    why = why_not(problem, beside.errors(problem, modelled=False), errors)
     return (chosen, None) if why is None else (None, why)
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray, difference
+from gpsim.diagnosis.asked_again import kept
 from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
@@ -81,6 +82,7 @@ def _next(windows: Windows) -> Windows:
     )
 
 
+@kept
 def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
     """(W, S) true states whose measurement is what was measured: Newton's steps with each sensor's own gain."""
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -73,13 +74,17 @@ class Corrected:
     train: Windows
     runs: Windows
 
+    @cached_property
+    def rest(self) -> Windows:
+        """The transitions that the process did not learn from."""
+        return self.train.take(~self.learnt.rows)
+
     def errors(self, problem: Problem, modelled: bool) -> FloatArray:
         """(R + S,) root mean squares of rates one step ahead and of channels after a rollout, with and without it.
 
         Those of channels that nobody measured, and where there are no data, are 1.
         """
-        rest = self.train.take(~self.learnt.rows)
-        rates = np.ones(len(problem.simulator.rate))
+        rates, rest = np.ones(len(problem.simulator.rate)), self.rest
         if len(rest):
             alone = residual_rates(problem, rest, self.hypothesis)
             both = left_with(problem, rest, self.hypothesis, alone, self.learnt) if modelled else alone
@@ -93,11 +98,13 @@ class Corrected:
         return np.concatenate([rates, channels])
 
 
-def best(problem: Problem, choices: Sequence[Corrected]) -> Corrected:
-    """The one with the least errors, the first unless another is much better."""
-    logs = [float(np.log(choice.errors(problem, modelled=True)).mean()) for choice in choices]
+def best(problem: Problem, choices: Sequence[Corrected]) -> tuple[Corrected, FloatArray]:
+    """The one with the least errors, the first unless another is much better, and those errors (R + S,)."""
+    errors = [choice.errors(problem, modelled=True) for choice in choices]
+    logs = [float(np.log(found).mean()) for found in errors]
     least = int(np.argmin(logs))
-    return choices[least] if logs[least] < logs[0] + np.log(MUCH) else choices[0]
+    chosen = least if logs[least] < logs[0] + np.log(MUCH) else 0
+    return choices[chosen], errors[chosen]
 
 
 def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> str | None:

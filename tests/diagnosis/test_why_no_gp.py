@@ -89,5 +89,5 @@ def test_of_a_partial_account_that_cuts_the_law_to_pieces_the_base_is_learnt_ins
         for low in (-0.3, -0.15, 0.0, 0.1, 0.2)
     ]
     jagged = corrected(question, Hypothesis(tuple(pieces), ((),) * len(pieces)))
-    assert best(question.everything, [jagged, learnt]) is learnt
-    assert best(question.everything, [learnt, jagged]) is learnt
+    assert best(question.everything, [jagged, learnt])[0] is learnt
+    assert best(question.everything, [learnt, jagged])[0] is learnt
