@@ -73,13 +73,13 @@ def test_round_trip_and_foreign_files():
         Policy.from_arrays(arrays, {"format": "other"})
 
 
-@pytest.mark.slow
 def test_training_leaves_nothing_behind(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     train(SMALL)
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_source_task_is_learnt():
     settings = PpoSettings(total_steps=100_000, observation_scale=(2.4, 0.3, 0.1, 0.5))
     _, curve = train(settings)

@@ -20,8 +20,8 @@ from .exact import PosteriorTerms
 from .kernels import FloatArray, HyperParameters, read_only
 from .training_data import Standardisation
 
-# Elements of the (rows, training rows) matrices that one chunk may hold: 512 kB each, which a core's cache holds.
-# In chunks of 32 MB, N = 250, large batches took twice as long (mean) and 1.8 times (mean and variance).
+# Elements of the (rows, training rows) matrices that one chunk may hold: 512 kB each, which a core's cache holds;
+# and rows that it has at least, below which a matrix product is slow.
 CHUNK_ELEMENTS, LEAST_ROWS = 64_000, 64
 
 # Rows from which a triangular product (half the work) beats a full one. Below, it gains nothing on one thread,
