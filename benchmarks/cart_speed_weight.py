@@ -1,9 +1,9 @@
 """Why some policies that never saw friction go on balancing on the target: what they make of the cart's speed.
 
 A cart-pole policy pushes right where theta + a theta_dot + b x + c x_dot > 0. First such lines themselves, c swept:
-mean return in the simulator and on both targets. Then, with --runs, every PPO policy of finished loops: c of the line
-that fits what it does in the simulator (least squares on the difference of its logits), beside its return on the
-target; and for Source and Domain randomisation means, and the rank correlation of c and return over all seeds.
+mean return in the simulator and on both targets. Then, with --runs, every policy of finished loops, with the default
+settings, that never saw the target: b and c of the line that fits what it does in the simulator (least squares on
+the difference of its logits), beside its return on the target; and the rank correlation of c and return.
 
 python benchmarks/cart_speed_weight.py [--runs runs] [--starts 200]
 """
@@ -55,8 +55,8 @@ def mean_return(plant: Plant, act: Act, start: Start, task: Task = TASK) -> floa
     return float(episode_returns(plant, task, act, start, np.random.default_rng(0)).mean())
 
 
-def speed_weight(policy: Policy, start: Start) -> float:
-    """c [rad/(m/s)]: of the line through the logits' difference on the states that the policy keeps to."""
+def weights(policy: Policy, start: Start) -> tuple[float, float]:
+    """b [rad/m] and c [rad/(m/s)]: of the line through the logits' difference where the policy keeps to."""
     running = Episodes(PLANTS["simulator"], TASK, len(start.states), np.random.default_rng(0))
     observations, seen = running.begin(start), []
     for step in range(LAST):
@@ -68,20 +68,20 @@ def speed_weight(policy: Policy, start: Start) -> float:
     logits = policy.logits(inputs)
     columns = np.column_stack([inputs, np.ones(len(inputs))]).astype(np.float64)
     fitted: FloatArray = np.linalg.lstsq(columns, (logits[:, 1] - logits[:, 0]).astype(np.float64))[0]
-    return float(fitted[1] / fitted[2])
+    return float(fitted[0] / fitted[2]), float(fitted[1] / fitted[2])
 
 
 def trained(runs: Path, start: Start) -> dict[str, NDArray[np.float64]]:
-    """(seeds, 2) weight and return of every policy that `train-source` made without seeing the target."""
-    found: dict[str, list[tuple[int, float, float]]] = {"source": [], "randomised": []}
+    """(seeds, 3) b, c and return of every policy that `train-source` made without seeing the target."""
+    found: dict[str, list[tuple[int, float, float, float]]] = {"source": [], "randomised": []}
     for manifest in sorted(runs.glob("cartpole/train-source/v*/manifest.json")):
         made = json.loads(manifest.read_text(encoding="utf-8"))
         variant, config = made["config"]["variant"], made["config"]
-        if variant not in found or config["policy"]["expert_rounds"]:
+        if variant not in found or any(config[key] != CONFIG[key] for key in ("policy", "simulator", "task")):
             continue
         policy = read_policy(manifest.parent)
         earned = mean_return(PLANTS["target"], policy.act, start)
-        found[variant].append((int(made["seeds"]["seed"]), speed_weight(policy, start), earned))
+        found[variant].append((int(made["seeds"]["seed"]), *weights(policy, start), earned))
     return {variant: np.array([row[1:] for row in sorted(rows)]) for variant, rows in found.items() if rows}
 
 
@@ -103,15 +103,16 @@ def main() -> None:
         return
     found = trained(arguments.runs, start)
     for variant, rows in found.items():
-        pairs = ", ".join(f"{c:.2f}: {earned:.0f}" for c, earned in rows)
+        means, spread = rows.mean(axis=0), rows.std(axis=0)
         print(
-            f"{variant}: mean c {rows[:, 0].mean():.3f}, mean return {rows[:, 1].mean():.0f}; by seed {pairs}"
+            f"{variant}: b {means[0]:.2f} +- {spread[0]:.2f}, c {means[1]:.3f} +- {spread[1]:.3f}, "
+            f"return {means[2]:.0f} +- {spread[2]:.0f} over {len(rows)} seeds; c and return of each: "
+            + ", ".join(f"{c:.2f} {earned:.0f}" for _, c, earned in rows)
         )
     if found:
         both = np.concatenate(list(found.values()))
-        print(
-            f"rank correlation of c and return: {spearmanr(both[:, 0], both[:, 1]).statistic:.2f}, n = {len(both)}"
-        )
+        rank = spearmanr(both[:, 1], both[:, 2]).statistic
+        print(f"rank correlation of c and return: {rank:.2f}, n = {len(both)}")
 
 
 if __name__ == "__main__":

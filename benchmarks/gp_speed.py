@@ -46,8 +46,8 @@ from gpsim.gp import (
     fit,
     log_marginal_likelihood,
 )
-from gpsim.gp.fitting import first_start
 from gpsim.gp.kernels import covariance
+from gpsim.gp.starts import first_start
 from gpsim.stages.building import base_plant
 from gpsim.stages.fit_gp import fit_settings, input_names
 from gpsim.stages.stage import Request

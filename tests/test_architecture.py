@@ -26,6 +26,7 @@ LEVELS = [
         "policy_export",
         "learning",
     },
+    {"recording_checks"},
     {
         "gp",
         "effects",

@@ -18,8 +18,9 @@ from gpsim.diagnosis.thinning import PACE, thinned
 from gpsim.diagnosis.windows import LENGTH, LONGEST, Windows, cut, held_out_mask
 from gpsim.errors import UsageError
 from gpsim.evenly import evenly
+from gpsim.recording_checks import check_clock, check_match, check_varies
 from gpsim.recordings import Recording
-from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
+from gpsim.residuals import either_wraps
 from gpsim.simulators import Simulator
 from gpsim.simulators.simulator import INTEGRATORS
 from gpsim.simulators.wrapping import wrapping

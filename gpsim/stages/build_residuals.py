@@ -15,8 +15,9 @@ from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, write_json
 from gpsim.gaps import LONGEST_STEP, OverGaps
+from gpsim.recording_checks import check_clock, check_match
 from gpsim.recordings import Recording, read_recording
-from gpsim.residuals import Residuals, build_residuals, check_clock, check_match, from_table, to_table
+from gpsim.residuals import Residuals, build_residuals, from_table, to_table
 from gpsim.settings import number
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import collect

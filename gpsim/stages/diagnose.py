@@ -19,10 +19,11 @@ from gpsim.diagnosis.traces import course, traces
 from gpsim.errors import UsageError
 from gpsim.features import Features
 from gpsim.files import Json, file_digest, plain, write_json
+from gpsim.recording_checks import check_match, check_rates
 from gpsim.recordings import HeldOut, Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page
-from gpsim.residuals import check_match, check_rates, first_test_episode
+from gpsim.residuals import first_test_episode
 from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.simulators.wrapping import wrapping
 from gpsim.stages.code import SOURCES

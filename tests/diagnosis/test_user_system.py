@@ -14,9 +14,10 @@ from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.preparing import prepare
 from gpsim.diagnosis.telling import paragraphs
 from gpsim.errors import UsageError
+from gpsim.recording_checks import check_rates
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import to_frame, write_recording
-from gpsim.residuals import build_residuals, check_rates
+from gpsim.residuals import build_residuals
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected
 
