@@ -20,7 +20,6 @@ from pathlib import Path
 
 import numpy as np
 from gpsim.cli.configuration import resolve
-from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from gpsim.channels import FloatArray
@@ -31,7 +30,7 @@ from gpsim.policy import Policy
 from gpsim.simulators.plant import Plant
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.policy_files import read_policy
-from gpsim.tasks import Start, Task
+from gpsim.tasks import Start
 
 CONFIG = resolve(["experiment=cartpole"], None)
 TASK = make_task(CONFIG)
@@ -47,12 +46,12 @@ SETTLED, LAST = 100, 300  # steps in the simulator between which a policy's line
 
 def line(position: float, speed: float) -> Act:
     """Push right where the line is positive."""
-    weights = np.array([position, speed, 1.0, RATE], dtype=np.float32)
-    return lambda observations: (observations @ weights > 0).astype(np.int64)
+    normal = np.array([position, speed, 1.0, RATE], dtype=np.float32)
+    return lambda observations: (observations @ normal > 0).astype(np.int64)
 
 
-def mean_return(plant: Plant, act: Act, start: Start, task: Task = TASK) -> float:
-    return float(episode_returns(plant, task, act, start, np.random.default_rng(0)).mean())
+def mean_return(plant: Plant, act: Act, start: Start) -> float:
+    return float(episode_returns(plant, TASK, act, start, np.random.default_rng(0)).mean())
 
 
 def weights(policy: Policy, start: Start) -> tuple[float, float]:
@@ -71,7 +70,7 @@ def weights(policy: Policy, start: Start) -> tuple[float, float]:
     return float(fitted[0] / fitted[2]), float(fitted[1] / fitted[2])
 
 
-def trained(runs: Path, start: Start) -> dict[str, NDArray[np.float64]]:
+def trained(runs: Path, start: Start) -> dict[str, FloatArray]:
     """(seeds, 3) b, c and return of every policy that `train-source` made without seeing the target."""
     found: dict[str, list[tuple[int, float, float, float]]] = {"source": [], "randomised": []}
     for manifest in sorted(runs.glob("cartpole/train-source/v*/manifest.json")):
