@@ -53,7 +53,7 @@ class GpCorrection:
         self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
     ) -> FloatArray:
         """(B, R) correction of the rates."""
-        inputs = self.features(np.hstack([state, action]))
+        inputs = self.features(np.concatenate((state, action), axis=1))
         if self.prediction == "mean":
             return self.predictor.mean(inputs)
         return self.predictor.sample(inputs, rng, include_noise=self.sample_noise)

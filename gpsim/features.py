@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
@@ -49,10 +51,22 @@ class Features:
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """(B, S + A) state and action -> (B, D)."""
-        out = values[:, list(self.columns)]
+        out = values.take(self._places, axis=1)
+        for i, function in self._changes:
+            out[:, i] = function(out[:, i])
+        return out
+
+    @cached_property
+    def _places(self) -> NDArray[np.intp]:
+        return np.array(self.columns, dtype=np.intp)
+
+    @cached_property
+    def _changes(self) -> list[tuple[int, Callable[[FloatArray], FloatArray]]]:
+        """Which columns are not the channel itself, and what is made of it: worked out once for all steps."""
+        changes: list[tuple[int, Callable[[FloatArray], FloatArray]]] = []
         for i, function in enumerate(self.functions):
             if self.wraps and self.wraps[i] and function in (None, "sign"):
-                out[:, i] = wrap_angle(out[:, i])
+                changes.append((i, wrap_angle))
             if function is not None:
-                out[:, i] = _FUNCTIONS[function](out[:, i])
-        return out
+                changes.append((i, _FUNCTIONS[function]))
+        return changes

@@ -3,18 +3,18 @@
 With features phi(x) = [u, u^2, 1], u = x - shift the centred input, everything that a prediction needs of x is a
 matrix product: the RBF's exponent against every training row, the linear covariances, the prior variance, and
 the whole linear and bias part of the mean, which collapses to one weight vector. A call is a handful of BLAS
-calls and one exp.
+calls and one exp. Inside, inputs are columns: each output's part of a matrix, and each strip of a root, is then
+contiguous.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import blas
 
 from .exact import PosteriorTerms
 from .kernels import FloatArray, HyperParameters, read_only
@@ -24,9 +24,14 @@ from .training_data import Standardisation
 # and rows that it has at least, below which a matrix product is slow.
 CHUNK_ELEMENTS, LEAST_ROWS = 64_000, 64
 
-# Rows from which a triangular product (half the work) beats a full one. Below, it gains nothing on one thread,
-# and BLAS would split it over several, which collapses when other processes hold the cores.
-TRIANGULAR_FROM_ROWS = 512
+# Columns of a strip of a triangular root. The strip's product leaves out the zeros below it, nearly half the work at a
+# few hundred rows, and keeps to one thread where BLAS would split a triangular product, which collapses when other
+# processes hold the cores.
+STRIP = 64
+
+# exp of less is subnormal or nothing, either of which takes the processor longer than a number; e^-300 (1e-130) is
+# lost in every sum that it enters.
+LEAST_EXPONENT = -300.0
 
 
 class PosteriorOutput(Protocol):
@@ -77,44 +82,46 @@ class Predictor:
         shift = self.outputs[0].standardisation.input_mean
         self._shift = shift[:, None]
         forms = [_linear_forms(output, shift) for output in self.outputs]
-        self._exponent = np.hstack([form.exponent for form in forms])
-        self._cross = np.hstack([form.cross for form in forms])
-        self._line = np.column_stack([form.mean for form in forms])
-        self._prior = np.column_stack([form.prior for form in forms])
-        self._roots = [output.terms.root for output in self.outputs]
-        self._triangular = [_pays_as_triangular(root) for root in self._roots]
-        sizes = [output.terms.weights.size for output in self.outputs]
-        stops = np.cumsum(sizes)
-        self._blocks = [slice(stop - size, stop) for stop, size in zip(stops.tolist(), sizes, strict=True)]
+        roots = [output.terms.root for output in self.outputs]
+        self._supports = _blocks([root.shape[0] for root in roots])
+        self._columns = _blocks([root.shape[1] for root in roots])
+        self._strips = [_strips(root) for root in roots]
+        # Exponent, mean, prior and cross of all outputs, one below the other, so that one product serves all four.
+        parts = [[form.exponent for form in forms], [form.mean for form in forms]]
+        parts += [[form.prior for form in forms], [form.cross for form in forms]]
+        self._linear = np.vstack([row for part in parts for row in part])
+        self._cuts = np.cumsum([sum(map(len, part)) for part in parts]).tolist()
+        self._linear_mean = self._linear[: self._cuts[1]]
         # Block diagonal, so that one product serves all outputs.
-        self._weights = np.zeros((int(stops[-1]), len(self.outputs)))
-        for column, (block, output) in enumerate(zip(self._blocks, self.outputs, strict=True)):
-            self._weights[block, column] = output.terms.weights * output.standardisation.target_scale
-        self._square_scales = np.array([output.standardisation.target_scale**2 for output in self.outputs])
+        self._weights = np.zeros((len(forms), self._supports[-1].stop))
+        self._sums = np.zeros((len(forms), self._columns[-1].stop))
+        for row, output in enumerate(self.outputs):
+            self._weights[row, self._supports[row]] = (
+                output.terms.weights * output.standardisation.target_scale
+            )
+            self._sums[row, self._columns[row]] = 1.0
+        square_scales = np.array([output.standardisation.target_scale**2 for output in self.outputs])
         noise = np.array([output.hyper_parameters.noise_std**2 for output in self.outputs])
-        self.noise_variances = read_only(noise * self._square_scales)
-        self._chunk = max(LEAST_ROWS, CHUNK_ELEMENTS // int(stops[-1]))
+        self.noise_variances = read_only(noise * square_scales)
+        self._square_scales = square_scales[:, None]
+        self._chunk = max(LEAST_ROWS, CHUNK_ELEMENTS // self._supports[-1].stop)
 
     def mean(self, inputs: ArrayLike) -> FloatArray:
         """Predictive mean (4.7): raw inputs (B, D) -> (B, R)."""
         features = self._features(inputs)
-        if len(features) <= self._chunk:
-            return self._mean_of(features, self._similarity(features))
-        means = np.empty((len(features), len(self.outputs)))
-        for rows in self._chunks(len(features)):
-            means[rows] = self._mean_of(features[rows], self._similarity(features[rows]))
-        return means
+        parts = [self._mean_of(self._linear_mean.dot(some)) for some in self._chunks(features)]
+        return _joined(parts)
 
     def mean_and_variance(self, inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Mean (4.7) and latent variance (4.8), noise left out: raw inputs (B, D) -> (B, R) and (B, R)."""
         features = self._features(inputs)
-        if len(features) <= self._chunk:
-            return self._mean_and_variance_of(features)
-        means = np.empty((len(features), len(self.outputs)))
-        variances = np.empty_like(means)
-        for rows in self._chunks(len(features)):
-            means[rows], variances[rows] = self._mean_and_variance_of(features[rows])
-        return means, variances
+        means, variances = [], []
+        for some in self._chunks(features):
+            # .dot and not @ throughout: at these sizes the dispatch of @ costs as much as the product.
+            linear = self._linear.dot(some)
+            means.append(self._mean_of(linear))
+            variances.append(self._variance_of(linear))
+        return _joined(means), _joined(variances)
 
     def sample(self, inputs: ArrayLike, rng: np.random.Generator, *, include_noise: bool) -> FloatArray:
         """One draw per row and output, all independent (the thesis's per-step sampling): (B, D) -> (B, R).
@@ -132,7 +139,7 @@ class Predictor:
         return means
 
     def _features(self, inputs: ArrayLike) -> FloatArray:
-        """Raw inputs (B, D) -> phi as (B, 2 D + 1), transposed in memory: its parts are then contiguous."""
+        """Raw inputs (B, D) -> phi as columns (2 D + 1, B)."""
         raw = np.asarray(inputs, dtype=np.float64)
         d = self.dimension
         if raw.ndim != 2 or raw.shape[1] != d:
@@ -141,48 +148,46 @@ class Predictor:
         np.subtract(raw.T, self._shift, out=features[:d])
         np.square(features[:d], out=features[d:-1])
         features[-1] = 1.0
-        return features.T
+        return features
 
-    def _similarity(self, features: FloatArray) -> FloatArray:
-        """RBF covariances with every training row of every output."""
-        # .dot and not @ throughout: at these sizes the dispatch of @ costs as much as the product.
-        similarity: FloatArray = features.dot(self._exponent)
+    def _mean_of(self, linear: FloatArray) -> FloatArray:
+        """(R, B) of the linear forms' values, whose exponents become the RBF covariances."""
+        similarity = linear[: self._cuts[0]]
+        np.maximum(similarity, LEAST_EXPONENT, out=similarity)
         np.exp(similarity, out=similarity)
-        return similarity
-
-    def _mean_of(self, features: FloatArray, similarity: FloatArray) -> FloatArray:
-        means: FloatArray = features.dot(self._line)
-        means += similarity.dot(self._weights)
+        means: FloatArray = self._weights.dot(similarity)
+        means += linear[self._cuts[0] : self._cuts[1]]
         return means
 
-    def _mean_and_variance_of(self, features: FloatArray) -> tuple[FloatArray, FloatArray]:
-        covariances = self._similarity(features)
-        means = self._mean_of(features, covariances)
-        covariances += features.dot(self._cross)
-        variances = features.dot(self._prior)
-        for column, block in enumerate(self._blocks):
-            variances[:, column] -= self._explained(column, covariances[:, block])
+    def _variance_of(self, linear: FloatArray) -> FloatArray:
+        """(R, B): GPML algorithm 2.1, lines 5 and 6, after `_mean_of`."""
+        covariances, prior = linear[: self._cuts[0]], linear[self._cuts[1] : self._cuts[2]]
+        covariances += linear[self._cuts[2] :]
+        v = np.empty((self._columns[-1].stop, linear.shape[1]))  # L^-1 k* of all outputs, one below the other
+        stop = 0
+        for strips, block in zip(self._strips, self._supports, strict=True):
+            own = covariances[block]
+            for strip in strips:
+                start, stop = stop, stop + len(strip)
+                np.dot(strip, own[: strip.shape[1]], out=v[start:stop])
+        np.square(v, out=v)
+        variances: FloatArray = prior - self._sums.dot(v)
         # Rounding may leave a hair below zero at the training rows.
         np.maximum(variances, 0.0, out=variances)
         variances *= self._square_scales
-        return means, variances
+        return variances
 
-    def _explained(self, column: int, covariances: FloatArray) -> FloatArray:
-        """GPML algorithm 2.1, lines 5 and 6: |v|^2 of every row, v = L^-1 k*; (B, M) -> (B,)."""
-        root = self._roots[column]
-        if self._triangular[column] and covariances.size:
-            v = blas.dtrmm(1.0, root.T, covariances.T, lower=1)
-        else:
-            v = root.T.dot(covariances.T)
-        return np.asarray(np.einsum("pb,pb->b", v, v))
-
-    def _chunks(self, rows: int) -> Iterator[slice]:
-        return (slice(start, start + self._chunk) for start in range(0, rows, self._chunk))
+    def _chunks(self, features: FloatArray) -> list[FloatArray]:
+        """Columns in pieces of bounded size; one piece where there are none."""
+        count = features.shape[1]
+        if count <= self._chunk:
+            return [features]
+        return [features[:, start : start + self._chunk] for start in range(0, count, self._chunk)]
 
 
 @dataclass(frozen=True, eq=False)
 class _LinearForms:
-    """Coefficients of phi(x) = [u, u^2, 1] for one output: (2 D + 1, M) twice, then (2 D + 1,) twice."""
+    """Coefficients of phi(x) = [u, u^2, 1] for one output: (M, 2 D + 1) twice, then (1, 2 D + 1) twice."""
 
     exponent: FloatArray
     cross: FloatArray
@@ -190,9 +195,23 @@ class _LinearForms:
     prior: FloatArray
 
 
-def _pays_as_triangular(root: FloatArray) -> bool:
-    rows, columns = root.shape
-    return rows == columns and rows >= TRIANGULAR_FROM_ROWS and not np.any(np.tril(root, -1))
+def _joined(parts: Sequence[FloatArray]) -> FloatArray:
+    """Pieces (R, b) -> (B, R)."""
+    return parts[0].T if len(parts) == 1 else np.hstack(parts).T
+
+
+def _blocks(sizes: Sequence[int]) -> list[slice]:
+    """Where pieces of these sizes lie, one after the other."""
+    stops = np.cumsum(sizes).tolist()
+    return [slice(stop - size, stop) for stop, size in zip(stops, sizes, strict=True)]
+
+
+def _strips(root: FloatArray) -> list[FloatArray]:
+    """Strips of the transposed root (P, M), an upper triangle's without the zeros to the right of each."""
+    turned = root.T
+    if np.any(np.triu(turned, 1)):
+        return [np.ascontiguousarray(turned)]
+    return [np.ascontiguousarray(turned[i : i + STRIP, : i + STRIP]) for i in range(0, len(turned), STRIP)]
 
 
 def _linear_forms(output: Output, shift: FloatArray) -> _LinearForms:
@@ -218,4 +237,4 @@ def _linear_forms(output: Output, shift: FloatArray) -> _LinearForms:
     # sigma_f^2 + sigma_b^2 + sum_d sigma_l,d^2 (a u + b)^2
     at_zero = hyper.signal_std**2 + hyper.bias_std**2 + np.sum(slopes * b**2)
     prior = np.concatenate([2.0 * slopes * a * b, slopes * a**2, [at_zero]])
-    return _LinearForms(exponent, cross, mean, prior)
+    return _LinearForms(exponent.T, cross.T, mean[None], prior[None])
