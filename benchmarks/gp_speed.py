@@ -115,6 +115,7 @@ def prediction(repeats: int) -> dict[str, dict[str, float]]:
     process = fit(inputs, targets, SETTINGS, rng)
     predictor, hyper, scaling = Predictor([process]), process.hyper_parameters, process.standardisation
     oracle = sklearn_predictor(process.data, hyper)
+    print(f"{process.terms.root.shape[1]} columns of the root left of {ROWS}")
     z = scaling.inputs(new)
     calls: dict[str, dict[str, Callable[[], Any]]] = {
         "mean": {"gpsim": lambda: predictor.mean(new), "scikit-learn": lambda: oracle.predict(z)},

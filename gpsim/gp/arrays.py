@@ -22,7 +22,7 @@ def to_arrays(predictor: Predictor) -> tuple[dict[str, FloatArray], dict[str, An
 
     Arrays per output r: `r/hyper_parameters` (2 D + 3,) standardised, `r/input_mean` (D,), `r/input_scale`
     (D,), `r/target` (2,) mean and scale, `r/support` (M, D), `r/weights` (M,), `r/root` (M, P). The root is
-    what makes the file large (8 M^2 bytes).
+    what makes the file large (8 M P bytes, P at most M).
     """
     arrays: dict[str, FloatArray] = {}
     for index, output in enumerate(predictor.outputs):

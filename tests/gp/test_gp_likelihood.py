@@ -20,7 +20,7 @@ from gpsim.gp import (
     condition,
     log_marginal_likelihood,
 )
-from gpsim.gp.exact import Likelihood
+from gpsim.gp.exact import DROWNED, Likelihood
 from gpsim.gp.kernels import covariance
 
 IDENTITY_2 = Standardisation(np.zeros(2), np.ones(2), 0.0, 1.0)
@@ -134,13 +134,41 @@ def test_posterior_is_the_conditional_normal(seed: int, rows: int, dimension: in
     gram = dense_covariance(a, a, raw) + noise * np.eye(rows)
     cross = dense_covariance(b, a, raw)
     mean = scaling.target_mean + cross @ np.linalg.solve(gram, targets - scaling.target_mean)
-    variance = np.diag(dense_covariance(b, b, raw) - cross @ np.linalg.solve(gram, cross.T))
+    prior = np.diag(dense_covariance(b, b, raw))
+    variance = prior - np.sum(cross * np.linalg.solve(gram, cross.T).T, axis=1)
     predictor = Predictor([process])
     means, variances = predictor.mean_and_variance(new)
     scale = scaling.target_scale
     np.testing.assert_allclose(means[:, 0], mean, rtol=1e-6, atol=1e-7 * scale)
-    np.testing.assert_allclose(variances[:, 0], variance, rtol=1e-6, atol=1e-7 * scale**2)
+    assert np.all(np.abs(variances[:, 0] - variance) <= 1e-6 * variance + DROWNED * prior + 1e-7 * scale**2)
     np.testing.assert_allclose(predictor.noise_variances, [raw.noise_std**2])
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=15, deadline=None)
+def test_a_root_without_drowned_directions_keeps_the_variance(seed: int) -> None:
+    """A smooth prior on many rows, one in five of them twice, near the rows and away from them."""
+    rng = np.random.default_rng(seed)
+    inputs = rng.normal(size=(120, 2))
+    inputs = np.concatenate([inputs, inputs[:24]])
+    hyper = HyperParameters(1.0, np.array([2.0, 3.0]), np.array([0.5, 0.1]), 0.3, 10.0 ** rng.uniform(-3, 0))
+    process = condition(inputs, rng.normal(size=144), hyper, standardisation=IDENTITY_2)
+    assert process.terms.root.shape[0] == 120
+    assert process.terms.root.shape[1] <= 60
+    new = np.concatenate([inputs[:20] + 0.01, rng.normal(size=(20, 2)) * 4.0])
+    gram = dense_covariance(inputs, inputs, hyper) + (hyper.noise_std**2 + JITTER) * np.eye(144)
+    cross, prior = dense_covariance(new, inputs, hyper), np.diag(dense_covariance(new, new, hyper))
+    expected = prior - np.sum(cross * np.linalg.solve(gram, cross.T).T, axis=1)
+    error = Predictor([process]).mean_and_variance(new)[1][:, 0] - expected
+    assert np.all(np.abs(error) <= DROWNED * prior)
+
+
+def test_a_rough_prior_keeps_the_triangular_root() -> None:
+    rng = np.random.default_rng(0)
+    hyper = HyperParameters(1.0, np.full(2, 0.05), np.full(2, 0.1), 0.3, 0.01)
+    root = condition(rng.normal(size=(80, 2)), rng.normal(size=80), hyper).terms.root
+    np.testing.assert_array_equal(root, np.triu(root))
+    assert root.shape == (80, 80)
 
 
 def test_no_cholesky_factor_is_an_error_and_not_a_number() -> None:
