@@ -39,6 +39,18 @@ def test_same_seed_same_bytes_other_seed_other_policy():
     assert curve.steps.tolist() == [320, 640]
 
 
+def test_a_watcher_sees_the_policy_before_every_update_and_changes_nothing():
+    env, seen = BatchedEnv(PLANT, Balance(), SMALL.n_envs, 0), []
+    policy, _, _ = train_ppo(
+        env, SMALL, 0, lambda *_: None, lambda steps, policy: seen.append((steps, policy))
+    )
+    assert [steps for steps, _ in seen] == [320, 640]
+    first, second = (policy.weights["layer.0.weight"].tobytes() for _, policy in seen)
+    alone, _ = train(SMALL)
+    assert len({first, second, policy.weights["layer.0.weight"].tobytes()}) == 3
+    assert alone.weights["layer.0.weight"].tobytes() == policy.weights["layer.0.weight"].tobytes()
+
+
 def test_exported_policy_acts_as_torch_does():
     policy, _ = train(SMALL)
     layers = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -18,17 +19,20 @@ from gpsim.policy import Policy
 # stable-baselines3's own choice, which naming any other option of Adam takes back
 ADAM_EPSILON = 1e-5
 
+Watch = Callable[[int, Policy], None]
+
 
 def train_ppo(
-    env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress
+    env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress, watch: Watch | None = None
 ) -> tuple[Policy, LearningCurve, Policy]:
     """Train on one torch thread (two are no faster for networks of this size) and return plain arrays.
 
     The last is the critic: its one logit is the discounted return that it expects of the policy.
+    watch(steps, policy): told before every update what the policy is by then.
     """
     torch.set_num_threads(1)
     scale = observation_scale(env.single_observation_space, settings.observation_scale)
-    watcher = _Watcher(settings.total_steps, progress)
+    watcher = _Watcher(settings.total_steps, progress, scale, watch)
     # A rollout longer than the whole budget would overshoot it (tiny budgets).
     n_steps = min(settings.n_steps, max(settings.total_steps // settings.n_envs, 2))
     with warnings.catch_warnings():
@@ -79,9 +83,11 @@ def _network(model: PPO, hidden: str, last: str, scale: NDArray[np.float32]) -> 
 class _Watcher(BaseCallback):
     """Reports progress and gathers the learning curve."""
 
-    def __init__(self, total: int, progress: Progress) -> None:
+    def __init__(
+        self, total: int, progress: Progress, scale: NDArray[np.float32], watch: Watch | None
+    ) -> None:
         super().__init__()
-        self._total, self._progress = total, progress
+        self._total, self._progress, self._scale, self._watch = total, progress, scale, watch
         self._rows: list[tuple[int, float, int]] = []
 
     def _on_step(self) -> bool:
@@ -92,6 +98,9 @@ class _Watcher(BaseCallback):
         mean = float(np.mean(finished)) if finished else float("nan")
         self._rows.append((self.num_timesteps, mean, len(finished)))
         self._progress(min(self.num_timesteps, self._total), self._total, f"return {mean:.0f}")
+        if self._watch is not None:
+            assert isinstance(self.model, PPO)
+            self._watch(self.num_timesteps, _network(self.model, "policy_net", "action_net", self._scale))
 
     def curve(self) -> LearningCurve:
         """Everything so far."""
