@@ -23,7 +23,7 @@ from gpsim.simulators.plant import Memory, Plant
 
 EPISODES = 3000  # that a policy plays in each round
 FAILED = 300  # episodes that ended early of which it is asked whether they had to:
-FORESIGHT = 100  # steps that the expert looks ahead then; what falls from a hopeless start falls sooner
+FORESIGHT = 100  # steps that the expert looks ahead then, at least; what falls from a hopeless start falls sooner
 BEGINNING, END = 20, 60  # first and last steps that are looked at of an episode that need not have failed,
 ANYWHERE = 25  # and of all episodes every so many steps,
 ANYHOW = 1 / 3  # the share of these at least
@@ -163,7 +163,7 @@ def _needless(done: _Round, expert: Expert, rng: np.random.Generator) -> NDArray
     """
     failed = rng.permutation(np.flatnonzero(~done.lasted))[:FAILED]
     began = done.visited(np.zeros_like(failed), failed)
-    costs = replace(expert, horizon=FORESIGHT).costs(began, rng)
+    costs = replace(expert, horizon=max(FORESIGHT, expert.horizon)).costs(began, rng)
     return np.asarray(failed[costs.min(axis=1) < FAILS])
 
 
