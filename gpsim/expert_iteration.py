@@ -23,7 +23,9 @@ from gpsim.simulators.plant import Memory, Plant
 
 EPISODES = 3000  # that a policy plays in each round
 FAILED = 300  # episodes that ended early of which it is asked whether they had to:
-FORESIGHT = 100  # steps that the expert looks ahead then, at least; what falls from a hopeless start falls sooner
+FORESIGHT = (
+    100  # steps that the expert looks ahead then, at least; what falls from a hopeless start falls sooner
+)
 BEGINNING, END = 20, 60  # first and last steps that are looked at of an episode that need not have failed,
 ANYWHERE = 25  # and of all episodes every so many steps,
 ANYHOW = 1 / 3  # the share of these at least

@@ -12,7 +12,7 @@ from gpsim.evaluation.returns import summarise_all
 
 Json = dict[str, Any]
 NOTES = ("judged_on", "not_driven", "measured_on")
-AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout")
+AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout", "own_simulator")
 
 
 def start_sets(

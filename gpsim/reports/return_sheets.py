@@ -49,6 +49,8 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
     columns += ["Thesis"] if compare else []
     columns += ["Mean ± std", "IQM"]
     columns += ["Full episodes"] if full else []
+    promised = report.summary.get("own_simulator") if starts == "returns_all" else None
+    columns += ["In its own simulator"] if promised else []
     columns += [f"Seed {seed}" for seed in report.seeds] if several else []
     rows = []
     for policy in report.policies:
@@ -64,6 +66,7 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
             if full
             else []
         )
+        cells += [fixed(promised.get(policy))] if promised else []
         cells += _by_seed(report, starts, policy) if several else []
         rows.append(row(*cells))
     return Sheet(

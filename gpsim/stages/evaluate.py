@@ -35,7 +35,7 @@ from gpsim.stages import (
     train_gp_policy,
     train_source,
 )
-from gpsim.stages.building import base_plant, drivable, make_task, target_plant
+from gpsim.stages.building import base_plant, drivable, make_task, randomised_plant, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
@@ -142,7 +142,11 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for key, starts in by_set.items()
         },
         "share": {key: float(starts.mean()) for key, starts in by_set.items()},
-        **(_success(trips, evaluate_goal.facing_away(request), by_set) if trips else {}),
+        **(
+            _success(trips, evaluate_goal.facing_away(request), by_set)
+            if trips
+            else {"own_simulator": _promised(request, recipe)}
+        ),
         "outside_recording": {
             name: outside_range(one_step.own_inputs(request, data), training)
             for name, data in visited.items()
@@ -245,6 +249,18 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
     return {name: returns(name) for name in policy_names(request)}
 
 
+def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
+    """What every policy earns from the same starts, on average, in the simulator that it was trained in."""
+    task, start = make_task(request.config), certify.evaluation_starts(request)
+    plants = {**_training_plants(request, recipe), "Domain randomisation": randomised_plant(request.config)}
+    found = {}
+    for name in policy_names(request):
+        act, rng = read_policy(recipe.parents[name].path).act, generator(request.start_seed, "evaluate/own")
+        on = task.on_target() if name == "Target" else task
+        found[name] = float(episode_returns(plants[name], on, act, start, rng).mean())
+    return found
+
+
 def notes(artifact: Artifact) -> list[str]:
     """What was found of recorded deployments; or what was judged or measured on, and where to be wary."""
     evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
@@ -263,5 +279,5 @@ STAGE = Stage(
     recipe,
     write,
     notes,
-    format=1,
+    format=2,
 )

@@ -52,6 +52,7 @@ def _report(seeds: int = 1, policies: tuple[str, ...] = tuple(POLICIES)) -> Loop
         "one_step": {"x_acc": _scores(0.0031), "theta_acc": _scores(0.0172)},
         "one_step_random": {"transitions": 300, "x_acc": _scores(0.0213), "theta_acc": _scores(0.0444)},
         "rollout": _rollout(),
+        "own_simulator": {name: 400.0 + i for i, name in enumerate(policies)},
     }
     steps = np.arange(1, 31) * 1000.0
     return LoopReport(

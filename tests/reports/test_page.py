@@ -105,6 +105,14 @@ def test_thesis_figures_stand_beside_solvable_starts_only(make_report: Any) -> N
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_what_the_own_simulator_promised_stands_beside_all_starts(make_report: Any) -> None:
+    solved, certified, every = read(render(make_report())).tables[:3]
+    column = every[0].index("In its own simulator")
+    assert [row[column] for row in every[1:]] == [f"{400 + i}.0" for i in range(len(every) - 1)]
+    assert "In its own simulator" not in solved[0] + certified[0]
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_one_step_and_rollout_numbers(make_report: Any) -> None:
     tables = read(render(make_report())).tables
     one_step = next(t for t in tables if t[0][:2] == ["Rate", "Prediction"])
