@@ -176,7 +176,7 @@ def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, Boo
 
 
 def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
-    """What each policy was trained in, by its name."""
+    """What each policy was trained in, by its name; of what domain randomisation draws, the middle."""
     found = train_gp_policy.simulators_of(request, recipe.parents["gp"].path, recipe.parents.get("diagnosis"))
     return {**found, "Domain randomisation": found["Source"], "Target": target_plant(request.config)}
 
@@ -252,9 +252,11 @@ def _returns(request: Request, recipe: Recipe) -> dict[str, FloatArray]:
 def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
     """What every policy earns from the same starts, on average, in the simulator that it was trained in."""
     task, start = make_task(request.config), certify.evaluation_starts(request)
-    plants = {**_training_plants(request, recipe), "Domain randomisation": randomised_plant(request.config)}
+    names, plants = policy_names(request), _training_plants(request, recipe)
+    if "Domain randomisation" in names:
+        plants["Domain randomisation"] = randomised_plant(request.config)
     found = {}
-    for name in policy_names(request):
+    for name in names:
         act, rng = read_policy(recipe.parents[name].path).act, generator(request.start_seed, "evaluate/own")
         on = task.on_target() if name == "Target" else task
         found[name] = float(episode_returns(plants[name], on, act, start, rng).mean())
