@@ -80,7 +80,6 @@ def test_the_loop_leaves_every_artifact_and_a_report(finished):
     assert set(summary["own_simulator"]) == set(summary["returns_all"])
     # A Target policy's own simulator is the target.
     assert summary["own_simulator"]["Target"] == pytest.approx(summary["returns_all"]["Target"]["mean"])
-    assert summary["own_simulator"]["Source"] > summary["returns_all"]["Source"]["mean"]
     assert {"nrmse", "r2"} <= set(summary["one_step"]["x_acc"]["mean"])
     page = (folder / "runs/cartpole/report/v0001/report.html").read_text()
     assert "GP-Sample" in page
