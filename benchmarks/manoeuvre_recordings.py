@@ -40,12 +40,8 @@ from gpsim.stages.stage import Request
 
 REQUEST = Request(resolve(["experiment=cartpole", "policy=expert"], None))
 TASK, BASE, TARGET = make_task(REQUEST.config), base_plant(REQUEST.config), target_plant(REQUEST.config)
-WIDTH, SEARCHED, TURNS, UP = (
-    96,
-    40,
-    15,
-    25,
-)  # states kept; steps searched, compared for their sign, and survived
+WIDTH, SEARCHED = 96, 40  # states kept, and steps
+TURNS, UP = 15, 25  # steps compared for their sign, and survived
 LEAN = 0.03  # rad of the unstable mode, from which a start counts as hard
 DRIVERS = ("source", "dithered", "random")
 

@@ -24,7 +24,7 @@ from gpsim.simulators.plant import Memory, Plant
 EPISODES = 3000  # that a policy plays in each round
 FAILED = 300  # episodes that ended early of which it is asked whether they had to:
 FORESIGHT = (
-    100  # steps that the expert looks ahead then, at least; what falls from a hopeless start falls sooner
+    100  # steps, at least, that the expert looks ahead then; a fall from a hopeless start comes sooner
 )
 BEGINNING, END = 20, 60  # first and last steps that are looked at of an episode that need not have failed,
 ANYWHERE = 25  # and of all episodes every so many steps,
