@@ -25,10 +25,10 @@ import numpy as np
 from scipy.stats import chisquare
 from scipy.stats import t as student
 
-from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.intervals import intervals
-from gpsim.diagnosis.preparing import prepare, settled_question
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.assessment.intervals import intervals
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare, settled_question
 from gpsim.simulators import make_simulator
 from gpsim.trials.concealing import conceal
 from gpsim.trials.drawing import SIZE, stratum_of

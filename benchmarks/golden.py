@@ -6,7 +6,7 @@ The base is a commit; compared with it is the checkout as it stands, or another 
 run, with the Python that runs this. Diagnosed are the recordings of both loops, the open real ones where they lie
 (GPSIM_RECORDINGS, see data/README.md) and forty concealed worlds of a tuning seed: 25 of one effect, 12 of two, one
 without, two with physics outside the catalogue; each family is among them, most twice. The base makes the inputs. What
-a commit has answered is kept in OUT and not asked again; what the checkout answers is not kept. Exit code 1: they differ.
+a commit has answered is kept in OUT and not asked again; what the checkout answers is not. Exit code 1: they differ.
 """
 
 from __future__ import annotations
@@ -102,7 +102,8 @@ def laid_out(name: str, shelf: Path) -> Code:
             ["git", "archive", "--format=tar", name, "gpsim", "cli", "conf"],
             cwd=ROOT, capture_output=True, check=True,
         )  # fmt: skip
-        tarfile.open(fileobj=BytesIO(packed.stdout)).extractall(place, filter="data")
+        with tarfile.open(fileobj=BytesIO(packed.stdout)) as archive:
+            archive.extractall(place, filter="data")
     for folder in ("cli", "conf"):
         (place / folder).rename(place / "gpsim" / folder)
     return Code(name, place)
@@ -232,11 +233,16 @@ def main() -> None:
     different = 0
     with ThreadPoolExecutor(given.jobs) as pool:
         for case, found, (old, new), what in pool.map(both, chosen):
-            print(f"{'DIFFERS' if found else 'equal  '} {case.name:<24} {what}  {old:6.1f} s {new:6.1f} s", flush=True)
+            print(
+                f"{'DIFFERS' if found else 'equal  '} {case.name:<24} {what}  {old:6.1f} s {new:6.1f} s",
+                flush=True,
+            )
             different += bool(found)
             for line in found[:6]:
                 print(f"          {line}", flush=True)
-    print(f"{len(chosen) - different} of {len(chosen)} equal to the byte: {base.name[:7]} and {head.name[:7]}")
+    print(
+        f"{len(chosen) - different} of {len(chosen)} equal to the byte: {base.name[:7]} and {head.name[:7]}"
+    )
     sys.exit(1 if different else 0)
 
 

@@ -34,7 +34,7 @@ from gp_rivals import HAS_GPYTORCH, sklearn_fit, sklearn_predictor, torch_fit, t
 from gpsim.cli.configuration import resolve
 from numpy.typing import NDArray
 
-from gpsim.features import Features
+from gpsim.corrected.features import Features
 from gpsim.files import plain
 from gpsim.gp import (
     HyperParameters,

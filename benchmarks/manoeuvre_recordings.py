@@ -22,17 +22,17 @@ from functools import cache
 import numpy as np
 from gpsim.cli.configuration import resolve
 
-from gpsim.beam import Beam
 from gpsim.channels import Channels, FloatArray, IntArray
-from gpsim.collecting import Act, collect_episodes, dithered_actor, policy_actor, random_actor
-from gpsim.corrected import CorrectedPlant, GpCorrection
-from gpsim.envs import BatchedEnv
-from gpsim.features import Features
+from gpsim.corrected.features import Features
+from gpsim.corrected.gp_plant import CorrectedPlant, GpCorrection
+from gpsim.environments.collect import Act, collect_episodes, dithered_actor, policy_actor, random_actor
+from gpsim.environments.envs import BatchedEnv
 from gpsim.gp import Predictor, fit_outputs
-from gpsim.policies import train_ppo
-from gpsim.policy import Policy
+from gpsim.policies.beam import Beam
+from gpsim.policies.policy import Policy
+from gpsim.policies.training import train_ppo
 from gpsim.recordings import Recording
-from gpsim.residuals import Residuals, build_residuals
+from gpsim.residuals.residuals import Residuals, build_residuals
 from gpsim.simulators.plant import Memory, Plant
 from gpsim.stages.building import base_plant, expert_search, make_task, target_plant, training_settings
 from gpsim.stages.fit_gp import fit_settings, input_names

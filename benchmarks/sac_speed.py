@@ -23,9 +23,9 @@ from pathlib import Path
 
 from gpsim.cli.configuration import resolve
 
-from gpsim.envs import BatchedEnv
-from gpsim.learning import SacSettings
-from gpsim.policies import train_sac
+from gpsim.environments.envs import BatchedEnv
+from gpsim.policies.training import train_sac
+from gpsim.policies.training.settings import SacSettings
 from gpsim.stages.building import base_plant, make_task, training_settings
 
 GOAL = 0.95

@@ -20,14 +20,14 @@ from pathlib import Path
 import numpy as np
 from gpsim.cli.configuration import resolve
 
-from gpsim.collecting import collect_episodes, random_actor
-from gpsim.corrected import CorrectedPlant, GpCorrection
-from gpsim.envs import BatchedEnv
-from gpsim.features import Features
+from gpsim.corrected.features import Features
+from gpsim.corrected.gp_plant import CorrectedPlant, GpCorrection
+from gpsim.environments.collect import collect_episodes, random_actor
+from gpsim.environments.envs import BatchedEnv
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.policies import train_ppo
+from gpsim.policies.training import train_ppo
 from gpsim.recordings import Recording
-from gpsim.residuals import build_residuals
+from gpsim.residuals.residuals import build_residuals
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, SimulatorPlant
 from gpsim.stages.building import training_settings

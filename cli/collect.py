@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from .configuration import as_yaml, resolve
-from .stages import ConfigDir, Out, ShowConfig, Words, run_stage
+from .options import ConfigDir, Out, ShowConfig, Words, run_stage
 
 Plan = Annotated[
     Path | None,

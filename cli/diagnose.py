@@ -13,8 +13,8 @@ import typer
 from gpsim.errors import UsageError
 
 from .configuration import as_yaml, resolve
+from .options import ConfigDir, ShowConfig, shown_words
 from .progress import single_progress
-from .stages import ConfigDir, ShowConfig, shown_words
 
 Words = Annotated[
     list[str] | None,
@@ -55,7 +55,7 @@ def diagnose_command(
         typer.echo(as_yaml(config), nl=False)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
-    from gpsim.diagnosis.telling import paragraphs, ranking
+    from gpsim.reports.diagnosis_text import paragraphs, ranking
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.stage import Request

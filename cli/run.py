@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.table import Table
 
 from .configuration import as_yaml, resolve
+from .options import ConfigDir, ShowConfig, Words, shown_words
 from .progress import Board
-from .stages import ConfigDir, ShowConfig, Words, shown_words
 
 if TYPE_CHECKING:
-    from gpsim.artifacts import Artifact
+    from gpsim.artifacts.artifact import Artifact
 
 CORES = os.cpu_count() or 1
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")

@@ -10,7 +10,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def _tree(folder: Path) -> dict[str, str]:
-    from gpsim.artifacts import MANIFEST, TIMINGS, folder_digests  # after the number of threads is set
+    from gpsim.artifacts.artifact import (  # after the number of threads is set
+        MANIFEST,
+        TIMINGS,
+        folder_digests,
+    )
 
     found = folder_digests(folder / "runs")
     manifests = {

@@ -17,10 +17,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gpsim.artifacts import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
+from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
+from gpsim.artifacts.store import Store
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, written_whole
-from gpsim.store import Store
 
 
 def write(folder: Path):
@@ -154,7 +154,7 @@ def test_a_really_full_disk_leaves_finished_artifacts_whole(tmp_path):
     """On a file size limit the kernel itself refuses to write on."""
     code = (
         "import resource, signal, sys; from pathlib import Path\n"
-        "from gpsim.artifacts import Recipe; from gpsim.store import Store; from gpsim.errors import UsageError\n"
+        "from gpsim.artifacts.artifact import Recipe; from gpsim.artifacts.store import Store; from gpsim.errors import UsageError\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "store = Store(Path(sys.argv[1]), 'cartpole')\n"
         "store.publish(Recipe('s', {'n': 1}, {}, {}), lambda f: (f / 'a').write_bytes(bytes(5000)) and None)\n"
@@ -217,7 +217,7 @@ def half_made(shelf: Path) -> list[str]:
 def test_what_is_being_made_is_left_alone_and_what_the_dead_left_is_swept(store, monkeypatch):
     """By a lock, not by the number of a process: another container's may be anybody's here."""
     code = (
-        "import sys, time; from pathlib import Path; from gpsim.artifacts import Recipe; from gpsim.store import Store\n"
+        "import sys, time; from pathlib import Path; from gpsim.artifacts.artifact import Recipe; from gpsim.artifacts.store import Store\n"
         "def slow(folder):\n    (folder / 'a').write_text('a'); print('begun', flush=True); time.sleep(60)\n"
         "Store(Path(sys.argv[1]), 'cartpole').publish(Recipe('fit-gp', {'n': 9}, {}, {}), slow)\n"
     )
@@ -292,7 +292,7 @@ def test_a_setting_that_json_does_not_know_is_one_line():
 def test_equal_contents_are_one_parent_whatever_commit_made_them(tmp_path, monkeypatch):
     made = []
     for commit in ("a" * 40, "b" * 40):
-        monkeypatch.setattr("gpsim.store.git_commit", lambda commit=commit: commit)
+        monkeypatch.setattr("gpsim.artifacts.store.git_commit", lambda commit=commit: commit)
         made.append(Store(tmp_path / commit[0], "cartpole").publish(recipe(n=1), write))
     first, second = made
     assert first.manifest["git_commit"] != second.manifest["git_commit"]

@@ -3,8 +3,8 @@
 import numpy as np
 from gpsim.cli.configuration import resolve
 
-from gpsim.beam import balance_search
-from gpsim.envs import Episodes
+from gpsim.environments.envs import Episodes
+from gpsim.policies.beam import balance_search
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages import certify

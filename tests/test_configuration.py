@@ -6,7 +6,7 @@ import pytest
 from gpsim.cli.configuration import as_yaml, resolve
 
 from gpsim.errors import UsageError
-from gpsim.learning import PpoSettings
+from gpsim.policies.training.settings import PpoSettings
 from gpsim.settings import build
 from gpsim.stages.building import base_plant, make_task, target_plant, training_settings
 

@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim import expert_iteration
-from gpsim.beam import BeamSearch, balance_search
-from gpsim.envs import BatchedEnv
+from gpsim.environments.envs import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.expert import FAILS, NEARNESS, Expert, Visited
-from gpsim.expert_iteration import improved
-from gpsim.learning import PpoSettings
-from gpsim.policies import train_ppo
-from gpsim.policy import Policy
+from gpsim.policies.beam import BeamSearch, balance_search
+from gpsim.policies.expert import FAILS, NEARNESS, Expert, Visited
+from gpsim.policies.policy import Policy
+from gpsim.policies.training import expert_iteration, train_ppo
+from gpsim.policies.training.expert_iteration import improved
+from gpsim.policies.training.settings import PpoSettings
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages.stage import Request

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
+from gpsim.corrected.features import Features
 from gpsim.errors import UsageError
-from gpsim.features import Features
 
 CHANNELS = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad"})
 

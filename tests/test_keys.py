@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Recipe
+from gpsim.artifacts.artifact import Recipe
 from gpsim.stages import diagnose, report
 from gpsim.stages.code import IN_NUMBERS, RELEASE, SOURCES, sources_digest
 from gpsim.stages.registry import STAGES

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from gpsim.envs import BatchedEnv
+from gpsim.environments.envs import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.learning import PpoSettings
-from gpsim.policies import train_ppo
-from gpsim.policy import Policy
+from gpsim.policies.policy import Policy
+from gpsim.policies.training import train_ppo
+from gpsim.policies.training.settings import PpoSettings
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.tasks import Balance

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels, wrap_angle
-from gpsim.collecting import collect_episodes, dithered_actor, random_actor
+from gpsim.environments.collect import collect_episodes, dithered_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut, Recording
-from gpsim.residuals import build_residuals, from_table, to_table
+from gpsim.residuals.residuals import build_residuals, from_table, to_table
 from gpsim.simulators import make_simulator
 from gpsim.targets import FrictionCartPole
 from gpsim.targets.cartpole import cart_pole_accelerations

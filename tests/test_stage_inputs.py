@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Artifact, Recipe
-from gpsim.corrected_effects import EffectsPlant, describe
+from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts.store import Store
+from gpsim.corrected.effects_plant import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.gp import FitOutcome, FitSettings
@@ -33,7 +34,6 @@ from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose import read_corrected
 from gpsim.stages.evaluate_recording import judged_episodes
 from gpsim.stages.stage import Request
-from gpsim.store import Store
 
 
 def request(*words: str) -> Request:

@@ -9,9 +9,9 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.evenly import evenly
-from gpsim.gaps import gaps, pieces
 from gpsim.recordings import Episode
+from gpsim.recordings.gaps import gaps, pieces
+from gpsim.recordings.subsample import evenly
 from gpsim.simulators.plant import Plant
 
 WARM_UP = 10

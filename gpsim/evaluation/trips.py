@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.collecting import Act
-from gpsim.envs import Episodes
+from gpsim.environments.collect import Act
+from gpsim.environments.envs import Episodes
 from gpsim.evaluation.statistics import bootstrap_interval
 from gpsim.simulators.plant import Plant
 from gpsim.tasks import GoalReaching, Start

@@ -1,6 +1,1 @@
-"""Training of policies: the one place that knows stable-baselines3."""
-
-from gpsim.policies.ppo import train_ppo
-from gpsim.policies.sac import train_sac
-
-__all__ = ["train_ppo", "train_sac"]
+"""Policies: what acts, how it is written down for other programs, and the search that teaches it."""

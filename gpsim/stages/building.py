@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from gpsim.beam import BeamSearch, balance_search
 from gpsim.errors import UsageError
-from gpsim.learning import PpoSettings, SacSettings
+from gpsim.policies.beam import BeamSearch, balance_search
+from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import Recipe
-from gpsim.collecting import Act, collect_episodes, dithered_actor, policy_actor, random_actor
+from gpsim.artifacts.artifact import Recipe
+from gpsim.environments.collect import Act, collect_episodes, dithered_actor, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.recordings import Recording, write_recording

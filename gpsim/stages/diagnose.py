@@ -7,23 +7,23 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Recipe, read_artifact
+from gpsim.artifacts.artifact import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
-from gpsim.corrected import GpCorrection
-from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
+from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
+from gpsim.corrected.features import Features
+from gpsim.corrected.gp_plant import GpCorrection
+from gpsim.diagnosis.assessment.traces import course, traces
+from gpsim.diagnosis.data.split import first_held_out
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.hidden import guessed, hidden_channels
-from gpsim.diagnosis.holding_out import first_held_out
-from gpsim.diagnosis.pool import cores
-from gpsim.diagnosis.traces import course, traces
+from gpsim.diagnosis.fitting.pool import cores
+from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels
 from gpsim.errors import UsageError
-from gpsim.features import Features
 from gpsim.files import Json, file_digest, plain, write_json
-from gpsim.recording_checks import check_match, check_rates
 from gpsim.recordings import HeldOut, Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.reports.diagnosis_page import figures, page
-from gpsim.residuals import first_test_episode
+from gpsim.residuals.checks import check_match, check_rates
+from gpsim.residuals.residuals import first_test_episode
 from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.simulators.wrapping import wrapping
 from gpsim.stages.code import SOURCES

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts.artifact import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.collecting import Act, collect_episodes, policy_actor, random_actor
+from gpsim.environments.collect import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.evaluation.one_step import coverage_warnings, outside_range
 from gpsim.evaluation.returns import episode_returns, summarise_all
@@ -21,7 +21,7 @@ from gpsim.evaluation.summary import start_sets
 from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
 from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Recording
-from gpsim.residuals import Residuals, build_residuals
+from gpsim.residuals.residuals import Residuals, build_residuals
 from gpsim.settings import positive, texts, truth
 from gpsim.simulators.plant import Plant
 from gpsim.stages import build_residuals as build_residuals_stage

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts.artifact import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import path_length

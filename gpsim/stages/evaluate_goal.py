@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts.artifact import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.collecting import policy_actor
+from gpsim.environments.collect import policy_actor
 from gpsim.evaluation.trips import Trips, behind, take_trips
 from gpsim.simulators.plant import Plant
 from gpsim.stages import certify

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gpsim.errors import UsageError
-from gpsim.recording_checks import check_clock
 from gpsim.recordings import read_recording
+from gpsim.residuals.checks import check_clock
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp
 from gpsim.stages.building import (

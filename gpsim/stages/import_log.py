@@ -13,7 +13,8 @@ import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts.store import Store
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest
 from gpsim.recordings import Recording, write_recording
@@ -29,7 +30,6 @@ from gpsim.recordings.sources import FolderLog, find_logs
 from gpsim.reports.import_figure import draw_channels
 from gpsim.settings import texts, truth
 from gpsim.simulators.registry import SIMULATORS
-from gpsim.store import Store
 
 STAGE_NAME = "import"
 

@@ -15,14 +15,14 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from gpsim.channels import Channels
-from gpsim.command_filter import CommandFilter
-from gpsim.corrected import GpCorrection, Prediction
+from gpsim.corrected.command_filter import CommandFilter
+from gpsim.corrected.features import Features
+from gpsim.corrected.gp_plant import GpCorrection, Prediction
 from gpsim.errors import UsageError
-from gpsim.features import Features
 from gpsim.files import write_json
 from gpsim.gp import Predictor, from_arrays, to_arrays
-from gpsim.learning import Checkpoints, LearningCurve
-from gpsim.policy import Policy
+from gpsim.policies.policy import Policy
+from gpsim.policies.training.settings import Checkpoints, LearningCurve
 
 
 def write_policy(folder: Path, policy: Policy) -> None:

@@ -9,9 +9,9 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
+from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, write_json, written_whole
-from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
 from gpsim.reports.prove_record import record
 from gpsim.stages.trial_jobs import Progress, run_trials

@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
+from gpsim.artifacts.artifact import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.corrected import GpCorrection
+from gpsim.corrected.gp_plant import GpCorrection
 from gpsim.evaluation.summary import start_sets, summarise_seeds
 from gpsim.evaluation.trips import success_by_set
 from gpsim.files import Json, plain, write_json

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts.store import Store
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
 from gpsim.stages.code import RELEASE
-from gpsim.store import Store
 
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note)"""

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from gpsim.channels import FloatArray
-from gpsim.driving import Sweep, drive_plan
+from gpsim.environments.stand_in import Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.files import Json, written_whole
 from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from gpsim.artifacts import Artifact, Recipe
-from gpsim.corrected import PREDICTIONS, CorrectedPlant, GpCorrection
-from gpsim.corrected_effects import EffectsPlant
+from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.corrected.effects_plant import EffectsPlant
+from gpsim.corrected.gp_plant import PREDICTIONS, CorrectedPlant, GpCorrection
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.learning import TRAINING_FORMAT
+from gpsim.policies.training.settings import TRAINING_FORMAT
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant, SimulatorPlant
 from gpsim.stages import fit_gp

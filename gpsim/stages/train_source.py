@@ -10,14 +10,20 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
-from gpsim.artifacts import Recipe
+from gpsim.artifacts.artifact import Recipe
 from gpsim.channels import FloatArray
-from gpsim.envs import BatchedEnv
+from gpsim.environments.envs import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.expert import Expert
 from gpsim.files import Json
-from gpsim.learning import TRAINING_FORMAT, Checkpoints, PpoSettings, SacSettings, observation_scale
-from gpsim.policy import Policy
+from gpsim.policies.expert import Expert
+from gpsim.policies.policy import Policy
+from gpsim.policies.training.settings import (
+    TRAINING_FORMAT,
+    Checkpoints,
+    PpoSettings,
+    SacSettings,
+    observation_scale,
+)
 from gpsim.settings import choice
 from gpsim.simulators.plant import Plant
 from gpsim.stages.building import (
@@ -81,7 +87,10 @@ def train(
 
     model: what an expert looks ahead in, where that is not the plant itself.
     """
-    from gpsim.policies import train_ppo, train_sac  # torch takes seconds to load, and only training needs it
+    from gpsim.policies.training import (  # torch takes seconds to load, and only training needs it
+        train_ppo,
+        train_sac,
+    )
 
     settings = settings_for(request, task)
     places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))
@@ -117,7 +126,7 @@ def _improved(
     settings: PpoSettings,
 ) -> tuple[Policy, Checkpoints]:
     """The policy after expert iteration."""
-    from gpsim.expert_iteration import improved
+    from gpsim.policies.training.expert_iteration import improved
 
     seed, total = derived_seed(request.seed, f"{purpose}/expert"), settings.total_steps
     most = settings.reward_scale / (1.0 - settings.gamma)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.search import pays
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.selection.beam import pays
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.simulators import make_simulator
 
 from .truths import mechanical

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.edges import placed
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.onsets import onsets
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.shooting import fit
-from gpsim.diagnosis.telling import paragraphs
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.selection.change_points import onsets
+from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.effects.term import EPISODE, from_json, to_json
+from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import evidence
+from gpsim.diagnosis.fitting import evidence
 
 
 def p_values(monkeypatch, windows, residuals):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.telling import paragraphs
-from gpsim.diagnosis.thinning import thinned
+from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
 from .truths import mechanical

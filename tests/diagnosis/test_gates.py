@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.gates import _best_run, gated_children, may_be_limited, with_edges
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.replacing import left_open
-from gpsim.diagnosis.screening import Directions, screened, stronger
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.fitting.score_test import Directions, screened, stronger
+from gpsim.diagnosis.selection.gates import _best_run, gated_children, may_be_limited, with_edges
+from gpsim.diagnosis.selection.substitution import left_open
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Place, Term, effect_of
 from gpsim.effects.chain import Chain
 from gpsim.simulators import make_simulator
@@ -102,7 +102,7 @@ def test_a_region_of_a_heading_is_found_whole_wherever_the_circle_is_cut(middle)
 
 
 def test_a_second_region_of_an_angle_lies_in_the_turn_of_the_first():
-    from gpsim.diagnosis.gates import Proposal, _child
+    from gpsim.diagnosis.selection.gates import Proposal, _child
 
     unicycle = make_simulator("unicycle")
     recording = record(World("unicycle"), seed=2, episodes=6, steps=155)

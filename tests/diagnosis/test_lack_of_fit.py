@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import lack_of_fit as module
-from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.evidence import whiteness
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.lack_of_fit import lack_of_fit, lack_of_memory
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.search import STRUCTURED
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.fitting.evidence import whiteness
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.selection.beam import STRUCTURED
+from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit, lack_of_memory
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.simulators import make_simulator
 
 from .truths import level_filter

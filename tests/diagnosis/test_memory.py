@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import comparing, shooting, simulate
-from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.windows import cut
+from gpsim.diagnosis.assessment import comparison as comparing
+from gpsim.diagnosis.data.windows import cut
+from gpsim.diagnosis.fitting import multiple_shooting as shooting
+from gpsim.diagnosis.fitting import simulate
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term, effect_of
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import ActuatorEffect

@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.corrected_effects import EffectsPlant
-from gpsim.diagnosis.clock import rebased
+from gpsim.corrected.effects_plant import EffectsPlant
+from gpsim.diagnosis.assessment.experiment_design import _excitations, _latest, _said, _windows
+from gpsim.diagnosis.assessment.traces import course, traces
+from gpsim.diagnosis.data.clock import rebased
+from gpsim.diagnosis.data.decimation import thinned
+from gpsim.diagnosis.data.windows import cut, held_out_mask
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.predicting import predicted
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.simulate import simulate
-from gpsim.diagnosis.telling import paragraphs
-from gpsim.diagnosis.telling_apart import _excitations, _latest, _said, _windows
-from gpsim.diagnosis.thinning import thinned
-from gpsim.diagnosis.traces import course, traces
-from gpsim.diagnosis.windows import cut, held_out_mask
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.predict import predicted
+from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut
 from gpsim.reports.diagnosis_page import figures, page
+from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
 from .own_systems import SLIDER

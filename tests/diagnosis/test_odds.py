@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.odds import odds_against
-from gpsim.diagnosis.ranking import Ranked
-from gpsim.diagnosis.telling import paragraphs
-from gpsim.diagnosis.telling_apart import _advice
+from gpsim.diagnosis.assessment.experiment_design import _advice
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.judgement.odds import odds_against
+from gpsim.diagnosis.judgement.ranking import Ranked
 from gpsim.effects import Term
+from gpsim.reports.diagnosis_text import paragraphs
 
 FRICTION = Term("coulomb_friction", "x", {"force": 1.0})
 SPRING = Term("spring", "x", {"stiffness": 1.0, "rest_position": 0.0})

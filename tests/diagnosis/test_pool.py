@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.effort import add, spent
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.orders import Order, fit_all
-from gpsim.diagnosis.pool import cores, side_by_side
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.simulate import _parts, simulate
+from gpsim.diagnosis.fitting.batch import Order, fit_all
+from gpsim.diagnosis.fitting.budget import add, spent
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.pool import cores, side_by_side
+from gpsim.diagnosis.fitting.simulate import _parts, simulate
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.effects.chain import Chain
 from gpsim.recordings import Episode, Recording

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis import diagnosis
+from gpsim.diagnosis.data.split import held_out_names
 from gpsim.diagnosis.diagnosis import _without
-from gpsim.diagnosis.holding_out import held_out_names
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.judging import Judgement
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.judgement.verdict import Judgement
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.recordings import Episode, HeldOut
 from gpsim.reports import diagnosis_page

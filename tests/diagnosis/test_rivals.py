@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import rivals
-from gpsim.diagnosis.catalogue import candidates
-from gpsim.diagnosis.edges import placed
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.judgement import rivals
+from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate
 from gpsim.simulators import make_simulator
 

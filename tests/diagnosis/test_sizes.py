@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channel, Channels
-from gpsim.diagnosis.catalogue import candidates
+from gpsim.corrected.features import Features
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Place, effect_of
-from gpsim.features import Features
 from gpsim.simulators import make_simulator
 from gpsim.simulators.simulator import Parameter
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.traces import BASE, EFFECTS, course, traces
+from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, course, traces
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.recordings import HeldOut
 from gpsim.simulators import make_simulator

@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.telling import paragraphs
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.errors import UsageError
-from gpsim.recording_checks import check_rates
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import to_frame, write_recording
-from gpsim.residuals import build_residuals
+from gpsim.reports.diagnosis_text import paragraphs
+from gpsim.residuals.checks import check_rates
+from gpsim.residuals.residuals import build_residuals
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected
 

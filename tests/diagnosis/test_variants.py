@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from gpsim.collecting import collect_episodes
-from gpsim.diagnosis.catalogue import candidates
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.replacing import swapped
-from gpsim.diagnosis.shooting import fit
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.selection.substitution import swapped
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate
+from gpsim.environments.collect import collect_episodes
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
 from gpsim.targets import FrictionCartPole

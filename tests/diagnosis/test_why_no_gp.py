@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.remainder import Corrected, best, learn, why_not
-from gpsim.diagnosis.rolling import whole_windows
-from gpsim.diagnosis.windows import cut, held_out_mask
+from gpsim.diagnosis.assessment.remainder_gp import Corrected, best, learn, why_not
+from gpsim.diagnosis.assessment.rollouts import whole_windows
+from gpsim.diagnosis.data.windows import cut, held_out_mask
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.effects.term import Gate
 from gpsim.simulators import make_simulator

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gpsim.channels import wrap_angle
-from gpsim.diagnosis.rolling import _longest
-from gpsim.diagnosis.windows import Windows, cut, held_out_mask
+from gpsim.diagnosis.assessment.rollouts import _longest
+from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
 from gpsim.recordings import HeldOut, Recording
 
 from .worlds import World, record

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import Channels, wrap_angle
-from gpsim.corrected_effects import EffectsPlant, plant_from
-from gpsim.diagnosis.hypothesis import Hypothesis
-from gpsim.diagnosis.predicting import predicted
-from gpsim.diagnosis.preparing import prepare
-from gpsim.diagnosis.remainder import _features
+from gpsim.corrected.effects_plant import EffectsPlant, plant_from
+from gpsim.diagnosis.assessment.remainder_gp import _features
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.predict import predicted
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import _described, _wrapped

@@ -8,7 +8,7 @@ from gpsim.errors import UsageError
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.rollout import compare
 from gpsim.recordings import Episode
-from gpsim.residuals import either_wraps
+from gpsim.residuals.residuals import either_wraps
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gpsim.command_filter import CommandFilter, fit_filter, settled_rows
+from gpsim.corrected.command_filter import CommandFilter, fit_filter, settled_rows
 from gpsim.errors import UsageError
-from gpsim.gaps import OverGaps, gaps
+from gpsim.recordings.gaps import OverGaps, gaps
 
 FILTER = CommandFilter((0.13, 0.0), (0.11, 0.25), 0.1)
 

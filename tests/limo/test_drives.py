@@ -10,15 +10,16 @@ import pytest
 from gpsim.cli.configuration import resolve
 from gpsim.cli.main import main
 
-from gpsim.artifacts import Recipe
-from gpsim.driving import Sweep, drive_plan, drive_policy
-from gpsim.envs import BatchedEnv
+from gpsim.artifacts.artifact import Recipe
+from gpsim.artifacts.store import Store
+from gpsim.environments.envs import BatchedEnv
+from gpsim.environments.stand_in import Sweep, drive_plan, drive_policy
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import take_trips
-from gpsim.learning import PpoSettings, SacSettings
-from gpsim.policies import sac, train_ppo, train_sac
-from gpsim.policy import Policy
-from gpsim.policy_export import ros_node, to_onnx
+from gpsim.policies.export import ros_node, to_onnx
+from gpsim.policies.policy import Policy
+from gpsim.policies.training import sac, train_ppo, train_sac
+from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
@@ -26,7 +27,6 @@ from gpsim.stages.building import make_task, target_plant
 from gpsim.stages.export_policy import export_policy
 from gpsim.stages.import_log import read_logs
 from gpsim.stages.policy_files import write_policy
-from gpsim.store import Store
 from gpsim.tasks import Balance, GoalReaching, Start
 
 CONFIG = resolve(["experiment=limo"], None)

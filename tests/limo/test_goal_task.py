@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from gpsim.envs import BatchedEnv, SingleEnv
+from gpsim.environments.envs import BatchedEnv, SingleEnv
 from gpsim.evaluation.turning import solvable
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import RandomisedPlant, SimulatorPlant

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.artifacts import MANIFEST, folder_digests, read_artifact
+from gpsim.artifacts.artifact import MANIFEST, folder_digests, read_artifact
 
 TINY = (
     "budget=smoke",

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 
-from gpsim.artifacts import Artifact, Recipe
-from gpsim.corrected_effects import EffectsPlant, describe
+from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts.store import Store
+from gpsim.corrected.effects_plant import EffectsPlant, describe
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
@@ -18,7 +19,6 @@ from gpsim.stages import evaluate, full_loop, report
 from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, Stage
 from gpsim.stages.stand_in import measured_on
-from gpsim.store import Store
 
 CAR = base_plant(resolve(["experiment=limo"], None))
 

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
-from gpsim.artifacts import read_artifact
+from gpsim.artifacts.artifact import read_artifact
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages.import_log import import_log, inspect_source, read_logs, source_digests

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.preparing import prepare
+from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs

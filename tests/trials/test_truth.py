@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.corrected_effects import EffectsPlant
+from gpsim.corrected.effects_plant import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 from gpsim.trials import drawing, laws

@@ -1,0 +1,217 @@
+"""The store: where artifacts are kept, found again and published, whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import hashlib
+import os
+import re
+import shutil
+import time
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+
+from gpsim.artifacts.artifact import (
+    MANIFEST,
+    TIMINGS,
+    Artifact,
+    Recipe,
+    folder_digests,
+    identity,
+    read_artifact,
+    read_manifest,
+)
+from gpsim.artifacts.provenance import git_commit, package_versions
+from gpsim.errors import UsageError
+from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
+
+SCHEMA = "gpsim.artifact/1"
+_VERSION = re.compile(r"v(\d{4,})")
+_LOCK = re.compile(r"(\.tmp-[0-9a-f]{12})\.lock")
+
+
+@dataclass(frozen=True)
+class Store:
+    """All artifacts of one experiment: <root>/<experiment>/<stage>/vNNNN."""
+
+    root: Path
+    experiment: str
+
+    def versions(self, stage: str) -> Iterator[Path]:
+        """Finished versions of a stage, newest first."""
+        folder = self.root / self.experiment / stage
+        if not os.path.isdir(folder):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
+            return
+        try:
+            found = [p for p in folder.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir()]
+        except OSError as error:
+            raise unreadable(folder, error) from error
+        yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
+
+    def find(self, recipe: Recipe) -> Artifact | None:
+        """The artifact with the same key, verified; None when there is none yet.
+
+        A version whose manifest is damaged may be the one: it is refused, not passed over.
+        """
+        key = recipe.key
+        for path in self.versions(recipe.stage):
+            if read_manifest(path).key == key:
+                return read_artifact(path, recipe.stage)
+        return None
+
+    def publish(
+        self,
+        recipe: Recipe,
+        write: Callable[[Path], Json | None],
+        *,
+        out: Path | None = None,
+        number: int | None = None,
+    ) -> Artifact:
+        """Run `write(folder)` in a temporary folder, seal it with a manifest and rename it into place.
+
+        `write` may return facts that go to timings.json. `out` names the folder instead of the next version;
+        `number` asks for a version, the next free one is taken when it is gone. A crash leaves only a temporary
+        folder, which the next publication of that stage removes.
+        """
+        shelf = out.parent if out else self.root / self.experiment / recipe.stage
+        with disk_errors(shelf):
+            _make_folder(shelf)
+            if out is not None and out.exists():
+                raise UsageError(
+                    f"{out}: exists already; artifacts are never overwritten, choose another --out"
+                )
+            _sweep(shelf)
+            with _temporary(shelf) as temporary:
+                started = time.time()
+                facts = write(temporary) or {}
+                _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
+                path = _place(temporary, shelf, out, number)
+        return read_manifest(path)
+
+    def free_numbers(self, stage: str) -> Iterator[int]:
+        """Version numbers that no finished artifact holds, ascending."""
+        taken = {int(path.name[1:]) for path in self.versions(stage)}
+        number = 1
+        while True:
+            if number not in taken:
+                yield number
+            number += 1
+
+
+def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:
+    manifest: Json = {
+        "schema": SCHEMA,
+        "stage": recipe.stage,
+        "key": recipe.key,
+        "format": recipe.format,
+        "code": recipe.code,
+        "config": recipe.config,
+        "seeds": recipe.seeds,
+        "parents": {
+            role: {"stage": parent.stage, "sha256": parent.digest}
+            for role, parent in sorted(recipe.parents.items())
+        },
+        "packages": package_versions(),
+        "git_commit": git_commit(),
+        "files": folder_digests(folder),
+    }
+    manifest["content_sha256"] = identity(manifest)
+    write_json(folder / MANIFEST, manifest | {"sha256": hashlib.sha256(canonical(manifest)).hexdigest()})
+    lineage = {role: str(parent.path) for role, parent in sorted(recipe.parents.items())}
+    write_json(
+        folder / TIMINGS, {"finished": time.strftime("%Y-%m-%dT%H:%M:%S%z"), "parents": lineage} | facts
+    )
+    for path in sorted(folder.rglob("*")):
+        _fsync(path)
+    _fsync(folder)
+
+
+def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None) -> Path:
+    """Rename into place; another process may take a number at the same moment, so try until one is ours."""
+    taken = [int(p.name[1:]) for p in shelf.iterdir() if _VERSION.fullmatch(p.name)]
+    wanted = number if number is not None and number not in taken else max(taken, default=0) + 1
+    # Somebody may have made `out` meanwhile: the work goes beside it rather than nowhere.
+    names = _names(out.name) if out is not None else (f"v{i:04d}" for i in count(wanted))
+    for path in (shelf / name for name in names):
+        try:
+            temporary.rename(path)  # fails when the folder exists, as a version never is empty
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            continue
+        _fsync(shelf)
+        return path
+    raise AssertionError("there is always a next name")
+
+
+def _names(name: str) -> Iterator[str]:
+    """The name, then the same with numbers."""
+    yield name
+    yield from (f"{name}-{i}" for i in count(2))
+
+
+def _fsync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise UsageError(
+            f"{path}: cannot be made ({error.strerror}); choose another runs_dir or --out"
+        ) from error
+
+
+@contextmanager
+def _temporary(shelf: Path) -> Iterator[Path]:
+    """A new folder to write in, gone after the block unless it was renamed; locked meanwhile against `_sweep`.
+
+    The lock is the kernel's: it ends with the process, whichever container or user that lives in, and is the same for
+    all who share the disk, as the number of a process is not.
+    """
+    temporary = shelf / f".tmp-{uuid.uuid4().hex[:12]}"
+    lock = temporary.with_name(f"{temporary.name}.lock")
+    try:
+        stream = lock.open("xb")
+    except FileNotFoundError as error:
+        raise _removed(shelf) from error
+    with stream:
+        with suppress(OSError):  # a disk without locks: nobody can take it, and nobody sweeps
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        try:
+            temporary.mkdir()
+            yield temporary
+        except FileNotFoundError as error:
+            if temporary.is_dir():  # something else is missing, which is no matter of this folder
+                raise
+            raise _removed(shelf) from error
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+            lock.unlink(missing_ok=True)
+
+
+def _removed(shelf: Path) -> UsageError:
+    return UsageError(f"{shelf}: removed while something was written there; run again")
+
+
+def _sweep(shelf: Path) -> None:
+    """Remove what processes that are no more left half-made: their locks can be had."""
+    for lock in shelf.glob(".tmp-*.lock"):
+        if (made := _LOCK.fullmatch(lock.name)) is None:  # `--out` may lie among other programs' files
+            continue
+        with suppress(OSError), lock.open("rb+") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(lock.with_name(made[1]), ignore_errors=True)
+            lock.unlink()

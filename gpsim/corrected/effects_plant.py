@@ -1,0 +1,195 @@
+"""The simulator corrected by named effects (and a Gaussian process on what is left), as a plant that policies drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.corrected.gp_plant import RateCorrection
+from gpsim.effects import Term
+from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
+from gpsim.effects.term import from_json, to_json
+from gpsim.errors import UsageError
+from gpsim.recordings import Recording
+from gpsim.simulators import Simulator
+from gpsim.simulators.plant import Memory, part_of, restart
+from gpsim.simulators.simulator import INTEGRATORS
+
+SCHEMA = "gpsim.corrected.gp_plant/1"
+
+
+@dataclass(frozen=True)
+class EffectsPlant:
+    """Base simulator plus terms: every episode of the batch has its own memory (delays, lags, late sensors, its age).
+
+    States are the true ones; `measure` says what the corrected sensors make of them, as late as they are. Terms that
+    began inside the recording (`since`) act from the start, whether its clock ran on over the episodes or began anew in
+    each: they describe the system as it is now. Onsets and ages are moments of the clock that the diagnosis looked at,
+    0 at the start of a recording whose own was set long before; an episode that is driven shares nothing with it but
+    its age.
+
+    ages: s. What changes with time by itself, a battery, goes by an episode's age: drawn anew for every episode,
+    uniformly from these, the first and the last moment at which an episode of the recording began.
+    """
+
+    simulator: Simulator
+    parameters: Mapping[str, float]
+    terms: tuple[Term, ...]
+    scheme: Scheme
+    substeps: int
+    dt: float
+    correction: RateCorrection | None = None
+    ages: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def state(self) -> Channels:
+        """The simulator's state channels."""
+        return self.simulator.state
+
+    @property
+    def action(self) -> Channels:
+        """The simulator's action channels."""
+        return self.simulator.action
+
+    @cached_property
+    def chain(self) -> Chain:
+        """What steps it."""
+        begun = tuple(replace(t, gate=t.gate.opened) for t in self.terms)
+        return Chain(self.simulator, self.parameters, begun, self.scheme, self.dt)
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """Actuators at rest, clocks at the episodes' ages, sensors that have seen nothing."""
+        memory = {f"effects/{k}": np.repeat(v, count, axis=0) for k, v in self._rested.items()}
+        memory["clock"] = self._drawn_ages(count, rng)
+        if self.chain.sensors.remember:
+            memory |= {f"seen/{k}": v for k, v in self._still(np.zeros((count, len(self.state)))).items()}
+            memory["met"] = np.zeros(count)
+        if self.correction is not None:
+            memory |= {f"gp/{k}": v for k, v in self.correction.begin(count, rng).items()}
+        return memory
+
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
+        """(B, S): the true state after one control step."""
+        count = len(state)
+        effects, values, seen = part_of(memory, "effects/"), self._values(count), self._seen(state, memory)
+        extra = None
+        if self.correction is not None:
+            extra = self.correction.rates(state, action, part_of(memory, "gp/"), rng)
+        step = np.full(count, self._step)
+        for _ in range(round(self.dt / self._step)):
+            now = memory["clock"]
+            command = self.chain.command(action, state, values, effects, step, now)
+            state = self.chain.advance(state, command, values, step, now, extra)
+            memory["clock"] += step
+            self.chain.sensors.watch(state, seen, step)
+        return state
+
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what the corrected sensors say, their noise left out."""
+        count = len(state)
+        return self.chain.sensors.measure(
+            state, self._values(count), self._seen(state, memory), np.full(count, self._step)
+        )
+
+    @cached_property
+    def _rested(self) -> Memory:
+        """What the actuators of one episode remember before it: no command, for as long as the diagnosis looks back.
+
+        A bias in front of a lag has arrived by then. Where gates look at the state nothing is known yet: at rest.
+        """
+        chain, step = self.chain, self._step
+        rest = chain.rest(1, step)
+        if not chain.actuates or chain.looks:
+            return rest
+        count = PRE_ROLL * round(self.dt / step)
+        settled = {key: values.copy() for key, values in rest.items()}
+        nothing, still = np.zeros((1, count, len(self.action))), np.zeros((1, count + 1, len(self.state)))
+        steps, t = np.full((1, count), step), np.zeros((1, count))
+        said = chain.commands(nothing, still, self._values(1), settled, steps, t)
+        return settled if said.any() else rest
+
+    def _values(self, count: int) -> list[dict[str, FloatArray]]:
+        return [{k: np.full(count, v) for k, v in term.values.items()} for term in self.terms]
+
+    def _seen(self, state: FloatArray, memory: Memory) -> Memory:
+        """What the sensors remember; those of a new episode have seen its first state only, standing still."""
+        seen = part_of(memory, "seen/")
+        if seen and not memory["met"].all():
+            new = memory["met"] == 0.0
+            restart(seen, new, self._still(state[new]))
+            memory["met"][new] = 1.0
+        return seen
+
+    def _still(self, state: FloatArray) -> Memory:
+        """The memory of sensors that have long looked at a state (B, S)."""
+        back = self.chain.sensors.reach(self._values(1), np.array([self._step]))
+        return self.chain.sensors.begin(np.repeat(state[:, None], back, axis=1))
+
+    def _drawn_ages(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """(count,) s; a drift that began inside the recording is no younger than its onset."""
+        onsets = [t.gate.since or 0.0 for t in self.terms if t.effect.drifts]
+        if not onsets:
+            return np.zeros(count)
+        youngest = max(self.ages[0], *onsets)
+        oldest = max(self.ages[1], youngest)
+        return rng.uniform(youngest, oldest, count) if oldest > youngest else np.full(count, youngest)
+
+    @property
+    def _step(self) -> float:
+        return self.dt / (self.substeps * self.chain.refinement if self.scheme == "fine" else 1)
+
+
+def ages_of(recording: Recording) -> tuple[float, float]:
+    """The first and the last moment [s] of a recording's clock at which an episode began."""
+    starts = [float(episode.t[0]) for episode in recording.episodes]
+    return min(starts), max(starts)
+
+
+def describe(plant: EffectsPlant, gp: bool) -> dict[str, Any]:
+    """corrected.json: everything but the Gaussian process itself."""
+    return {
+        "schema": SCHEMA,
+        "simulator": plant.simulator.name,
+        "parameters": dict(plant.parameters),
+        "dt": plant.dt,
+        "scheme": plant.scheme,
+        "substeps": plant.substeps,
+        "terms": [to_json(term) for term in plant.terms],
+        "ages": list(plant.ages),
+        "gp": gp,
+    }
+
+
+def plant_from(
+    data: Mapping[str, Any], simulator: Simulator, correction: RateCorrection | None = None
+) -> EffectsPlant:
+    """The inverse of `describe`; raises UsageError."""
+    try:
+        if data["schema"] != SCHEMA:
+            raise UsageError(f"corrected.json: schema '{data['schema']}', expected {SCHEMA}")
+        if data["scheme"] not in ("fine", *INTEGRATORS):
+            raise UsageError(
+                f"corrected.json: scheme '{data['scheme']}' is not one of fine, {', '.join(INTEGRATORS)}"
+            )
+        low, high = data.get("ages", (0.0, 0.0))  # earlier versions knew none
+        return EffectsPlant(
+            simulator,
+            simulator.defaults(data["parameters"]),
+            tuple(from_json(term) for term in data["terms"]),
+            data["scheme"],
+            int(data["substeps"]),
+            float(data["dt"]),
+            correction,
+            (float(low), float(high)),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise UsageError(
+            f"corrected.json: not a corrected simulator that this version reads ({error!r})"
+        ) from error

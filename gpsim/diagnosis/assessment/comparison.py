@@ -1,0 +1,281 @@
+"""The fit on held-out data: base, base tuned, base + GP, base + effects, base + effects + GP, and the noise floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
+from gpsim.diagnosis.assessment.remainder_gp import (
+    Corrected,
+    Learnt,
+    best,
+    inputs,
+    learn,
+    left_with,
+    measured_rates,
+    residual_rates,
+    why_not,
+    with_a_past,
+)
+from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
+from gpsim.diagnosis.data.reversals import since_reversal
+from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
+from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.fitting.predict import predicted, traced
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.judgement.verdict import Judgement
+from gpsim.diagnosis.selection.beam import LEAST_SHARE
+from gpsim.diagnosis.setup.latent_states import Completions
+from gpsim.diagnosis.setup.prepare import Question
+from gpsim.diagnosis.setup.velocity_filter import filters, undone
+from gpsim.effects import effect_of
+from gpsim.recordings import Recording
+from gpsim.recordings.subsample import evenly
+
+MOST = 3000
+LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
+KINDS = (*MODELS, "noise_floor")
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
+
+    corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
+    inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
+    since_reversal: of commands and velocities, (N,) s;
+    left_before, left_after: (N, R) their residual rates under the base and under the effects.
+    """
+
+    one_step: dict[str, dict[str, Any]]
+    rollout: dict[str, Any]
+    tuned: dict[str, float]
+    corrected: Corrected | None
+    why_no_gp: str | None
+    inputs: FloatArray
+    times: FloatArray
+    episodes: IntArray
+    since_reversal: Mapping[str, FloatArray]
+    left_before: FloatArray
+    left_after: FloatArray
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Single transitions, to learn from and held out, completed by a hypothesis where channels are hidden."""
+
+    train: Windows
+    test: Windows
+
+
+def compare(
+    question: Question, judgement: Judgement, offers: list[Candidate], rng: np.random.Generator
+) -> Comparison:
+    """Fit what has to be fitted on training data, and judge all of it on held-out data."""
+    problem = question.everything
+    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
+    after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
+    hypotheses = {"before": base, "tuned": _tuned(question, offers, base), "after": after}
+    if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
+        hypotheses["finely"] = Hypothesis()
+    completions = Completions(problem, question.recording, question.hidden)
+    steps = _steps_of(question, hypotheses, completions)
+    rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
+    trains = {
+        kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
+    }
+    alone = learn(problem, trains["before"], base, rng)
+    rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], alone)
+    both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
+    rates["after_gp"] = rates["after"]
+    if both is not None:
+        kind = "after" if both.hypothesis == after else "before"
+        test = steps[kind].test
+        rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
+    noise = _sensor_noise(question, judgement)
+    rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
+    models = {
+        "before": Model(base),
+        "tuned": Model(hypotheses["tuned"]),
+        "gp": Model(base, alone.rates),
+        "after_gp": Model(both.hypothesis, both.learnt.rates) if both else Model(after),
+        "after": Model(after),
+    }
+    return Comparison(
+        _one_step(question, rates, measured_rates(problem, steps["after"].test), rng),
+        rollouts(question, models, noise, rng, completions),
+        {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
+        both,
+        why,
+        inputs(steps["before"].train),
+        steps["before"].train.t[:, 0],
+        steps["before"].train.episode,
+        since_reversal(steps["before"].train, problem.simulator),
+        residual_rates(problem, steps["before"].train, base),
+        residual_rates(problem, steps["after"].train, after),
+    )
+
+
+def _remainder(
+    question: Question,
+    judgement: Judgement,
+    hypotheses: Mapping[str, Hypothesis],
+    trains: Mapping[str, Windows],
+    completions: Completions,
+    alone: Learnt,
+    rng: np.random.Generator,
+) -> tuple[Corrected | None, str | None]:
+    """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
+
+    Of physics that nobody knows the effects are a partial account: their gates may cut what is left to pieces, and a
+    process that is `alone` with the base simulator models it better.
+    """
+    if not judgement.structured:
+        return None, "it has no structure"
+    problem = question.everything
+
+    def corrected(kind: str, learnt: Learnt) -> Corrected:
+        runs = whole_windows(question, completions.by(hypotheses[kind]), learnt_from=True)
+        return Corrected(hypotheses[kind], learnt, trains[kind], runs)
+
+    named = bool(judgement.leader.hypothesis.terms)
+    beside = corrected("after", learn(problem, trains["after"], hypotheses["after"], rng) if named else alone)
+    others = [corrected("before", alone)] if named and judgement.verdict == "unknown" else []
+    chosen, errors = best(problem, [beside, *others])
+    why = why_not(problem, beside.errors(problem, modelled=False), errors)
+    return (chosen, None) if why is None else (None, why)
+
+
+def _steps_of(
+    question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
+) -> dict[str, _Steps]:
+    """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
+    problem, recording = question.everything, question.recording
+    past = _remembers(problem, hypotheses["after"])
+    if question.hidden:
+        return {kind: _steps(completions.by(h), past) for kind, h in hypotheses.items()}
+    steps, made_by = _steps(recording, past), filters(recording, problem.simulator)
+    if not made_by:
+        return dict.fromkeys(hypotheses, steps)
+    out: dict[str, _Steps] = {}
+    for kind, h in hypotheses.items():
+        same = next((k for k in out if hypotheses[k] == h), None)
+        parts = (undone(problem, recording, w, h, made_by) for w in (steps.train, steps.test))
+        out[kind] = out[same] if same else _Steps(*parts)
+    return out
+
+
+def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
+    """Whether what was commanded or where the system was before matters to what happens."""
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    values = hypothesis.spread(hypothesis.theta[None], 1)
+    return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
+
+
+def _steps(recording: Recording, past: bool = False) -> _Steps:
+    """past: without those before which nobody knows what was commanded, where there are others."""
+    windows = cut(recording, 1, most=LOOKED_AT)
+    held = held_out_mask(recording, windows)
+    train, test = windows.take(~held), windows.take(held if held.any() else ~held)
+    if past:
+        train, test = _later(train), _later(test)
+    return _Steps(_some(train, MOST), _some(test, MOST))
+
+
+def _later(windows: Windows) -> Windows:
+    """Without those that begin an episode or follow on a gap, if there are others."""
+    return windows if windows.fresh.all() else windows.take(~windows.fresh)
+
+
+def _some(windows: Windows, most: int) -> Windows:
+    return windows.take(evenly(len(windows), most))
+
+
+def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hypothesis:
+    """What a system identification tool would do: the base simulator's own parameters fitted, nothing added."""
+    tuned = base
+    for candidate in offers:
+        if effect_of(candidate.family).site == "parameter":
+            tuned = tuned.plus(candidate.term([1.0]), candidate.declared)
+    if not tuned.terms:
+        return base
+    problem = question.searched
+    found = fit(problem, tuned, problem.windows.measured[:, 0], iterations=15, tolerance=0.5)
+    plain = fit(problem, base, problem.windows.measured[:, 0], iterations=8)
+    share = 1.0 - found.variance / plain.variance
+    return found.hypothesis if bool((share[problem.observed] > LEAST_SHARE).any()) else base
+
+
+def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
+    """(S,) standard deviation of every recorded channel's noise, 0 of hidden ones.
+
+    What the recording states, else what second differences of the leader's residual show: a smooth error of the
+    model does not move them.
+    """
+    problem = question.everything
+    names = problem.simulator.state.names
+    stated = np.array([question.recording.noise.get(name, 0.0) for name in names])
+    residual = problem.windows.measured - traced(problem, judgement.leader)
+    second = np.diff(residual, n=2, axis=1)[problem.windows.valid[:, 2:]].T / np.sqrt(6.0)
+    jumps = np.array([typical(column) or rms(column) for column in second])  # quantised: the median may be 0
+    hidden = np.array([name in question.hidden for name in names])
+    return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
+
+
+def _noise_rates(
+    problem: Problem, windows: Windows, hypothesis: Hypothesis, noise: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """(W, R) what the sensors' noise (S,) alone does to the rates' residual, drawn once."""
+    shape = windows.measured[:, 0].shape
+    before, after = windows.measured[:, 0], predicted(problem, windows, hypothesis)[:, 1]
+    noisy = replace(windows, measured=windows.measured + (rng.normal(size=shape) * noise)[:, None])
+    disturbed = predicted(problem, noisy, hypothesis)[:, 1]
+    dt = np.diff(windows.t, axis=1)[:, 0]
+    clean = problem.simulator.measured_rates(before, after, dt)
+    seen = problem.simulator.measured_rates(noisy.measured[:, 0], after + rng.normal(size=shape) * noise, dt)
+    simulated = problem.simulator.measured_rates(noisy.measured[:, 0], disturbed, dt)
+    return np.asarray((seen - clean) - (simulated - clean))
+
+
+def _one_step(
+    question: Question, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
+) -> dict[str, dict[str, Any]]:
+    """The contract's `one_step` of every rate that was measured; `typical` from the median beside the RMS.
+
+    `finely` where nothing is missing but a finer step: the base simulator's error with that.
+    """
+    out: dict[str, dict[str, Any]] = {}
+    shown = _shown_rates(question)
+    for i, channel in enumerate(question.everything.simulator.rate):
+        if not shown[i]:
+            continue
+        spread = max(float(measured[:, i].std()), 1e-300)
+        errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
+        out[channel.name] = {
+            **errors,
+            "unit": channel.unit,
+            "nrmse": {kind: value / spread for kind, value in errors.items()},
+            "typical": {kind: typical(rates[kind][:, i]) for kind in KINDS},
+            **over_before({kind: rates[kind][:, i] for kind in MODELS}, rng),
+        }
+        if "finely" in rates:
+            out[channel.name]["finely"] = rms(rates["finely"][:, i])
+    return out
+
+
+def _shown_rates(question: Question) -> BoolArray:
+    """(R,) which rates follow from recorded channels alone: a hidden one's was not measured."""
+    simulator = question.everything.simulator
+    state = question.everything.windows.measured[:1, 0]
+    shown = np.ones(len(simulator.rate), dtype=np.bool_)
+    for name in question.hidden:
+        moved = np.array(state)
+        moved[:, simulator.state.index(name)] += 1.0
+        shown &= simulator.measured_rates(state, moved, np.ones(1))[0] == 0.0
+    return shown

@@ -1,0 +1,147 @@
+"""What to record next: the excitation under which the rivals' predictions differ most, in units of the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.diagnosis.judgement.verdict import Judgement
+from gpsim.effects.chain import PRE_ROLL
+
+AFTERWARDS = 2**31  # an episode that comes after all others
+SECONDS, FEWEST, MOST = 3.0, 20, 150
+LEVELS = (0.25, 1.0, 1.5)
+LARGE = 0.95  # quantile of an action's sizes that is taken for a large command,
+RESTS = 0.01  # unless it is no more than this share of the largest one
+VISIBLE = 1.0  # standard deviations below which nobody could see a difference
+
+
+def tell_apart(problem: Problem, judgement: Judgement) -> str | None:
+    """One sentence, or None when nothing has to be told apart."""
+    if judgement.verdict != "ambiguous":
+        return None
+    hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
+    names, actions = _excitations(problem)
+    windows = _windows(problem, actions, _latest(hypotheses))
+    said = [_said(problem, windows, h) for h in hypotheses]
+    noise = np.maximum(judgement.noise, 1e-300)
+    pairs = list(combinations(range(len(said)), 2))
+    gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
+    spoken = [_spoken(h) for h in hypotheses]
+    return "; ".join(_advice(problem, names, pairs, gaps, spoken))
+
+
+def _advice(
+    problem: Problem, names: list[str], pairs: list[tuple[int, int]], gaps: FloatArray, spoken: list[str]
+) -> list[str]:
+    """The fewest recordings that separate every pair which any of them separates, then the pairs that none does."""
+    reach, left, out = gaps.max(axis=2), list(range(len(pairs))), []
+    while left and reach[left].max() >= VISIBLE:
+        seen = reach[left] >= VISIBLE
+        best = max(
+            range(len(names)),
+            key=lambda e: (seen[:, e].sum(), reach[left, e][seen[:, e]].min(initial=np.inf)),
+        )
+        told = [p for p in left if reach[p, best] >= VISIBLE]
+        weakest = min(told, key=lambda p: reach[p, best])
+        channel = problem.simulator.state.names[int(np.argmax(gaps[weakest, best]))]
+        who = " and ".join(spoken[i] for i in sorted({i for p in told for i in pairs[p]}))
+        out.append(
+            f"record {names[best]}: {who} then differ by up to {reach[weakest, best]:.1f} standard deviations of the "
+            f"noise in {channel}"
+        )
+        left = [p for p in left if p not in told]
+    if left:
+        who = ", ".join(" and ".join(spoken[i] for i in pairs[p]) for p in left)
+        out.append(
+            f"{who} predict the same for every excitation that was tried: no recording of these channels separates "
+            "them; measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
+        )
+    return out
+
+
+def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
+    """Names, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
+    steps = int(np.clip(SECONDS / problem.dt, FEWEST, MOST))
+    t = problem.dt * np.arange(steps)
+    span = _amplitudes(problem.windows)
+    offset = np.median(problem.windows.actions, axis=(0, 1))
+    rng = np.random.default_rng(0)
+    shapes = {
+        "a constant {a} of {v:.3g}": np.ones(steps),
+        "a constant {a} of -{v:.3g}": -np.ones(steps),
+        "a slow wave of {a} with amplitude {v:.3g}": np.sin(2 * np.pi * t / t[-1]),
+        "a fast wave of {a} with amplitude {v:.3g}": np.sin(2 * np.pi * t / (10 * problem.dt)),
+        "random levels of {a} up to {v:.3g}": np.repeat(rng.uniform(-1, 1, steps // 5 + 1), 5)[:steps],
+    }
+    names, out = [], []
+    for i, action in enumerate(problem.simulator.action.names):
+        for level in LEVELS:
+            for text, shape in shapes.items():
+                names.append(text.format(a=action, v=level * span[i]))
+                actions = np.tile(offset, (steps, 1))
+                actions[:, i] = level * span[i] * shape
+                out.append(actions)
+    return names, np.stack(out)
+
+
+def _amplitudes(windows: Windows) -> FloatArray:
+    """(A,) the size of each action's large commands; where it rests most of the time, of those that it was given."""
+    sizes = np.abs(windows.actions).reshape(-1, windows.actions.shape[2])
+    usual, largest = np.quantile(sizes, LARGE, axis=0), sizes.max(axis=0)
+    given = [
+        np.quantile(column[column > RESTS * most], LARGE) if most > 0.0 else 0.0
+        for column, most in zip(sizes.T, largest, strict=True)
+    ]
+    return np.asarray(np.where(usual > RESTS * largest, usual, given))
+
+
+def _latest(hypotheses: Sequence[Hypothesis]) -> float:
+    """When everything has begun [s]: what is recorded next is recorded afterwards."""
+    begun = (t.gate.since for h in hypotheses for t in h.terms if t.gate.since is not None)
+    return max(begun, default=0.0)
+
+
+def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
+    """Windows that start at a typical state, at rest, at the time `begin`."""
+    count, steps = actions.shape[:2]
+    start = np.median(problem.windows.measured[:, 0], axis=0)
+    for coordinate in problem.simulator.coordinates:
+        start[problem.simulator.state.index(coordinate.velocity)] = 0.0
+    t = begin + problem.dt * np.arange(-PRE_ROLL, steps + 1)
+    return Windows(
+        np.tile(start, (count, steps + 1, 1)),
+        actions,
+        np.tile(t[PRE_ROLL:], (count, 1)),
+        np.ones((count, steps + 1), dtype=np.bool_),
+        np.tile(start, (count, PRE_ROLL, 1)),
+        np.zeros((count, PRE_ROLL, actions.shape[2])),
+        np.tile(t[: PRE_ROLL + 1], (count, 1)),
+        np.full(count, AFTERWARDS),
+        np.ones(count, dtype=np.bool_),
+    )
+
+
+def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    starts = windows.measured[None, :, 0]
+    return np.asarray(
+        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.steps(chain))[0]
+    )
+
+
+def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: FloatArray) -> FloatArray:
+    """(E, S) largest difference within the run, less its start (a start state can hide that), in noise units."""
+    gap = np.abs((first - first[:, :1]) - (second - second[:, :1])) / noise
+    return np.asarray(np.where(problem.observed, gap.max(axis=1), 0.0))
+
+
+def _spoken(hypothesis: Hypothesis) -> str:
+    return " with ".join(f"{t.family} on {t.on}" for t in hypothesis.terms)

@@ -1,0 +1,122 @@
+"""Intervals: how well the data know each parameter.
+
+Windows are the blocks: the covariance is the larger of the Gauss-Newton one and the sandwich of the windows' gradients
+(White 1982), so that correlated or heavy-tailed residuals widen it; what halving the substep moves is added; and where
+the likelihood is flat around the estimate (a dead zone between two command levels) a profile walks to its edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.evidence import correlation_time
+from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature
+from gpsim.diagnosis.fitting.multiple_shooting import fit as shoot
+from gpsim.diagnosis.fitting.pool import side_by_side
+from gpsim.diagnosis.fitting.problem import Problem
+
+LEVEL = 0.90
+WALK, CLOSE = (
+    14,
+    0.1,
+)  # places that a profile asks at most; of the half width, how exactly it is narrowed down
+UNDETERMINED = 1e-13  # of the largest eigenvalue: what the windows know of a direction is at least as much,
+LEAST_INFORMATION = 1e-100  # and of a parameter that moves nothing
+CHANCE = 1.5  # correlation times up to here are white noise's
+
+
+def intervals(problem: Problem, fit: Fit, level: float = LEVEL) -> FloatArray:
+    """(P, 2): the interval of each parameter that holds it with a probability `level`."""
+    theta = fit.hypothesis.theta
+    if not theta.size:
+        return np.empty((0, 2))
+    around = curvature(problem, fit)
+    covariance = _covariance(problem, fit, around)
+    shift = _numerical_shift(problem, fit, around)
+    freedom = max(len(problem.windows) - len(theta), 2)
+    half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
+    low, high = theta - half, theta + half
+    jumping = [(j, p.step) for j, p in enumerate(fit.hypothesis.parameters) if p.step is not None]
+    calls = [(problem, fit, j, side * step, level) for j, step in jumping for side in (-1.0, 1.0)]
+    edges = np.array(side_by_side(_profile, calls)).reshape(-1, 2)
+    for (j, _), (first, last) in zip(jumping, edges, strict=True):
+        low[j], high[j] = first, last
+    bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])
+    return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
+
+
+def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
+    """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
+    inverse = _inverse(around.information)
+    count, size = around.gradients.shape
+    centred = around.gradients - around.gradients.mean(axis=0)
+    scatter = centred.T @ centred * count / max(count - size, 1)
+    sandwich = inverse @ scatter @ inverse
+    model = inverse * _correlated(problem, fit)
+    ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(model), 1e-300), 1.0))
+    return np.asarray(model * np.outer(ratio, ratio))
+
+
+def _correlated(problem: Problem, fit: Fit) -> float:
+    """By how much correlation makes samples count for less; 1 where it may be chance."""
+    tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))
+    return tau if tau > CHANCE else 1.0
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    """Of parameters in whatever units: scaled to a unit diagonal before.
+
+    A direction of which the windows say nothing keeps a little information: a pseudo-inverse would call it certain.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), LEAST_INFORMATION))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    values = np.maximum(values, UNDETERMINED * max(float(values[-1]), 1.0))
+    return np.asarray((vectors / values) @ vectors.T / np.outer(scale, scale))
+
+
+def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
+    """(P,) how far one Gauss-Newton step moves on a grid twice as fine."""
+    if fit.hypothesis.scheme != "fine":
+        return np.zeros(len(fit.hypothesis.theta))
+    finer = replace(problem, substeps=2 * problem.substeps)
+    moved = curvature(finer, fit).gradients.sum(axis=0) - around.gradients.sum(axis=0)
+    return np.asarray(_inverse(around.information) @ moved)
+
+
+def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) -> float:
+    """Walk from the estimate until the likelihood has dropped by the interval's share, as far as its samples count.
+
+    At every place start states and all other parameters are fitted anew: one that gives way widens the interval. Steps
+    grow until one goes too far; then the place is narrowed down to a share of its distance.
+    """
+    theta, parameter = fit.hypothesis.theta, fit.hypothesis.parameters[index]
+    drop = 0.5 * float(chi2.ppf(level, 1)) * _correlated(problem, fit)
+    bound = parameter.high if step > 0 else parameter.low
+
+    def holds(distance: float) -> bool:
+        at = theta.copy()
+        at[index] += distance
+        held = fit.hypothesis.having(at).holding(index)
+        return shoot(problem, held, fit.starts, iterations=3).objective - fit.objective < drop
+
+    inside, beyond, pace, last = 0.0, None, step / 16, float(bound - theta[index])
+    for _ in range(WALK):
+        if beyond is None:
+            asked = float(np.clip(inside + pace, min(last, 0.0), max(last, 0.0)))
+            pace *= 1.5
+        else:
+            asked = 0.5 * (inside + beyond) if inside else 0.25 * beyond
+        if holds(asked):
+            inside = asked
+            if asked == last:
+                return float(bound)
+        else:
+            beyond = asked
+        if beyond is not None and abs(beyond - inside) < CLOSE * abs(beyond):
+            break
+    return float(theta[index]) + (inside if beyond is None else 0.5 * (inside + beyond))

@@ -1,0 +1,169 @@
+"""What a hypothesis leaves of the rates, a Gaussian process on it, and whether simulations are better with that one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.corrected.features import Features
+from gpsim.diagnosis.assessment.bootstrap import rms
+from gpsim.diagnosis.assessment.rollouts import Model, rolled
+from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, without_sensors
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.simulate import Extra
+from gpsim.diagnosis.setup.prepare import Question
+from gpsim.gp import FitSettings, Predictor, fit_outputs
+
+ROWS, AT_MOST = 250, 0.8  # transitions it learns from: so many, and no larger a share of those there are
+HELPS, HARMS = 0.99, 1.05  # times the error without it, on data it did not learn from
+MUCH = 0.9  # times the errors of another model
+TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """A Gaussian process on the rates, and which of the transitions (N,) it learnt from."""
+
+    predictor: Predictor
+    features: Features
+    rows: BoolArray
+
+    def rates(self, state: FloatArray, action: FloatArray, transition: int = 0) -> FloatArray:
+        """(B, R) its mean, the same in every transition of a window."""
+        return self.predictor.mean(self.features(np.hstack([state, action])))
+
+
+def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.random.Generator) -> Learnt:
+    """A Gaussian process on what the hypothesis leaves of the rates, as it will be asked: in true states.
+
+    What the hypothesis's sensors make of them the corrected simulator says by itself.
+    """
+    rows = np.zeros(len(train), dtype=np.bool_)
+    rows[rng.permutation(len(train))[: min(ROWS, max(2, int(AT_MOST * len(train))))]] = True
+    chosen = train.take(rows)
+    if has_sensors(hypothesis):
+        chosen, hypothesis = as_it_was(problem, chosen, hypothesis), without_sensors(hypothesis)
+    targets = residual_rates(problem, chosen, hypothesis)
+    features = _features(problem)
+    settings = FitSettings(restarts=2, screening_iterations=5, max_iterations=60)
+    return Learnt(Predictor(fit_outputs(features(inputs(chosen)), targets, settings, rng)), features, rows)
+
+
+def _features(problem: Problem) -> Features:
+    """State and action, and the signs of the velocities: friction jumps there."""
+    names = (*problem.simulator.state.names, *problem.simulator.action.names)
+    signs = tuple(f"sign({c.velocity})" for c in problem.simulator.coordinates)
+    return Features.of((*names, *signs), problem.simulator.state + problem.simulator.action)
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A hypothesis with a Gaussian process on what it leaves, and training data: single transitions, whole stretches.
+
+    One step is judged on the transitions that the process did not learn from; what is held out has no say.
+    """
+
+    hypothesis: Hypothesis
+    learnt: Learnt
+    train: Windows
+    runs: Windows
+
+    @cached_property
+    def rest(self) -> Windows:
+        """The transitions that the process did not learn from."""
+        return self.train.take(~self.learnt.rows)
+
+    def errors(self, problem: Problem, modelled: bool) -> FloatArray:
+        """(R + S,) root mean squares of rates one step ahead and of channels after a rollout, with and without it.
+
+        Those of channels that nobody measured, and where there are no data, are 1.
+        """
+        rates, rest = np.ones(len(problem.simulator.rate)), self.rest
+        if len(rest):
+            alone = residual_rates(problem, rest, self.hypothesis)
+            both = left_with(problem, rest, self.hypothesis, alone, self.learnt) if modelled else alone
+            rates = _of_columns(both)
+        channels = np.ones(len(problem.observed))
+        if len(self.runs):
+            drift = rolled(
+                problem, self.runs, Model(self.hypothesis, self.learnt.rates if modelled else None)
+            )
+            channels = np.where(problem.observed, _of_columns(drift), 1.0)
+        return np.concatenate([rates, channels])
+
+
+def best(problem: Problem, choices: Sequence[Corrected]) -> tuple[Corrected, FloatArray]:
+    """The one with the least errors, the first unless another is much better, and those errors (R + S,)."""
+    errors = [choice.errors(problem, modelled=True) for choice in choices]
+    logs = [float(np.log(found).mean()) for found in errors]
+    least = int(np.argmin(logs))
+    chosen = least if logs[least] < logs[0] + np.log(MUCH) else 0
+    return choices[chosen], errors[chosen]
+
+
+def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> str | None:
+    """Why simulations are no better with a Gaussian process, None if they are; `errors` (R + S,) of both."""
+    names = [*problem.simulator.rate.names, *problem.simulator.state.names]
+    ratios = with_it / np.maximum(without, TINY)
+    worst = int(np.argmax(ratios))
+    if ratios[worst] > HARMS:
+        what = "one step ahead" if worst < len(problem.simulator.rate) else "after a rollout"
+        return (
+            f"it would make the error in {names[worst]} {what} {ratios[worst]:.2g} times as large on training data "
+            "that it had not seen"
+        )
+    return None if ratios.min() < HELPS else "it would explain nothing of training data that it had not seen"
+
+
+def _of_columns(errors: FloatArray) -> FloatArray:
+    """Root mean squares; of a simulation that ran away it is infinite."""
+    found = np.array([rms(column) for column in errors.T])
+    return np.where(np.isfinite(found), np.maximum(found, TINY), np.inf)
+
+
+def left_with(
+    problem: Problem, windows: Windows, hypothesis: Hypothesis, alone: FloatArray, learnt: Learnt
+) -> FloatArray:
+    """(W, R) residual rates of single transitions with the Gaussian process, `alone` (W, R) those without it."""
+    if has_sensors(hypothesis):  # it knows the true states, which the simulation has
+        return residual_rates(problem, windows, hypothesis, learnt.rates)
+    return np.asarray(alone - learnt.rates(windows.measured[:, 0], windows.actions[:, 0]))
+
+
+def with_a_past(question: Question, train: Windows, hypothesis: Hypothesis) -> Windows:
+    """The transitions of which the sensors saw all that they remember: nobody knows what was before an episode."""
+    if not has_sensors(hypothesis):
+        return train
+    problem = question.everything
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    late = chain.sensors.looks_back(hypothesis.spread(hypothesis.theta[None], 1))
+    begun = np.array([episode.t[0] for episode in question.recording.episodes])
+    known = ~train.fresh & (train.t[:, 0] - begun[train.episode] > late)
+    return train.take(known) if known.any() else train
+
+
+def inputs(windows: Windows) -> FloatArray:
+    """(W, S + A) state and action at the transitions' starts."""
+    return np.hstack([windows.measured[:, 0], windows.actions[:, 0]])
+
+
+def residual_rates(
+    problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None = None
+) -> FloatArray:
+    """(W, R) measured minus simulated rates of single transitions; `extra` rates are added to the simulation's."""
+    said = predicted(problem, windows, hypothesis, extra)
+    dt = np.diff(windows.t, axis=1)[:, 0]
+    simulated = problem.simulator.measured_rates(windows.measured[:, 0], said[:, 1], dt)
+    return np.asarray(measured_rates(problem, windows) - simulated)
+
+
+def measured_rates(problem: Problem, windows: Windows) -> FloatArray:
+    """(W, R) of single transitions."""
+    dt = np.diff(windows.t, axis=1)[:, 0]
+    return problem.simulator.measured_rates(windows.measured[:, 0], windows.measured[:, 1], dt)

@@ -1,0 +1,108 @@
+"""Rollouts on held-out data: how far every model has drifted from the measurement after the horizon."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray, difference
+from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
+from gpsim.diagnosis.data.split import first_held_out
+from gpsim.diagnosis.data.windows import LENGTH, Windows, cut, held_out_mask, stretches
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.pool import side_by_side
+from gpsim.diagnosis.fitting.predict import predicted
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.simulate import Extra
+from gpsim.diagnosis.setup.latent_states import Completions
+from gpsim.diagnosis.setup.prepare import Question
+from gpsim.recordings import Recording
+from gpsim.recordings.subsample import evenly
+
+HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
+
+
+@dataclass(frozen=True)
+class Model:
+    """A hypothesis, and rates that are added to it."""
+
+    hypothesis: Hypothesis
+    extra: Extra | None = None
+
+
+def rollouts(
+    question: Question,
+    models: Mapping[str, Model],
+    noise: FloatArray,
+    rng: np.random.Generator,
+    completions: Completions,
+) -> dict[str, Any]:
+    """The contract's `rollout`: root mean square error of every measured channel after the horizon.
+
+    noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
+    `typical` holds the same from the median, which rare glitches of a sensor do not move.
+    """
+    problem, dt, length = question.everything, question.recording.dt, _length(question.recording)
+    calls: list[tuple[Problem, Windows, Hypothesis, Extra | None]] = []
+    for model in models.values():
+        if question.hidden or not calls:  # what is hidden each model guesses for itself
+            windows = whole_windows(question, completions.by(model.hypothesis))
+        if not len(windows):
+            return {"horizon_s": length * dt}
+        calls.append((problem, windows, model.hypothesis, model.extra))
+    ends = side_by_side(_ends, calls)
+    errors = {
+        kind: difference(call[1].measured[:, -1], end, problem.simulator.state)
+        for kind, call, end in zip(models, calls, ends, strict=True)
+    }
+    (_, windows, hypothesis, extra), last = calls[-1], ends[-1]
+    start, end = (rng.normal(size=last.shape) * noise for _ in range(2))
+    noisy = replace(windows, measured=windows.measured + start[:, None])
+    disturbed = _ends(problem, noisy, hypothesis, extra)
+    errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
+    out: dict[str, Any] = {"horizon_s": length * dt}
+    for i, channel in enumerate(problem.simulator.state):
+        if channel.name not in question.hidden:
+            out[channel.name] = {kind: rms(e[:, i]) for kind, e in errors.items()} | {
+                "unit": channel.unit,
+                "typical": {kind: typical(e[:, i]) for kind, e in errors.items()},
+                **over_before({kind: errors[kind][:, i] for kind in MODELS}, rng, correlated=False),
+            }
+    return out
+
+
+def _ends(problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None) -> FloatArray:
+    """(W, S): where a model says that the windows end."""
+    return predicted(problem, windows, hypothesis, extra)[:, -1]
+
+
+def rolled(problem: Problem, windows: Windows, model: Model) -> FloatArray:
+    """(W, S) how far the model has drifted from what was measured at the windows' ends."""
+    last = _ends(problem, windows, model.hypothesis, model.extra)
+    return difference(windows.measured[:, -1], last, problem.simulator.state)
+
+
+def whole_windows(question: Question, recording: Recording, learnt_from: bool = False) -> Windows:
+    """Evenly spread ones of the horizon in the held-out part, or in what is `learnt_from`.
+
+    All is both where nothing is held out. recording: the question's, completed where channels are hidden.
+    """
+    windows = cut(recording, _length(question.recording), most=10 * MOST)
+    held = held_out_mask(recording, windows)
+    windows = windows.take(held if held.any() and not learnt_from else ~held)
+    windows = windows.take(windows.valid[:, -1])
+    return windows.take(evenly(len(windows), MOST))
+
+
+def _length(recording: Recording) -> int:
+    return max(2, min(max(round(HORIZON / recording.dt), LENGTH), LONGEST, _longest(recording)))
+
+
+def _longest(recording: Recording) -> int:
+    """Transitions of the longest held-out stretch; of any where nothing is held out."""
+    held = first_held_out(recording)
+    spans = [(last - first, first >= held[index]) for index, first, last in stretches(recording)]
+    return max((span for span, out in spans if out), default=max((span for span, _ in spans), default=0))

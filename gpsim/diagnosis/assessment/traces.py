@@ -1,0 +1,237 @@
+"""What the pictures of a diagnosis show: rollouts beside what was measured, and the error over the recording.
+
+Everything starts from measured states, as the table of errors does; the base simulator takes its own step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.predict import predicted
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.setup.latent_states import completed, smoothed
+from gpsim.diagnosis.setup.prepare import CUT, Question
+from gpsim.effects.chain import PRE_ROLL
+from gpsim.recordings import Episode, HeldOut, Recording
+from gpsim.recordings.subsample import evenly
+
+BASE, EFFECTS = "base", "base + effects"
+LOOKED_AT = 40  # held-out stretches among which the worst and the median are looked for
+PIECES = (
+    12,
+    4,
+)  # rollouts of a stretch at most: a longer one is shown in parts; and where it would be the only one
+CHANNELS = 3  # shown at most: those in which the base is furthest off
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A held-out stretch as it was measured, and rollouts beside it, each from a measured state over the horizon.
+
+    t: (N,) s since the recording's start; measured, said[model]: (N, C) of the shown channels; a row of NaN ends a
+    rollout. errors: model -> (C,) root mean square over the stretch. place: which of how many, empty of the only one;
+    whole: whether it is a whole episode.
+    """
+
+    name: str
+    place: str
+    whole: bool
+    t: FloatArray
+    measured: FloatArray
+    said: Mapping[str, FloatArray]
+    errors: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class Traces:
+    """The worst and the median stretch, or the only one. shown: the columns of the state; horizon: s."""
+
+    shown: tuple[int, ...]
+    horizon: float
+    held_out: bool
+    traces: tuple[Trace, ...]
+
+
+@dataclass(frozen=True)
+class Course:
+    """One channel's root mean square error within the windows that the diagnosis learnt from, model by model.
+
+    t: (W,) s since the recording's start, when they begin; session: whether t runs on over the episodes.
+    """
+
+    channel: int
+    seconds: float
+    session: bool
+    t: FloatArray
+    sizes: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Samples first to last of an episode; begin: the moment [s] of the first."""
+
+    episode: int
+    first: int
+    last: int
+    begin: float
+
+
+def models_of(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
+    """What is compared: the base simulator with its own step, and with the effects, where there are any."""
+    base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it
+    return {BASE: base, EFFECTS: leader} if leader.terms else {BASE: base}
+
+
+def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
+    """The held-out stretches in which the best model does worst and middling; of everything where none is held out."""
+    length = max(2, round(horizon / question.recording.dt))
+    stretches, held_out = _stretches(question.recording, length)
+    models = models_of(question, leader)
+    parts = {kind: _rolled(question, stretches, model, length) for kind, model in models.items()}
+    scale, best = question.everything.scale, list(models)[-1]
+    seen = np.array([name not in question.hidden for name in question.everything.simulator.state.names])
+    errors = {kind: _errors(question, *part, len(stretches)) for kind, part in parts.items()}
+    rank = (np.nan_to_num(errors[best] / scale, nan=-1.0) ** 2 * seen).sum(axis=1)
+    known = np.flatnonzero(np.isfinite(errors[best]).all(axis=1))
+    off = np.sqrt((errors[BASE][known] ** 2).mean(axis=0)) / scale
+    shown = tuple(sorted(i for i in np.argsort(-np.where(seen, off, -1.0))[:CHANNELS] if seen[i]))
+    order = known[np.argsort(rank[known])][::-1]
+    places = {f"worst of {len(order)}": 0, f"median of {len(order)}": len(order) // 2}
+    if len(order) < 2:
+        places = {"": 0} if len(order) else {}
+    made = tuple(
+        _trace(question, stretches[order[at]], place, int(order[at]), shown, parts, errors)
+        for place, at in places.items()
+    )
+    return Traces(shown, length * question.recording.dt, held_out, made)
+
+
+def course(question: Question, leader: Hypothesis) -> Course:
+    """Where in the recording the base is off, in the channel in which that stands out most from the noise."""
+    problem = question.everything
+    models = models_of(question, leader)
+    sizes = {  # what is hidden each model guesses for itself
+        kind: _sizes(problem, completed(problem, model, question.hidden), model)
+        for kind, model in models.items()
+    }
+    ratio = np.sqrt(np.mean(sizes[BASE] ** 2, axis=0)) / problem.floor
+    channel = int(np.argmax(np.where(problem.observed, ratio, -1.0)))
+    begin = problem.windows.t[:, 0]
+    return Course(
+        channel,
+        problem.windows.length * problem.dt,
+        bool((np.diff(begin) > 0).all()),
+        begin,
+        {kind: size[:, channel] for kind, size in sizes.items()},
+    )
+
+
+def _stretches(recording: Recording, length: int) -> tuple[list[_Stretch], bool]:
+    """Held-out episodes, or what is held out of them, in parts of PIECES rollouts at most, evenly spread."""
+    windows = cut(recording, length, most=CUT)
+    held = held_out_mask(recording, windows)
+    some = windows.take(held if held.any() else ~held)
+    rests = []
+    for index in np.unique(some.episode):
+        t = recording.episodes[index].t
+        first = int(np.searchsorted(t, some.t[some.episode == index, 0].min()))
+        rests.append((int(index), t, first))
+    for most in PIECES:
+        found = [part for index, t, first in rests for part in _parts(index, t, first, length, most)]
+        if len(found) > 1:
+            break
+    return [found[i] for i in evenly(len(found), LOOKED_AT)], bool(held.any())
+
+
+def _parts(index: int, t: FloatArray, first: int, length: int, most: int) -> list[_Stretch]:
+    """The rest of an episode from sample `first` on, cut into equal parts where it is long."""
+    rollouts = max(1, round((len(t) - first) / (length + 1)))
+    each = int(np.ceil(rollouts / np.ceil(rollouts / most))) * (length + 1)
+    lows = list(range(first, max(first + 1, len(t) - max(3, length // 3)), each))
+    ends = [*lows[1:], len(t)]
+    return [_Stretch(index, low, end - 1, float(t[low])) for low, end in zip(lows, ends, strict=True)]
+
+
+def _rolled(
+    question: Question, stretches: Sequence[_Stretch], model: Hypothesis, length: int
+) -> tuple[Windows, FloatArray]:
+    """The stretches in windows of the horizon (their `episode` is the stretch), and what the model says in them."""
+    parts = tuple(_slice(question.recording, stretch, length) for stretch in stretches)
+    alone = replace(
+        question.recording, episodes=parts, held_out=HeldOut(episodes_from=0)
+    )  # no boundary in them
+    windows = cut(smoothed(question.everything, alone, model, question.hidden), length)
+    begins = np.array([stretch.begin for stretch in stretches])
+    windows = windows.take(windows.t[:, 0] >= begins[windows.episode])
+    return windows, predicted(question.everything, windows, model)
+
+
+def _slice(recording: Recording, stretch: _Stretch, length: int) -> Episode:
+    """The stretch with what actuators and sensors may remember before it, whole windows of it."""
+    step = length + 1
+    back = min(int(np.ceil(PRE_ROLL / step)), stretch.first // step) * step
+    first, episode = stretch.first - back, recording.episodes[stretch.episode]
+    rows = slice(first, stretch.last + 1)
+    return Episode(episode.name, episode.t[rows], episode.states[rows], episode.actions[first : stretch.last])
+
+
+def _errors(question: Question, windows: Windows, said: FloatArray, count: int) -> FloatArray:
+    """(count, S) root mean square of measured minus simulated in each stretch, NaN where no window fits into it."""
+    square = difference(windows.measured, said, question.everything.simulator.state) ** 2
+    valid = _after_start(windows)
+    out = np.full((count, square.shape[2]), np.nan)
+    for index in np.unique(windows.episode):
+        mine = windows.episode == index
+        out[index] = np.sqrt(square[mine][valid[mine]].mean(axis=0))
+    return out
+
+
+def _sizes(problem: Problem, windows: Windows, model: Hypothesis) -> FloatArray:
+    """(W, S) root mean square error of every window."""
+    left = difference(windows.measured, predicted(problem, windows, model), problem.simulator.state)
+    valid = _after_start(windows)
+    return np.asarray(np.sqrt((left**2 * valid[..., None]).sum(axis=1) / valid.sum(axis=1)[:, None]))
+
+
+def _after_start(windows: Windows) -> BoolArray:
+    """(W, L + 1) the samples that are compared: a window's first one is where the rollout starts."""
+    valid = np.array(windows.valid)
+    valid[:, 0] = False
+    return valid
+
+
+def _trace(
+    question: Question,
+    stretch: _Stretch,
+    place: str,
+    index: int,
+    shown: Sequence[int],
+    parts: Mapping[str, tuple[Windows, FloatArray]],
+    errors: Mapping[str, FloatArray],
+) -> Trace:
+    columns, episode = list(shown), question.recording.episodes[stretch.episode]
+    windows = parts[BASE][0]
+    mine = windows.episode == index
+    return Trace(
+        episode.name,
+        place,
+        stretch.first == 0 and stretch.last == len(episode.t) - 1,
+        _joined(windows.t[mine][..., None], windows.valid[mine])[:, 0],
+        _joined(windows.measured[mine][..., columns], windows.valid[mine]),
+        {k: _joined(said[mine][..., columns], windows.valid[mine]) for k, (_, said) in parts.items()},
+        {k: error[index][columns] for k, error in errors.items()},
+    )
+
+
+def _joined(pieces: FloatArray, valid: BoolArray) -> FloatArray:
+    """Pieces (P, L + 1, C) one after the other, a row of NaN after each."""
+    gap = np.full((1, pieces.shape[2]), np.nan)
+    return np.concatenate(
+        [part for piece, ok in zip(pieces, valid, strict=True) for part in (piece[ok], gap)]
+    )

@@ -1,0 +1,1 @@
+"""Data: a recording cut into windows, some held out."""

@@ -1,0 +1,1 @@
+"""Fitting: a hypothesis against windows, by multiple shooting."""

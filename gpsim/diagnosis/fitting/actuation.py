@@ -1,0 +1,129 @@
+"""What reaches the simulator in the windows of a hypothesis: recorded commands, or what actuators make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray, IntArray, difference
+from gpsim.diagnosis.data.windows import Windows
+from gpsim.effects.chain import Chain
+from gpsim.effects.effect import Values
+from gpsim.effects.term import EPISODE
+from gpsim.simulators.plant import Memory
+
+Spread = Callable[[FloatArray, int], Sequence[Values]]
+Drive = Callable[[int, int, FloatArray], FloatArray]
+"""What reaches the simulator (B, A) at transition k, substep j, in state (B, S); called in the order of time.
+
+Transitions before the window are -1, -2, ..., their commands are known whatever the state.
+"""
+DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What follows from all windows and thetas together, and must not depend on which of them are simulated here.
+
+    even: whether all clocks are; usual: s, a substep; slots: how many substeps back the sensors look; first: copies
+    with commands of their own; which: (C,) the place in `first` of each copy's commands; leaps: whether whole control
+    steps lead up to the windows.
+    """
+
+    n: int
+    even: bool
+    usual: float
+    slots: int
+    first: IntArray
+    which: IntArray
+    leaps: bool = False
+
+
+def values_of(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray) -> list[Values]:
+    """Of every term, the values of all windows of all copies; where a gate asks for it, their episodes, too."""
+    values = list(spread(thetas, len(windows)))
+    for i, term in enumerate(chain.terms):
+        if term.gate.since_episode is not None:
+            values[i] = {**values[i], EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
+    return values
+
+
+def as_recorded(windows: Windows, rows: IntArray) -> Drive:
+    """The commands of the windows in these rows (B,), which nothing changes."""
+    by_time = np.ascontiguousarray(windows.actions.transpose(1, 0, 2)[:, rows])
+
+    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
+        return np.asarray(by_time[k] if k >= 0 else windows.before_actions[rows, k])
+
+    return drive
+
+
+def precomputed(
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: Setting
+) -> Drive:
+    """All commands at once: they do not depend on the simulated state, nor on parameters of other sites.
+
+    Where they do depend on the state, those before the window are taken at the measured one, those in it step by step.
+    """
+    count, n, first = len(windows), setting.n, setting.first
+    rows, values = np.tile(np.arange(count), len(first)), values_of(chain, windows, spread, thetas[first])
+    coarser = chain.looks and not setting.even
+    memory = chain.rest(len(rows), setting.usual / DENSER if coarser else setting.usual)
+    if setting.leaps:
+        memory = _led_up_to(chain, windows, rows, values, setting)
+        windows = windows.remembering(0)
+    before = n * windows.before_actions.shape[1]
+    end = before if chain.looks else None
+    actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
+    begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
+    steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
+    t = (begins[:, :, None] + steps[:, :, None] * np.arange(n)).reshape(count, -1)[:, :end]
+    step = np.repeat(steps, n, axis=1)[:, :end]
+    states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
+    if chain.looks:
+        states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1]
+    commands = np.repeat(actions, n, axis=1)[:, :end]
+    acted = chain.commands(commands[rows], states[rows], values, memory, step[rows], t[rows])
+    by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
+    which = (setting.which[:, None] * count + np.arange(count)).ravel()
+    if not chain.looks:
+        return lambda k, j, state: by_time[before + n * k + j][which]
+    held = {key: kept[which] for key, kept in memory.items()}
+    every = values_of(chain, windows, spread, thetas)
+    row = np.tile(np.arange(count), len(thetas))
+
+    @lru_cache(maxsize=1)  # it is asked for n times in a row
+    def transition(k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begin = windows.t[row, k]
+        return windows.actions[row, k], begin, (windows.t[row, k + 1] - begin) / n
+
+    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
+        if k < 0:
+            return np.asarray(by_time[before + n * k + j][which])
+        action, begin, substep = transition(k)
+        return chain.command(action, state, every, held, substep, begin + j * substep)
+
+    return drive
+
+
+def _led_up_to(
+    chain: Chain, windows: Windows, rows: IntArray, values: Sequence[Values], setting: Setting
+) -> Memory:
+    """The actuators' memory at the windows' beginning, from whole control steps."""
+    actions, t = windows.before_actions[rows], windows.before_t[rows]
+    memory = chain.rest(len(rows), setting.usual * setting.n)
+    states = np.empty((*t.shape, 0))  # nobody looks at them
+    chain.commands(actions, states, values, memory, np.diff(t, axis=1), t[:, :-1])
+    return chain.finer(memory, setting.n)
+
+
+def _measured_between(windows: Windows, n: int, channels: Channels) -> FloatArray:
+    """(W, K + 1, S) the measured states at all substeps, before and in the window: where gates of actuators look."""
+    states = np.concatenate([windows.before_states, windows.measured], axis=1)
+    share = np.arange(n)[:, None] / n
+    between = states[:, :-1, None] + share * difference(states[:, 1:], states[:, :-1], channels)[:, :, None]
+    flat = between.reshape(len(states), -1, states.shape[2])
+    return np.concatenate([flat, states[:, -1:]], axis=1)

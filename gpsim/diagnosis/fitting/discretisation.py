@@ -1,0 +1,63 @@
+"""The numerical error of a simulation: a part of the noise, or it passes for physics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
+from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
+
+MARGIN = 2.0  # on the numerical error
+FINER_GAINS = 5.0  # nats that a grid twice as fine must gain
+MOST_FINER = 4  # times as many substeps as the base simulator needs
+
+
+def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
+    """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
+
+    The error of a third-order scheme is 8/7 of that change (4/3 where friction stops a body), and it is the same in all
+    windows that look alike: what it could pass off as physics must stay below the floor.
+    """
+    null = at or fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=4)
+    finer = replace(problem, substeps=2 * problem.substeps)
+    theta = null.hypothesis.theta[None]
+    change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
+    return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+
+
+def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
+    """As many substeps as the best hypothesis needs, at most so many times more than the base simulator does.
+
+    What a coarse grid leaves over would pass for physics: a late command that changes inside a substep, say, of a
+    vehicle that turns no tighter than so. With the fit on the last grid.
+    """
+    substeps, at = problem.substeps, best
+    while at.hypothesis.scheme == "fine" and substeps < MOST_FINER * problem.substeps:
+        grid = replace(problem, substeps=2 * substeps)
+        finer = fit(grid, at.hypothesis, at.starts, iterations=8, near=True)
+        if finer.objective > at.objective - FINER_GAINS:
+            break
+        substeps, at = 2 * substeps, finer
+    return substeps, at
+
+
+def settled(problem: Problem, best: Fit) -> Problem:
+    """The problem with a floor that holds the best hypothesis's numerical error, which may be more than the base's.
+
+    Friction that stops and starts a body is where a step is least exact.
+    """
+    if best.hypothesis.scheme != "fine":
+        return problem
+    error = np.hypot(problem.floor * problem.stated, numerical_error(problem, best))
+    return replace(problem, floor=np.maximum(problem.floor, error))
+
+
+def rescored(problem: Problem, at: Fit) -> Fit:
+    """A fit under another floor."""
+    return replace(
+        at, variance=variance_of(problem, at.residuals), objective=objective(problem, at.residuals)
+    )

@@ -1,0 +1,146 @@
+"""Evidence: what a hypothesis gains over another on the same windows, honest about correlated samples.
+
+The log likelihood's gain counts effective samples only: n / tau with tau the integrated autocorrelation time of the
+residual under the *richer* hypothesis (Sokal 1997). A right one leaves white noise (tau = 1); a wrong one leaves
+structure, and earns little. The price of a parameter is the BIC's (Schwarz 1978), half the log of that number.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import t as student
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
+from gpsim.diagnosis.fitting.multiple_shooting import Fit
+from gpsim.diagnosis.fitting.problem import Problem, mean_squares
+
+LONGEST_LAG = 12
+PER_TERM = (
+    4.0  # nats that a term must bring beside its parameters' price: it is one of dozens (log of their number)
+)
+MOST_PROJECTED = 60  # windows over which the start states' share is averaged
+
+
+def autocorrelation(problem: Problem, residual: FloatArray, lags: int = LONGEST_LAG) -> FloatArray:
+    """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags."""
+    power = (residual**2).sum(axis=(0, 1))
+    valid = problem.windows.valid
+    out = np.zeros((residual.shape[2], lags))
+    for lag in range(1, min(lags, residual.shape[1] - 1) + 1):
+        pairs = (residual[:, lag:] * residual[:, :-lag]).sum(axis=(0, 1))
+        share = max(float((valid[:, lag:] & valid[:, :-lag]).sum()), 1.0) / max(float(valid.sum()), 1.0)
+        out[:, lag - 1] = np.divide(pairs, power * share, out=np.zeros_like(power), where=power > 0)
+    return out
+
+
+def correlation_time(problem: Problem, residual: FloatArray) -> FloatArray:
+    """(S,) tau = 1 + 2 sum of the autocorrelations up to the first that is not positive."""
+    rho = autocorrelation(problem, residual)
+    positive = np.cumprod(rho > 0, axis=1)
+    return np.asarray(1.0 + 2.0 * (rho * positive).sum(axis=1))
+
+
+def channel_objectives(problem: Problem, fit: Fit) -> FloatArray:
+    """(S,) negative log likelihood of each channel, 0 where nothing was observed."""
+    square = mean_squares(problem, fit.residuals)
+    terms = problem.counts / 2 * (np.log(fit.variance) + square / fit.variance)
+    return np.asarray(np.where(problem.observed, terms, 0.0))
+
+
+def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
+    """Nats by which the richer hypothesis wins, its additional parameters paid."""
+    tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
+    difference = channel_objectives(problem, poorer) - channel_objectives(problem, richer)
+    return float((difference / tau).sum()) - price(problem, richer, poorer)
+
+
+def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
+    """Nats that the additional parameters cost; each gate has edges, which count as two."""
+    tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
+    extra = len(richer.hypothesis.parameters) - len(poorer.hypothesis.parameters)
+    extra += 2 * (_gates(richer) - _gates(poorer))
+    effective = float((problem.counts / tau)[problem.observed].sum())
+    return float(extra / 2 * np.log(max(effective, 2.0)))
+
+
+def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
+    """(F,) nats of each fit under one noise model, that of the best: their differences are log posterior odds.
+
+    A priori every further effect is as improbable as that it is this one of dozens.
+    """
+    best = min(fits, key=lambda f: f.objective + _price(problem, f))
+    tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
+    effective = float((problem.counts / tau)[problem.observed].sum())
+    size = [len(f.hypothesis.parameters) + 2 * _gates(f) for f in fits]
+    nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
+    terms = np.array([len(f.hypothesis.terms) for f in fits])
+    return np.asarray(np.array(nats) - PER_TERM * terms - np.array(size) / 2 * np.log(max(effective, 2.0)))
+
+
+def _price(problem: Problem, fit: Fit) -> float:
+    size = len(fit.hypothesis.parameters) + 2 * _gates(fit)
+    return PER_TERM * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
+
+
+def _gates(fit: Fit) -> int:
+    """Gates; each has edges, which count as two parameters."""
+    return sum(bool(term.gate) for term in fit.hypothesis.terms)
+
+
+def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
+    """(p_value, size): is the residual white, beyond its floor? size: the autocorrelation where it is least so.
+
+    A one-sided test for positive correlation at short lags, each window one independent draw (Student 1908: their
+    scatter is estimated from as many). Start states were fitted to the same samples, which correlates even white
+    noise; that share is known exactly and taken off.
+    """
+    windows = problem.windows
+    if len(windows) < 2:
+        return 1.0, 0.0
+    rho = autocorrelation(problem, fit.residuals, lags)
+    seen = np.flatnonzero(problem.observed)
+    expected = _fitted_share(problem, fit, lags)
+    worst, size = 1.0, 0.0
+    for place, channel in enumerate(seen):
+        power = float((fit.residuals[..., channel] ** 2).sum()) / max(problem.counts[channel], 1.0)
+        if power <= (1.01 * problem.floor[channel]) ** 2:
+            continue  # the floor (known noise, numerical error) is all there is
+        # In units of the window's own power: one loud window must not drown what all others say.
+        freedom = problem.counts[channel] / len(windows)
+        own = (fit.residuals[..., channel] ** 2).sum(axis=1) / freedom
+        own = np.maximum(own, max(float(problem.floor[channel]) ** 2, 1e-300))
+        for lag in range(lags):
+            products = _lag_products(fit.residuals[..., channel], lag + 1) / own + expected[place, lag]
+            scatter = float(products.std(ddof=1)) / np.sqrt(len(products))
+            p = float(student.sf(float(products.mean()) / max(scatter, 1e-300), len(products) - 1))
+            if p < worst:
+                worst, size = p, float(rho[channel, lag])
+    return min(1.0, worst * lags * len(seen)), size
+
+
+def _fitted_share(problem: Problem, fit: Fit, lags: int) -> FloatArray:
+    """(observed channels, lags): what fitting start states takes off a window's lag products of white noise."""
+    rows = np.linspace(0, len(problem.windows) - 1, min(len(problem.windows), MOST_PROJECTED)).astype(
+        np.int64
+    )
+    part = problem.on(problem.windows.take(rows))
+    slopes = state_jacobian(part, fit.hypothesis, fit.starts[rows], fit.residuals[rows])[
+        :, :, problem.observed
+    ]
+    slopes = slopes / np.sqrt(fit.variance[problem.observed])[:, None]
+    count, samples, channels, dimension = slopes.shape
+    flat = slopes.reshape(count, samples * channels, dimension)
+    size = np.sqrt((flat**2).sum(axis=1, keepdims=True))
+    flat = flat / np.where(size > 0, size, 1.0)
+    basis = np.linalg.svd(flat, full_matrices=False)
+    kept = (basis.U * (1e-9 * basis.S[:, :1] < basis.S)[:, None, :]).reshape(count, samples, channels, -1)
+    out = np.empty((channels, lags))
+    for lag in range(lags):
+        out[:, lag] = (kept[:, lag + 1 :] * kept[:, : -lag - 1]).sum(axis=(1, 3)).mean(axis=0)
+    return out
+
+
+def _lag_products(residual: FloatArray, lag: int) -> FloatArray:
+    """(W,) sum over a window of residual times the residual `lag` samples later."""
+    return np.asarray((residual[:, lag:] * residual[:, :-lag]).sum(axis=1))

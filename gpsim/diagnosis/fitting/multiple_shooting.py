@@ -1,0 +1,267 @@
+"""Multiple shooting: fit a hypothesis to windows, each window's start state estimated along with the parameters.
+
+Bock (1981), "Numerical treatment of inverse problems in chemical reaction kinetics"; the start states are eliminated
+by projection, with Levenberg-Marquardt damping and acceptance per window, because one window near a discontinuity
+must not hold up all others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.fitting.gauss_newton import (
+    Step,
+    damped_step,
+    jacobians,
+    projected,
+    promised_gain,
+    state_jacobian,
+)
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of, window_costs
+from gpsim.recordings.subsample import evenly
+
+PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
+PATTERN_ROUNDS = (1, 3, 5, 8)
+NEAR_BY = (1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04, 0.02, 0.01)
+PATTERN = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, *NEAR_BY)  # in a parameter's own finite-difference steps
+FIRST_PATTERN = (*np.arange(12.0, 1.5, -0.5), *NEAR_BY)  # a threshold's valley may be as narrow as a step
+PATTERN_WINDOWS = 80  # windows on which the places of a pattern are judged
+LEAST_DAMPING = 1e-9
+NO_DAMPING = 1e-14  # what a rejected step can still multiply
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted hypothesis.
+
+    residuals: (W, L + 1, S); starts: (W, S); variance: (S,) of the residual, floor included; objective: negative log
+    likelihood in nats, up to a constant of the data; converged: whether it stood still.
+    """
+
+    hypothesis: Hypothesis
+    starts: FloatArray
+    residuals: FloatArray
+    variance: FloatArray
+    objective: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """The log likelihood around a fit, start states projected out: information (P, P), gradients (W, P) by window."""
+
+    information: FloatArray
+    gradients: FloatArray
+
+
+def fit(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    starts: FloatArray,
+    *,
+    iterations: int = 25,
+    tolerance: float = 0.02,
+    near: bool = False,
+) -> Fit:
+    """Minimise the profile likelihood over theta (from the hypothesis's values) and the start states (W, S).
+
+    near: the values are known to be good, thresholds of jumping laws need not be looked for far away.
+    """
+    low, high = _bounds(hypothesis)
+    theta = np.clip(hypothesis.theta, low, high)
+    at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
+    damping, per_window, least = 1e-3, np.full(len(starts), 1e-3), LEAST_DAMPING
+    converged, still, seen_from, moved = False, 0, None, True
+    for round_ in range(iterations):
+        if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
+            pattern = np.array(FIRST_PATTERN if round_ == PATTERN_ROUNDS[0] else PATTERN)
+            at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
+        if seen_from is not at.residual:  # after a rejected step it stands where it stood
+            by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+            seen_from = at.residual
+        variance = variance_of(problem, at.residual)
+        step = damped_step(
+            problem, at.residual, by_state, by_theta, variance, damping, per_window, at.theta, low, high
+        )
+        # After a rejected step of theta, and where there is none, the start states may have to go alone.
+        alone = not (moved and theta.size)
+        new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high, alone=alone)
+        gain = at.value - new.value
+        per_window = np.clip(np.where(stepped, per_window / 5, per_window * 8), least, 1e6)
+        damping = float(np.clip(damping / 5 if moved else damping * 8, least, 1e6))
+        at = new if gain > 0 else replace(at, anchored=anchored)
+        still = 0 if gain >= tolerance else still + 1
+        if (moved and still >= 1) or still >= (PATIENCE if theta.size else 2):
+            # Where one channel is known far better than another, a little damping may be all that holds it.
+            promised = promised_gain(problem, at.residual, by_state, by_theta, at.theta, low, high)
+            if least < LEAST_DAMPING or promised < tolerance:
+                converged = True
+                break
+            least, still = NO_DAMPING, 0
+            damping, per_window = least, np.full(len(starts), least)
+    variance = variance_of(problem, at.residual)
+    return Fit(hypothesis.having(at.theta), at.starts, at.residual, variance, at.value, converged)
+
+
+def curvature(problem: Problem, fit: Fit) -> Curvature:
+    """Around a fit to the problem's windows, or to the same windows on another grid; the noise model stands."""
+    theta = fit.hypothesis.theta
+    residual = problem.residuals(fit.hypothesis, theta[None], fit.starts[None])[0]
+    by_state, by_theta = jacobians(problem, fit.hypothesis, theta, fit.starts, residual)
+    informations, gradients = projected(
+        problem, residual, by_state, by_theta, fit.variance, np.zeros(len(fit.starts))
+    )
+    return Curvature(informations.sum(axis=0), gradients)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where a fit stands: theta (P,), starts (W, S), residual (W, L + 1, S) and the objective there.
+
+    anchored: (W, L + 1, S) the residual from the measured start states with this theta, where it is known.
+    """
+
+    theta: FloatArray
+    starts: FloatArray
+    residual: FloatArray
+    value: float
+    anchored: FloatArray | None = None
+
+
+def _point(
+    problem: Problem,
+    theta: FloatArray,
+    starts: FloatArray,
+    residual: FloatArray,
+    anchored: FloatArray | None = None,
+) -> _Point:
+    return _Point(theta, starts, residual, objective(problem, residual), anchored)
+
+
+def _bounds(hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
+    bounds = np.array([(p.low, p.high) for p in hypothesis.parameters], dtype=float).reshape(-1, 2)
+    return bounds[:, 0], bounds[:, 1]
+
+
+def _stepped(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    at: _Point,
+    step: Step,
+    low: FloatArray,
+    high: FloatArray,
+    *,
+    alone: bool,
+) -> tuple[_Point, bool, BoolArray, FloatArray]:
+    """The step of theta if it is better than where the fit stands, else theta standing still.
+
+    Every window keeps the start state that suits it best. alone: try its own step while theta stands, too.
+
+    Returns the point, whether theta moved, (W,) whose start state took its own step, and the residual `anchored` of the
+    theta that it began with.
+    """
+    thetas = [at.theta]
+    if at.theta.size and np.isfinite(step.theta).all():  # a window that flies off may leave no direction
+        thetas.insert(0, np.clip(at.theta + step.theta, low, high))
+    # What was measured is always worth a try: a start state that a worse theta led astray may be stuck there.
+    anchor = problem.windows.measured[:, 0]
+    follows = [at.starts + step.starts_by_theta @ (theta - at.theta) for theta in thetas[:-1]] + [at.starts]
+    copies = np.stack([c for follow in follows for c in (follow + step.starts_alone, follow, anchor)])
+    got = np.empty((len(copies), *at.residual.shape))
+    new = np.ones(len(copies), dtype=np.bool_)
+    new[-2], got[-2] = False, at.residual  # where it stands is known,
+    if at.anchored is not None:
+        new[-1], got[-1] = False, at.anchored  # and what was measured, since theta was tried
+    if len(thetas) > 1 and not alone:
+        new[-3], got[-3] = False, np.inf
+    got[new] = problem.residuals(hypothesis, np.repeat(np.stack(thetas), 3, axis=0)[new], copies[new])
+    costs = window_costs(problem, got, variance_of(problem, at.residual))
+    every, options = np.arange(len(at.starts)), []
+    for i, theta in enumerate(thetas):
+        pick = 3 * i + np.argmin(costs[3 * i : 3 * i + 3], axis=0)
+        point = _point(problem, theta, copies[pick, every], got[pick, every], got[3 * i + 2])
+        options.append((point, pick == 3 * i))
+    # Start states alone often gain more at first, and would hold theta where it stands.
+    moves = len(thetas) > 1 and options[0][0].value < at.value
+    best = options[0] if moves else options[-1]
+    return best[0], moves, best[1], got[-1]
+
+
+def _searched_pattern(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    at: _Point,
+    pattern: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    per_window: FloatArray,
+) -> _Point:
+    """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum.
+
+    All places of a parameter are judged with start states that follow them linearly, and once more with the other
+    parameters following, too; the best of either is taken if it holds.
+    """
+    rows = evenly(len(at.starts), PATTERN_WINDOWS)
+    some, damped = problem.on(problem.windows.take(rows)), per_window[rows]
+    for j, parameter in enumerate(hypothesis.parameters):
+        if parameter.step is None:
+            continue
+        here = _point(some, at.theta, at.starts[rows], at.residual[rows])
+        reaches = parameter.step * np.concatenate([-pattern, pattern])
+        thetas = np.tile(at.theta, (len(reaches), 1))
+        thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
+        got = some.residuals(hypothesis, thetas, np.tile(here.starts, (len(thetas), 1, 1)))
+        by_state, by_theta = jacobians(some, hypothesis, here.theta, here.starts, here.residual)
+        others = np.flatnonzero(np.arange(at.theta.size) != j)
+        for free in dict.fromkeys(((), tuple(others))):
+            following = np.array(free, dtype=np.int64)
+            moved = _followed(some, here, got, by_state, by_theta, following, low, high, damped)
+            best = int(np.argmin([objective(some, r) for _, r in moved]))
+            theta = np.array(thetas[best])
+            theta[following] += moved[best][0].theta
+            theta = np.clip(theta, low, high)
+            at = min(at, _best_starts(problem, hypothesis, theta, at, per_window), key=lambda p: p.value)
+    return at
+
+
+def _followed(
+    problem: Problem,
+    at: _Point,
+    got: FloatArray,
+    by_state: FloatArray,
+    by_theta: FloatArray,
+    following: IntArray,
+    low: FloatArray,
+    high: FloatArray,
+    per_window: FloatArray,
+) -> list[tuple[Step, FloatArray]]:
+    """For each of the residuals got (C, W, L + 1, S): how start states and some parameters adapt, and what is left."""
+    variance, slopes = variance_of(problem, at.residual), by_theta[..., following]
+    theta, low, high = at.theta[following], low[following], high[following]
+    out = []
+    for r in got:
+        step = damped_step(problem, r, by_state, slopes, variance, 1e-3, per_window, theta, low, high)
+        start = step.starts_alone + step.starts_by_theta @ step.theta
+        out.append((step, r + (by_state @ start[:, None, :, None])[..., 0] + slopes @ step.theta))
+    return out
+
+
+def _best_starts(
+    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: _Point, per_window: FloatArray
+) -> _Point:
+    """Theta with the start state that suits each window best: where it stood, as it follows, or as measured."""
+    residual = problem.residuals(hypothesis, theta[None], at.starts[None])[0]
+    by_state = state_jacobian(problem, hypothesis.having(theta), at.starts, residual)
+    variance, none = variance_of(problem, at.residual), np.empty((*residual.shape, 0))
+    bounds = theta[:0]
+    step = damped_step(problem, residual, by_state, none, variance, 0.0, per_window, bounds, bounds, bounds)
+    copies = np.stack([at.starts, at.starts + step.starts_alone, problem.windows.measured[:, 0]])
+    others = problem.residuals(hypothesis, np.tile(theta, (2, 1)), copies[1:])
+    tried = np.concatenate([residual[None], others])
+    pick = np.argmin(window_costs(problem, tried, variance), axis=0)
+    every = np.arange(len(at.starts))
+    return _point(problem, theta, copies[pick, every], tried[pick, every], tried[-1])

@@ -1,0 +1,100 @@
+"""The problem of a fit: windows to explain, the simulator that should, and the likelihood of what is left over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.effects.chain import Chain
+from gpsim.simulators import Simulator
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Windows to explain.
+
+    observed: (S,) which channels were measured; floor: (S,) the least standard deviation of what a perfect hypothesis
+    leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
+    scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
+    substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
+    was thinned).
+    """
+
+    simulator: Simulator
+    parameters: Mapping[str, float]
+    dt: float
+    windows: Windows
+    observed: BoolArray
+    floor: FloatArray
+    stated: BoolArray
+    scale: FloatArray
+    mismatch: FloatArray
+    substeps: int
+    base_steps: int = 1
+
+    @cached_property
+    def counts(self) -> FloatArray:
+        """(S,) degrees of freedom of each observed channel's residual, the start states taken off."""
+        samples = float(self.windows.valid.sum())
+        spent = len(self.windows) * len(self.simulator.state) / max(int(self.observed.sum()), 1)
+        return np.where(self.observed, max(samples - spent, 1.0), 0.0)
+
+    def on(self, windows: Windows) -> Problem:
+        """The same question to other windows."""
+        return replace(self, windows=windows)
+
+    def steps(self, chain: Chain) -> int:
+        """Steps of a transition."""
+        return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
+
+    def as_finely(self, hypothesis: Hypothesis, other: Hypothesis) -> Problem:
+        """The same question, in which `hypothesis` steps as finely as `other` does here: a region makes a grid finer.
+
+        That alone may gain nats.
+        """
+        if hypothesis.scheme != "fine" or other.scheme != "fine":
+            return self
+        chains = [h.chain(self.simulator, self.parameters, self.dt) for h in (hypothesis, other)]
+        own, theirs = (chain.refinement for chain in chains)
+        return self if theirs <= own else replace(self, substeps=self.substeps * theirs // own)
+
+    def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
+        """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S); 0 where nothing was seen."""
+        chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
+        said = simulate(chain, self.windows, starts, hypothesis.spread, thetas, self.steps(chain))
+        residual = difference(self.windows.measured[None], said, self.simulator.state)
+        residual *= self.windows.valid[None, :, :, None] & self.observed
+        return residual
+
+
+def mean_squares(problem: Problem, residual: FloatArray) -> FloatArray:
+    """(S,) of the residual (W, L + 1, S), over its degrees of freedom."""
+    return np.asarray((residual**2).sum(axis=(0, 1)) / np.maximum(problem.counts, 1.0))
+
+
+def variance_of(problem: Problem, residual: FloatArray) -> FloatArray:
+    """(S,) mean square of the residual per degree of freedom, at least the floor's."""
+    return np.asarray(np.maximum(mean_squares(problem, residual), problem.floor**2))
+
+
+def objective(problem: Problem, residual: FloatArray) -> float:
+    """Negative log likelihood in nats with each channel's variance profiled out (floored)."""
+    square = mean_squares(problem, residual)
+    variance = np.maximum(square, problem.floor**2)
+    terms = problem.counts / 2 * (np.log(variance) + square / variance)
+    return float(terms[problem.observed].sum())
+
+
+def window_costs(problem: Problem, residual: FloatArray, variance: FloatArray) -> FloatArray:
+    """(C, W) half the sum of squares in standard deviations."""
+    cost: FloatArray = (residual[..., problem.observed] ** 2 / variance[problem.observed]).sum(
+        axis=(2, 3)
+    ) / 2
+    return cost

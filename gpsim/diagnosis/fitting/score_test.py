@@ -1,0 +1,164 @@
+"""Screening: what a term could gain at best, from one simulation of it each, without fitting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.gauss_newton import jacobians
+from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import Fit
+from gpsim.diagnosis.fitting.pool import side_by_side
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.effects import EffectParameter, Gate
+
+NO_GATE = Gate()
+SCANNED, STEPS = (0.5, 0.05, 0.005), 25  # of a value, to either side, and places that are looked at
+LEAST_TIMES = 1e-9  # as much of a limit, which grows with that
+SMALL = 0.05  # of what a starting value changes
+CHUNK = 8  # offers that one process screens in a row
+MOST = 1e4  # standard deviations that a direction is clipped to
+
+
+class Directions:
+    """How hypotheses around a fitted parent change its residual, start states and its own parameters projected out.
+
+    In standard deviations of the parent's residual, observed channels only: a vector has shape (W, M).
+    """
+
+    def __init__(self, problem: Problem, parent: Fit) -> None:
+        self.problem, self.parent = problem, parent
+        self._sd = np.sqrt(parent.variance[problem.observed])
+        hypothesis = parent.hypothesis
+        by_state, by_theta = jacobians(problem, hypothesis, hypothesis.theta, parent.starts, parent.residuals)
+        self._basis = np.linalg.qr(self._columns(by_state) + 1e-12)[0]
+        self._own: FloatArray | None = None
+        if by_theta.shape[-1]:
+            own = self._columns(by_theta)
+            own = own - self._basis @ (self._basis.transpose(0, 2, 1) @ own)
+            self._own = np.linalg.qr(own.reshape(-1, own.shape[-1]) + 1e-12)[0]
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(W, M): the parent's residual, what start states can explain taken off."""
+        return self._without(self._flat(self.parent.residuals))
+
+    def of(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
+        """(C, W, M): what each of thetas (C, P) takes off the residual."""
+        starts = np.broadcast_to(self.parent.starts, (len(thetas), *self.parent.starts.shape))
+        return self.changes(self.problem.residuals(hypothesis, thetas, starts))
+
+    def changes(self, residuals: FloatArray) -> FloatArray:
+        """(C, W, M): the same for other residuals (C, W, L + 1, S)."""
+        changes = [np.clip(self._flat(self.parent.residuals - r), -MOST, MOST) for r in residuals]
+        return np.stack([self._without(change) for change in changes])
+
+    def gains(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
+        """(C,) nats: what the best multiple of each direction takes off half the parent's sum of squares."""
+        changes = self.of(hypothesis, thetas).reshape(len(thetas), -1)
+        size = (changes**2).sum(axis=1)
+        pull = changes @ self.rest.ravel()
+        return np.asarray(np.divide(0.5 * pull**2, size, out=np.zeros_like(size), where=size > 1e-12))
+
+    def objectives(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
+        """(C,) nats: the objective of each of thetas (C, P), start states adapted linearly."""
+        problem = self.problem
+        rest = self.rest - self.of(hypothesis, thetas)
+        seen = int(problem.observed.sum())
+        square = (rest.reshape(len(thetas), -1, seen) ** 2).sum(axis=1) / problem.counts[problem.observed]
+        variance = np.maximum(square, (problem.floor[problem.observed] / self._sd) ** 2)
+        terms = problem.counts[problem.observed] / 2 * (np.log(variance) + square / variance)
+        return np.asarray(terms.sum(axis=1))
+
+    def _columns(self, slopes: FloatArray) -> FloatArray:
+        """(W, L + 1, S, P) -> (W, M, P) in standard deviations."""
+        scaled = slopes[:, :, self.problem.observed] / self._sd[:, None]
+        return np.asarray(scaled.reshape(len(slopes), -1, slopes.shape[-1]))
+
+    def _flat(self, residual: FloatArray) -> FloatArray:
+        scaled = residual[..., self.problem.observed] / self._sd
+        return np.asarray(scaled.reshape(len(residual), -1))
+
+    def _without(self, vectors: FloatArray) -> FloatArray:
+        """(W, M) vectors with what the start states (and the parameters) can explain taken off."""
+        explained = self._basis @ (self._basis.transpose(0, 2, 1) @ vectors[..., None])
+        rest = np.asarray(vectors - explained[..., 0])
+        if self._own is None:
+            return rest
+        return np.asarray(rest - (self._own @ (self._own.T @ rest.ravel())).reshape(rest.shape))
+
+
+def screened(
+    directions: Directions, offers: Sequence[Candidate], gate: Gate = NO_GATE
+) -> list[tuple[float, Candidate, tuple[float, ...]]]:
+    """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test."""
+    chunks = [offers[i : i + CHUNK] for i in range(0, len(offers), CHUNK)]
+    looks = side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
+    return sorted((found for look in looks for found in look), key=lambda item: -item[0])
+
+
+def _screened(
+    directions: Directions, offers: Sequence[Candidate], gate: Gate
+) -> list[tuple[float, Candidate, tuple[float, ...]]]:
+    parent = directions.parent.hypothesis
+    out = []
+    for candidate in offers:
+        starts = _looked_at(candidate)
+        child = child_of(parent, candidate, starts[0]).gated(len(parent.terms), gate)
+        thetas = np.array([[*parent.theta, *start] for start in starts])
+        gains = directions.gains(child, thetas)
+        best = int(np.argmax(gains))
+        out.append((float(gains[best]), candidate, starts[best]))
+    return out
+
+
+def stretched(
+    directions: Directions, candidate: Candidate, start: tuple[float, ...], gate: Gate = NO_GATE
+) -> tuple[float, ...]:
+    """The start values of a law that grows with its only parameter, at the size that explains most behind a gate.
+
+    First by its linear gain, then by scans around it that narrow: dry friction in coarse steps has many local optima.
+    """
+    if len(start) != 1:
+        return start
+    parent, p = directions.parent.hypothesis, candidate.declared[0]
+    child = child_of(parent, candidate, start).gated(len(parent.terms), gate)
+    change = directions.of(child, np.array([[*parent.theta, *start]]))[0].ravel()
+    size = float(change @ change)
+    value = stronger(p, start[0], float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)
+    for reach in SCANNED:
+        values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, STEPS), p.low, p.high)
+        thetas = np.array([[*parent.theta, v] for v in values])
+        value = float(values[np.argmin(directions.objectives(child, thetas))])
+    return (value,)
+
+
+def stronger(p: EffectParameter, value: float, times: float) -> float:
+    """The value of a law's only parameter at which it does about so many times as much, within its bounds."""
+    stretched = value / max(times, LEAST_TIMES) if p.falls else p.none + times * (value - p.none)
+    return float(np.clip(stretched, p.low, p.high))
+
+
+def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
+    """Every combination of the parameters' starting values."""
+    return list(product(*(p.starts for p in candidate.declared)))
+
+
+def _looked_at(candidate: Candidate) -> list[tuple[float, ...]]:
+    """The starting values; of a law that grows with its only parameter small ones, too.
+
+    Where motion is sensitive to it (a pendulum that goes round), what a large change does is no line.
+    """
+    starts, p = starts_of(candidate), candidate.declared[0]
+    if len(candidate.declared) > 1 or p.falls or p.step is not None:
+        return starts
+    return [*starts, *((stronger(p, start, SMALL),) for (start,) in starts)]
+
+
+def child_of(parent: Hypothesis, candidate: Candidate, start: Sequence[float]) -> Hypothesis:
+    """The parent with one term more."""
+    return parent.plus(candidate.term(start), candidate.declared)

@@ -1,0 +1,199 @@
+"""Simulating windows of a hypothesis: the one inner loop of the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from gpsim.channels import FloatArray, IntArray
+from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
+from gpsim.diagnosis.fitting.budget import spend, spend_on_commands, spend_on_readings
+from gpsim.diagnosis.fitting.pool import at_once, available
+from gpsim.effects.chain import Chain
+from gpsim.effects.effect import Values
+from gpsim.effects.elapsed import last_at_most
+
+Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
+"""State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
+FAR = 1e6  # what a diverging simulation is clipped to
+PART = 150  # rows at least that a part has: the overhead of its substeps is not split
+WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
+
+
+def simulate(
+    chain: Chain,
+    windows: Windows,
+    starts: FloatArray,
+    spread: Spread,
+    thetas: FloatArray,
+    n: int,
+    extra: Extra | None = None,
+) -> FloatArray:
+    """(C, W, L + 1, S): what the sensors would say.
+
+    starts: (C, W, S) true states at the windows' first samples; thetas: (C, P), spread over the windows as values of
+    the terms by `spread(thetas, W)`; n: steps of each transition. Large batches are simulated in parts, one a core.
+    """
+    if not len(windows):
+        return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
+    starts = _tamed(starts)  # a step may have sent one anywhere
+    setting, windows = _set(chain, windows, spread, thetas, n)
+    _count(chain, windows, len(thetas), setting)
+    parts = _parts(len(thetas), len(windows), windows.length * n)
+    if parts < 2 or not setting.even or extra is not None:
+        return _simulated(chain, windows, starts, spread, thetas, setting, extra)
+    rows = np.array_split(np.arange(len(windows)), parts)
+    calls = [(chain, windows.take(r), starts[:, r], spread, thetas, setting) for r in rows]
+    return np.concatenate(at_once(_simulated, calls), axis=1)
+
+
+def _simulated(
+    chain: Chain,
+    windows: Windows,
+    starts: FloatArray,
+    spread: Spread,
+    thetas: FloatArray,
+    setting: Setting,
+    extra: Extra | None = None,
+) -> FloatArray:
+    copies, count = starts.shape[:2]
+    rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
+    with np.errstate(all="ignore"):
+        drive = (
+            precomputed(chain, windows, spread, thetas, setting)
+            if chain.actuates
+            else as_recorded(windows, rows)
+        )
+        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
+    return out.reshape(copies, count, windows.length + 1, -1)
+
+
+def _set(
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
+) -> tuple[Setting, Windows]:
+    """The setting, and the windows with as much of what was commanded before them as matters."""
+    first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
+    if not (chain.actuates or chain.sensors.remember):
+        return Setting(n, windows.even, 0.0, 0, first, which), windows.remembering(0)
+    values, even = values_of(chain, windows, spread, thetas), windows.even
+    slots = _slots(chain, windows, values, n) if chain.sensors.remember else 0
+    windows = _what_matters(chain, windows, values, slots / n)
+    if chain.actuates:  # parameters of other sites do not change what becomes of a command
+        single = [
+            np.stack(list(v.values()), axis=1) for i, v in enumerate(spread(thetas, 1)) if chain.acts(i)
+        ]
+        _, first, which = np.unique(np.hstack(single), axis=0, return_index=True, return_inverse=True)
+    steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n
+    leaps = (
+        even and chain.leaps and not chain.sensors.remember
+    )  # sensors look at the substeps before a window
+    return Setting(n, even, float(np.median(steps)), slots, first, which.reshape(-1), leaps), windows
+
+
+def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sensors: float) -> Windows:
+    """The windows with as much of what was commanded before them as actuators and `sensors` [samples] remember."""
+    shortest = float(np.diff(windows.before_t, axis=1).min(initial=np.inf))
+    commands = chain.remembers(values) / max(shortest, 1e-12)
+    if not np.isfinite(commands):
+        return windows
+    return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
+
+
+def _count(chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
+    """Count the effort, which is the same in parts."""
+    rows, inside = copies * len(windows), windows.length * setting.n
+    before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
+    spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
+    spend_on_readings(rows, inside, chain.sensors.remembering)
+    if chain.actuates:
+        spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
+    if chain.looks:
+        spend_on_commands(rows, inside, chain.actuators)
+
+
+def _parts(copies: int, windows: int, substeps: int) -> int:
+    """In how many parts the windows are simulated: as many as there are cores for, where each is worth sending."""
+    rows = copies * windows
+    return min(available(), rows // PART, windows) if rows * substeps > WORTH_SENDING else 1
+
+
+def _run(
+    chain: Chain,
+    windows: Windows,
+    rows: IntArray,
+    starts: FloatArray,
+    values: Sequence[Values],
+    setting: Setting,
+    drive: Drive,
+    extra: Extra | None,
+) -> FloatArray:
+    n = setting.n
+    out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
+    clock = np.ascontiguousarray(windows.t.T[:, rows])
+    state, step = starts, (clock[1] - clock[0]) / n
+    watching = chain.sensors.remember
+    seen = {}
+    if watching:
+        seen = chain.sensors.begin(*_history(chain, windows, rows, starts, values, setting, drive))
+    out[:, 0] = chain.sensors.measure(state, values, seen, step)
+    for k in range(windows.length):
+        t = clock[k]
+        step = (clock[k + 1] - t) / n
+        added = extra(state, windows.actions[rows, k], k) if extra is not None else None
+        for j in range(n):
+            state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
+            if watching:
+                chain.sensors.watch(state, seen, step)
+        state = _tamed(state)
+        out[:, k + 1] = chain.sensors.measure(state, values, seen, step)
+    return out
+
+
+def _history(
+    chain: Chain,
+    windows: Windows,
+    rows: IntArray,
+    starts: FloatArray,
+    values: Sequence[Values],
+    setting: Setting,
+    drive: Drive,
+) -> tuple[FloatArray, FloatArray | None]:
+    """(B, K, S): the states before the windows, integrated backwards; an episode stood still before it began.
+
+    And how long after the one before each of them is, (B, K) s, where the clock is uneven.
+    """
+    n, regular = setting.n, setting.even
+    own = (windows.t[rows, 1] - windows.t[rows, 0]) / n
+    lengths = np.diff(windows.before_t, axis=1) / n
+    still, state = windows.rested[rows, None], starts
+    past, steps = [starts], []
+    for back in range(1, min(setting.slots, n * windows.before_actions.shape[1] + 1)):
+        k, j = divmod(-back, n)
+        step, end = own, windows.t[rows, 0] - (back - 1) * own
+        if not regular:
+            step = lengths[rows, k]
+            end = windows.before_t[rows, k] - (n - 1 - j) * step
+        state = chain.advance(state, drive(k, j, state), values, -step, end)
+        state = np.where(still, starts, _tamed(state))
+        past.append(state)
+        steps.append(step)
+    return np.stack(past[::-1], axis=1), None if regular else np.stack([*steps, own][::-1], axis=1)
+
+
+def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> int:
+    """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
+    if windows.even:
+        return chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
+    clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
+    rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
+    first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.sensors.looks_back(values))
+    return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
+
+
+def _tamed(state: FloatArray) -> FloatArray:
+    """A state that may have diverged, within FAR. Nearly all are, and to see that is the cheap part."""
+    if np.abs(state).max(initial=0.0) <= FAR:  # no, where one is not a number
+        return state
+    return np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)

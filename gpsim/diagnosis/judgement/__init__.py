@@ -1,0 +1,1 @@
+"""Judgement: the verdict on what was selected, and its rivals."""

@@ -1,0 +1,34 @@
+"""Odds: by how much the answer is ahead of the best that does without one of its effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.judgement.ranking import Ranked
+
+
+def odds_against(ranking: Sequence[Ranked], leader: Hypothesis, claim: tuple[str, str]) -> dict[str, Any]:
+    """For diagnosis.json: `nats`, the log posterior odds of the leader, and `against`, the best without the claim.
+
+    Hypotheses that the search gave up count with its own, fewer windows: their odds are understated. Where the leader
+    steps finely the rivals do, too: in coarse steps many a law passes for another. What is ahead
+    and merely mends the leader's last digits is left out.
+    """
+    same = (r.behind for r in ranking if r.everything and r.hypothesis.claims == leader.claims)
+    own = min(same, default=0.0)
+    rivals = [r for r in ranking if claim not in r.hypothesis.claims and _as_fine(r.hypothesis, leader)]
+    rivals = [r for r in rivals if not r.mends]
+    if not rivals:
+        return {"nats": None, "against": []}
+    nats = [r.behind - (own if r.everything else 0.0) for r in rivals]
+    best = int(np.argmin(nats))
+    against = [[t.family, t.on] for t in rivals[best].hypothesis.terms]
+    return {"nats": round(nats[best], 2), "against": against}
+
+
+def _as_fine(rival: Hypothesis, leader: Hypothesis) -> bool:
+    return leader.scheme != "fine" or rival.scheme == "fine"

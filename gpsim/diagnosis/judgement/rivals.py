@@ -1,0 +1,154 @@
+"""Rivals: other explanations that a recording cannot tell from the leading one, and how probable each is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.batch import Order, fit_all
+from gpsim.diagnosis.fitting.budget import spent
+from gpsim.diagnosis.fitting.evidence import PER_TERM, channel_objectives, correlation_time, scores
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.selection.beam import pays
+from gpsim.diagnosis.setup.prepare import Question
+
+MOST_RIVALS = 6
+MOST_EFFORT = 1.2e8  # simulated rows after which no further rival is looked at, the likeliest first
+TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
+NEARLY = 15.0  # nats that edges of a gate which are placed a little better may be worth
+FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
+MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
+
+
+def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
+    """Negative log likelihood of windows whose start states alone are fitted."""
+    if not len(problem.windows):
+        return 0.0
+    return _held_out_fit(problem, hypothesis).objective
+
+
+def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
+    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
+
+
+def rivals_of(
+    question: Question, leader: Fit, fits: Sequence[Fit]
+) -> tuple[list[Fit], list[float], list[Fit]]:
+    """Other explanations that these data cannot rule out, the probabilities of the leader and of each of them.
+
+    Training and held-out windows count together: all that was recorded has to fail to tell them from the leader.
+    What is left of the probability belongs to explanations that are further behind. And those that are ahead and
+    merely mend the leader's last digits.
+    """
+    others = _others(leader, fits)
+    mending = _mending(question.everything, leader, others)
+    others = [f for f in others if not any(f is m for m in mending)]
+    if not others:
+        return [], [1.0], mending
+    nats = scores(question.everything, [leader, *others])
+    later = _later_nats(question, leader)
+    rivals: list[Fit] = []
+    counted: list[Fit] = []
+    weights, of_rivals, most = [1.0], [], spent() + MOST_EFFORT
+    for i in np.argsort(-nats[1:]):
+        rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
+        near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
+        if near and spent() < most and _earned(question.everything, leader, rival):
+            worse = later(rival)
+            by += worse
+            said = worse < TIE and by < TIE
+        weight = float(np.exp(-max(by, -FAR_AHEAD)))
+        if said:
+            rivals.append(rival)
+            of_rivals.append(weight)
+        if said or _fresh(rival, counted):  # what is reported is part of the whole
+            counted.append(rival)
+            weights.append(weight)
+    return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)], mending
+
+
+def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Rivals that are a little behind, once more behind the leader's gates: their edges were placed less closely."""
+    others = _others(leader, fits)
+    gates = {t.gate.looks_at: t.gate for t in leader.hypothesis.terms if t.gate}
+    if not gates or not others:
+        return []
+    nats = scores(problem, [leader, *others])
+    orders = []
+    for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
+        terms = [
+            replace(t, gate=gates.get(t.gate.looks_at, t.gate)) if t.gate else t
+            for t in rival.hypothesis.terms
+        ]
+        if TIE <= behind < NEARLY and tuple(terms) != rival.hypothesis.terms:
+            orders.append(Order(replace(rival.hypothesis, terms=tuple(terms)), rival.starts, 8, 0.1))
+    return fit_all(problem, orders[:MOST_RIVALS])
+
+
+def overtaking(rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
+    """The rival that leads once held-out windows count, too, by as much as a term must be worth; None without one.
+
+    probabilities: of the leader, then of the rivals.
+    """
+    if not rivals:
+        return None
+    best = int(np.argmax(probabilities[1:]))
+    return rivals[best] if probabilities[1 + best] > np.exp(PER_TERM) * probabilities[0] else None
+
+
+def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Those with more parameters that are ahead and do not pay: the leader was preferred for that.
+
+    With clean sensors a richer law mends the last digits of a simpler one.
+    """
+    if not fits:
+        return []
+    size, nats = len(leader.hypothesis.parameters), scores(problem, [leader, *fits])
+    ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > nats[0] + MENDING]
+    return [f for f in ahead if len(f.hypothesis.parameters) > size and not pays(problem, f, leader)]
+
+
+def _fresh(rival: Fit, said: Sequence[Fit]) -> bool:
+    """Whether it is not one of those that were said, with something added."""
+    return not any(o.hypothesis.claims <= rival.hypothesis.claims for o in said)
+
+
+def _others(leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
+    """Fits that are not the leading explanation with something added."""
+    claims = leader.hypothesis.claims
+    if not claims:
+        return []
+    others = [f for f in fits if not claims <= f.hypothesis.claims and not f.hypothesis.idle]
+    if leader.hypothesis.scheme == "fine":  # in coarse steps many a law passes for another
+        others = [f for f in others if f.hypothesis.scheme == "fine"]
+    return others
+
+
+def _later_nats(question: Question, leader: Fit) -> Callable[[Fit], float]:
+    """By how many nats a fit is behind the leader on held-out windows, which count for as much as they are worth."""
+    held_out = question.held_out
+    if not len(held_out.windows):
+        return lambda fit: 0.0
+    tau = np.maximum(correlation_time(question.everything, leader.residuals), 1.0)
+
+    def objectives(found: Fit) -> FloatArray:
+        return channel_objectives(held_out, _held_out_fit(held_out, found.hypothesis))
+
+    own = objectives(leader)
+    return lambda found: float(((objectives(found) - own) / tau).sum())
+
+
+def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
+    """Whether every term of a rival that says more than the leader pays; without it, it is another rival."""
+    if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
+        return True
+    parts = [rival.hypothesis.without(i) for i in range(len(rival.hypothesis.terms))]
+    return all(
+        pays(problem, rival, less)
+        for less in fit_all(problem, [Order(part, rival.starts, 12, 0.1) for part in parts])
+    )

@@ -1,0 +1,153 @@
+"""Leaving out what is not needed: terms, gates, and laws of which a special case does as well."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gpsim.diagnosis.data.windows import LENGTH
+from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_order
+from gpsim.diagnosis.fitting.discretisation import rescored
+from gpsim.diagnosis.fitting.evidence import scores
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.memo import kept
+from gpsim.diagnosis.fitting.multiple_shooting import Fit
+from gpsim.diagnosis.fitting.pool import side_by_side
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.selection.beam import LEAST_PART, pays
+from gpsim.diagnosis.selection.gate_edges import NEAR, placed
+from gpsim.diagnosis.selection.gates import FINE
+from gpsim.effects import Gate
+from gpsim.recordings.subsample import evenly
+
+MOVING = 2e7  # simulated rows for the edges of one gate where a term is taken out
+LOOKED_AT = 120  # windows at which a first look is taken, of the usual length
+DOUBTED_AT, FEWER = 80, 1.5  # and where something may not be needed, if there are so many times as many
+CLEAR = 30.0  # nats on those windows that settle that something is needed,
+SLIGHT = 100.0  # nats that an edge which is a little off may be worth
+CLEAR_SHARE = 0.2  # and the share of the variance left over without it
+HOPELESS, HOPELESS_SHARE = 600.0, 0.5  # nats and share after a few iterations that no further ones make good
+
+
+def lean(problem: Problem, leader: Fit) -> Fit:
+    """The leader without terms and gates that no longer pay: what stood in for something found since."""
+    while True:
+        terms = leader.hypothesis.terms
+        gated = [i for i, t in enumerate(terms) if t.gate and not t.effect.needs_region]
+        less = _doubtful(problem, leader, [leader.hypothesis.gated(i, Gate()) for i in gated])
+        if len(terms) > 1:
+            less += without_a_term(problem, leader)
+        less = [f for f in less if not pays(problem, leader, f)]
+        if not less:
+            return leader
+        leader = min(less, key=lambda f: f.objective)
+
+
+@kept
+def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
+    """The leader with one term less each, fitted anew; those that it clearly needs are left out."""
+    parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+    return _doubtful(problem, leader, parts)
+
+
+def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
+    """The best, or one of fewer parameters over which it does not pay: a special case of its law, say."""
+    best = likeliest(problem, fits)
+    while True:
+        size = len(best.hypothesis.parameters)
+        fewer = [f for f in fits if f.hypothesis.terms and len(f.hypothesis.parameters) < size]
+        simpler = [f for f in fewer if not pays(problem, best, f)]
+        if not simpler:
+            return best
+        best = min(simpler, key=lambda f: f.objective)
+
+
+def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
+    """The best by evidence."""
+    return fits[int(scores(problem, list(fits)).argmax())]
+
+
+def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, Fit]:
+    """The problem on evenly spread windows, enough for a first look, and the fit's share of it.
+
+    most: windows of the usual length; of longer ones as many as hold as many transitions.
+    """
+    rows = evenly(len(problem.windows), _windows(problem, most))
+    return problem.on(problem.windows.take(rows)), replace(
+        at, starts=at.starts[rows], residuals=at.residuals[rows]
+    )
+
+
+def _windows(problem: Problem, usual: int) -> int:
+    """How many of the problem's windows hold as many transitions as so many of the usual length."""
+    return round(usual * LENGTH / problem.windows.length)
+
+
+def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
+    """The parts fitted on all windows, but for those that a first look at some of them rules out."""
+    if len(problem.windows) > FEWER * _windows(problem, DOUBTED_AT):
+        some, seen = sampled(problem, leader, DOUBTED_AT)
+        seen = rescored(some, seen)
+        looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
+        grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
+        looks = _all_moved([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
+        parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
+        return fit_all(problem, [Order(part, leader.starts, 12, 0.1, near=True) for part in parts])
+    begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
+    begun = [f for f in begun if not _hopeless(problem, f, leader)]
+    unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
+    fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1, near=True) for f in unfinished])
+    ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
+    return _all_moved([(problem, f, leader) for f in ended])
+
+
+def _finer(problem: Problem, less: Fit, leader: Fit) -> bool:
+    """Whether the leader's grid is finer than the one that a hypothesis with one term less calls for."""
+    return problem.as_finely(less.hypothesis, leader.hypothesis) is not problem
+
+
+def _all_as_finely(problem: Problem, leader: Fit, orders: Sequence[Order]) -> list[Fit]:
+    """`fit_all`, each on a grid as fine as the leader's: what its region's finer grid gains is no merit of a term."""
+    return side_by_side(fit_order, [(problem.as_finely(o.hypothesis, leader.hypothesis), o) for o in orders])
+
+
+def _all_moved(calls: Sequence[tuple[Problem, Fit, Fit]]) -> list[Fit]:
+    """`_moved` of every call; one that is alone in having something to move has all cores to itself."""
+    waiting = [_movable(*call) for call in calls]
+    moved = iter(side_by_side(_moved, [call for call, waits in zip(calls, waiting, strict=True) if waits]))
+    return [next(moved) if waits else call[1] for call, waits in zip(calls, waiting, strict=True)]
+
+
+def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
+    """A fit with one term less and the edges of its gates moved to where they lie best without it.
+
+    An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias, or
+    something slight.
+    """
+    for index, term in enumerate(less.hypothesis.terms):
+        if term.gate and _movable(problem, less, leader):
+            less = placed(problem, less, index, NEAR, FINE, MOVING)
+    return less
+
+
+def _movable(problem: Problem, less: Fit, leader: Fit) -> bool:
+    """Whether it has a gate and its edges may make good what it lacks."""
+    if not any(term.gate for term in less.hypothesis.terms):
+        return False
+    gone = leader.hypothesis.claims - less.hypothesis.claims
+    shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
+    near = shifting or less.objective < leader.objective + SLIGHT
+    return near and pays(problem, leader, less)
+
+
+def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
+    """Whether no further iterations make it good; of one with a gate, whose edges will move, nobody knows."""
+    gated = any(term.gate for term in begun.hypothesis.terms)
+    return not gated and _worse(problem, begun, leader, HOPELESS, HOPELESS_SHARE)
+
+
+def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:
+    """Whether it is worse by so many nats, and by a share of what is left and of the mismatch in some channel."""
+    removed = look.variance - leader.variance
+    large = (removed > least_share * look.variance) & (removed > LEAST_PART * problem.mismatch)
+    return bool(large[problem.observed].any()) and look.objective > leader.objective + nats

@@ -1,0 +1,285 @@
+"""Lack of fit: whether a smooth function of state and command, added to a rate, explains what is left over.
+
+A score test (Rao 1948; with smooth alternatives Neyman 1937): a hypothesis is widened by piecewise linear functions of
+one input or of two, multiplied; how the residual would change with each is simulated once, and what the best
+combination of them would take off half the sum of squares is chi-squared distributed, halved, if nothing is missing;
+not centrally, where the simulation's own error is left over, too. It tells that something is missing where no law of
+the catalogue does, and on what it depends. Laws that remember get, beside a command, its average over the last moments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import ncx2
+
+from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.diagnosis.fitting.discretisation import numerical_error
+from gpsim.diagnosis.fitting.memo import kept
+from gpsim.diagnosis.fitting.multiple_shooting import Fit
+from gpsim.diagnosis.fitting.pool import side_by_side
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.score_test import Directions
+from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.selection.elimination import sampled
+
+KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input
+WINDOWS = 240  # evenly spread ones are looked at
+STEP = 1e-3  # of a rate's typical size
+BATCH = 24  # functions that are simulated at once
+MOST_INPUTS = 7  # of which every two are looked at: pairs of many would take longer than all the rest
+CHUNK = 4  # groups that one process looks at in a row
+SIGNIFICANT = 1e-6  # p-value, corrected for the number of groups
+LEAST = 1e-6  # nats
+NEGLIGIBLE = 1e-6  # of the largest singular value: directions that are the same
+MEMORIES = (2.0, 8.0)  # time constants [samples] of averages over what was commanded before
+
+
+@dataclass(frozen=True)
+class LackOfFit:
+    """The functions that explain most: of which rate, of which inputs; nats on all windows, corrected p-value.
+
+    memory: [s] the time constant of the average over what was commanded before, which is an input, too.
+    """
+
+    rate: str
+    on: tuple[str, ...]
+    nats: float
+    p_value: float
+    memory: float | None = None
+
+    @property
+    def significant(self) -> bool:
+        """Whether chance cannot have done it."""
+        return self.p_value < SIGNIFICANT
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Functions of the same inputs (I,) of one rate; knots: (I, K).
+
+    memory: [samples] where the last input is the average of the other one, a command, over what was before.
+    """
+
+    rate: int
+    inputs: tuple[int, ...]
+    knots: FloatArray
+    memory: float | None = None
+
+    @property
+    def size(self) -> int:
+        """How many functions: a product of hats each."""
+        return int(self.knots.shape[1] ** len(self.inputs))
+
+
+@kept
+def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
+    """The group of functions with the smallest p-value; None where there is nothing to look at.
+
+    problem, at: the hypothesis fitted to these windows.
+    """
+    some, part = sampled(problem, at, WINDOWS)
+    more = len(problem.windows) / len(some.windows)
+    single = _single(some)
+    if not single:
+        return None
+    shared = (some, part, Directions(some, part))
+    found = _all_tested(*shared, single)
+    double = _double(some, single, [nats for nats, _ in found])
+    found += _all_tested(*shared, double)
+    return _best(some, part, [*single, *double], found, more)
+
+
+def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
+    """The same of laws that depend on a command and on what it was before.
+
+    Of what is commanded nobody doubts the past; that of a state is known through noise that the residual has, too.
+    """
+    some, part = sampled(problem, at, WINDOWS)
+    groups = _remembering(some)
+    if not groups:
+        return None
+    found = _all_tested(some, part, Directions(some, part), groups)
+    return _best(some, part, groups, found, len(problem.windows) / len(some.windows))
+
+
+def _best(
+    problem: Problem, at: Fit, groups: Sequence[_Group], found: Sequence[tuple[float, int]], more: float
+) -> LackOfFit:
+    """The group with the smallest p-value of those that explain so many nats with so many functions.
+
+    more: times as many windows there are.
+    """
+    names = problem.simulator.state.names + problem.simulator.action.names
+    own, clock = _numerical(problem, at), float(np.median(np.diff(problem.windows.t, axis=1)))
+    chances = [_chance(nats, freedom, own, len(groups)) for nats, freedom in found]
+    best = min(range(len(groups)), key=lambda i: (chances[i], -found[i][0]))
+    group, rate = groups[best], problem.simulator.rate.names[groups[best].rate]
+    memory = None if group.memory is None else group.memory * clock
+    on = tuple(names[i] for i in (group.inputs if memory is None else group.inputs[:1]))
+    return LackOfFit(rate, on, found[best][0] * more, chances[best], memory)
+
+
+def _chance(nats: float, freedom: int, own: float, groups: int) -> float:
+    """How probable it is that one of so many groups explains so many nats, `own` of which are numerical error."""
+    if nats <= own or not freedom:  # more likely than not, and far below SciPy's function overflows
+        return 1.0
+    return min(1.0, groups * float(ncx2.sf(2 * nats, freedom, 2 * own)))
+
+
+def _all_tested(
+    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
+) -> list[tuple[float, int]]:
+    """`_tested` on all cores, a few groups at a time: what they share is sent along with each chunk."""
+    chunks = [groups[i : i + CHUNK] for i in range(0, len(groups), CHUNK)]
+    every = side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
+    return [found for chunk in every for found in chunk]
+
+
+def _tested(
+    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
+) -> list[tuple[float, int]]:
+    """Of each group the nats that it explains, and with how many functions that differ."""
+    rest = directions.rest.ravel()
+    return [_explained(_changes(problem, at, directions, group), rest) for group in groups]
+
+
+def _numerical(problem: Problem, at: Fit) -> float:
+    """Nats that the simulation's own error may take up, or a little where there is none."""
+    if at.hypothesis.scheme != "fine":
+        return LEAST
+    error = numerical_error(problem, at)
+    nats = problem.counts * error**2 / at.variance
+    return LEAST + 0.5 * float(nats[problem.observed].sum())
+
+
+def _single(problem: Problem) -> list[_Group]:
+    """Every rate as a function of every input that moves."""
+    flat = _visited(problem)
+    moving = [i for i in range(flat.shape[1]) if np.ptp(flat[:, i]) > 0]
+    rates = range(len(problem.simulator.rate))
+    return [_group(flat, rate, (i,), KNOTS_OF_ONE) for rate in rates for i in moving]
+
+
+def _double(problem: Problem, single: Sequence[_Group], nats: Sequence[float]) -> list[_Group]:
+    """Every rate as a function of every two inputs; of many inputs those that explain most of it alone."""
+    flat, out = _visited(problem), []
+    for rate in range(len(problem.simulator.rate)):
+        of_rate = [(n, group.inputs[0]) for group, n in zip(single, nats, strict=True) if group.rate == rate]
+        most = sorted(of_rate, key=lambda one: -one[0])[:MOST_INPUTS]
+        chosen = combinations(sorted(i for _, i in most), 2)
+        out += [_group(flat, rate, inputs, KNOTS_OF_TWO) for inputs in chosen]
+    return out
+
+
+def _remembering(problem: Problem) -> list[_Group]:
+    """Every rate as a function of each command that moves and of each average of what it was before."""
+    flat, first = _visited(problem), len(problem.simulator.state)
+    out = []
+    for i in range(first, first + len(problem.simulator.action)):
+        for memory in MEMORIES:
+            past = _past(problem, i - first, memory)[problem.windows.valid[:, 1:]]
+            both = np.stack([flat[:, i], past], axis=1)
+            if (np.ptp(both, axis=0) > 0).all():
+                places = [np.quantile(values, np.linspace(0, 1, KNOTS_OF_TWO)) for values in both.T]
+                rates = range(len(problem.simulator.rate))
+                out += [_Group(rate, (i, i), np.array(places), memory) for rate in rates]
+    return out
+
+
+def _past(problem: Problem, action: int, memory: float) -> FloatArray:
+    """(W, L) the average of a command over what was before each transition, weights exp(-age / memory [samples])."""
+    windows = problem.windows
+    given = np.concatenate([windows.before_actions, windows.actions], axis=1)[:, :, action]
+    keeps, average = np.exp(-1.0 / memory), given[:, 0]
+    out = np.empty_like(given)
+    for k in range(given.shape[1]):
+        out[:, k] = average
+        average = keeps * average + (1.0 - keeps) * given[:, k]
+    return np.asarray(out[:, windows.before_actions.shape[1] :])
+
+
+def _group(flat: FloatArray, rate: int, inputs: tuple[int, ...], knots: int) -> _Group:
+    places = [np.quantile(flat[:, i], np.linspace(0, 1, knots)) for i in inputs]
+    return _Group(rate, inputs, np.array(places))
+
+
+def _visited(problem: Problem) -> FloatArray:
+    """(N, S + A) all inputs that the windows hold."""
+    inputs = _inputs(problem, problem.windows.measured[:, :-1], problem.windows.actions)
+    return np.asarray(inputs[problem.windows.valid[:, 1:]])
+
+
+def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatArray:
+    """(..., S + A) state and command; angles between -pi and pi."""
+    channels = problem.simulator.state
+    return np.concatenate([difference(states, np.zeros_like(states), channels), actions], axis=-1)
+
+
+def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -> FloatArray:
+    """(F, N): how the residual changes with each function, in standard deviations."""
+    chain = at.hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    windows, out = problem.windows, []
+    scale = STEP * max(float(np.abs(_rates(problem)[:, group.rate]).mean()), 1e-9)
+    for first in range(0, group.size, BATCH):
+        which = np.arange(first, min(first + BATCH, group.size))
+        starts = np.tile(at.starts, (len(which), 1, 1))
+        thetas = np.tile(at.hypothesis.theta, (len(which), 1))
+        extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
+        said = simulate(chain, windows, starts, at.hypothesis.spread, thetas, problem.steps(chain), extra)
+        residual = difference(windows.measured[None], said, problem.simulator.state)
+        residual *= windows.valid[None, :, :, None] & problem.observed
+        out.append(directions.changes(residual).reshape(len(which), -1))
+    return np.concatenate(out) / scale
+
+
+def _rates(problem: Problem) -> FloatArray:
+    """(W, R) the simulator's rates at the windows' starts."""
+    windows = problem.windows
+    return problem.simulator.rates(windows.measured[:, 0], windows.actions[:, 0], problem.parameters)
+
+
+def _extra(problem: Problem, group: _Group, which: IntArray, scale: float) -> Extra:
+    """What is added to the rates of a batch whose rows have one function `which` (B,) each."""
+    knots = group.knots
+    places = np.unravel_index(which, (knots.shape[1],) * len(group.inputs))
+    past = np.empty((0, 0))
+    if group.memory is not None:
+        past = _past(problem, group.inputs[1] - len(problem.simulator.state), group.memory)
+
+    def extra(state: FloatArray, action: FloatArray, k: int) -> FloatArray:
+        inputs = [_inputs(problem, state, action)[:, i] for i in group.inputs]
+        if group.memory is not None:
+            inputs[1] = np.tile(past[:, k], len(state) // len(past))
+        value = np.full(len(state), scale)
+        for i, column in enumerate(inputs):
+            value = value * _hat(column, knots[i], places[i])
+        added = np.zeros((len(state), len(problem.simulator.rate)))
+        added[:, group.rate] = value
+        return added
+
+    return extra
+
+
+def _hat(x: FloatArray, knots: FloatArray, place: IntArray) -> FloatArray:
+    """1 at a row's own knot, falling to 0 at its neighbours, constant beyond the outer knots."""
+    inside = np.clip(x, knots[0], knots[-1])
+    middle = knots[place]
+    left, right = knots[np.maximum(place - 1, 0)], knots[np.minimum(place + 1, len(knots) - 1)]
+    rising = np.where(middle > left, (inside - left) / np.where(middle > left, middle - left, 1.0), 1.0)
+    falling = np.where(right > middle, (right - inside) / np.where(right > middle, right - middle, 1.0), 1.0)
+    return np.asarray(np.clip(np.minimum(rising, falling), 0.0, 1.0))
+
+
+def _explained(changes: FloatArray, rest: FloatArray) -> tuple[float, int]:
+    """Nats that the best combination of the directions (F, N) takes off, and how many of them differ."""
+    size = np.sqrt((changes**2).sum(axis=1))
+    moving: Sequence[int] = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300)).tolist()
+    if not moving:
+        return 0.0, 0
+    basis, values, _ = np.linalg.svd((changes[moving] / size[moving, None]).T, full_matrices=False)
+    basis = basis[:, values > NEGLIGIBLE * values[0]]
+    return 0.5 * float(((basis.T @ rest) ** 2).sum()), basis.shape[1]

@@ -1,0 +1,271 @@
+"""Improving a hypothesis on all training windows: one more term, another one in the place of each, finer edges.
+
+The search looks at few windows and follows the best single term; what it overlooks is either weak, and shows with
+more data, or was taken by a term that is not quite right, and shows when that one is taken out again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near
+from gpsim.diagnosis.fitting.budget import spent
+from gpsim.diagnosis.fitting.evidence import scores, whiteness
+from gpsim.diagnosis.fitting.hypothesis import Candidate
+from gpsim.diagnosis.fitting.memo import kept
+from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
+from gpsim.diagnosis.fitting.pool import side_by_side
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened
+from gpsim.diagnosis.selection.beam import STRUCTURED, grown, may_pay, pays
+from gpsim.diagnosis.selection.change_points import begun_later
+from gpsim.diagnosis.selection.elimination import lean, likeliest, sampled, simplest
+from gpsim.diagnosis.selection.gates import (
+    FINEST,
+    PROMISING,
+    gated_children,
+    may_be_limited,
+    moments,
+    polished,
+    region_channels,
+    with_edges,
+)
+from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
+from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, swapped
+
+MOST_TERMS = 7
+MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
+SWAPPING = 2e8  # as many more after which no further term is replaced and no further rival leaned
+ALTOGETHER = 6e8  # of the whole diagnosis, the search included, after which neither is done
+ADDED, GATES, LEANED = (
+    3,
+    3,
+    3,
+)  # candidates fitted on all windows to add, behind a gate; rivals that are leaned
+LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
+MUCH_MORE = (
+    3.0  # times what the best term that acts everywhere gains: so much a smooth law promises that is hidden
+)
+GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate may explain
+ANY = 0.1  # nats that another leader must be better by
+CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
+FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
+FIRST_LOOK, TO_THE_END = (
+    5,
+    17,
+)  # iterations that a new leader is given from two places, and from the better end
+GLANCED_AT = 40  # windows at which every term is looked at behind every gate
+
+
+def improved(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
+) -> tuple[Fit, list[Fit]]:
+    """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
+    leader = lean(problem, polished(problem, _ended(problem, _finely(problem, leader))))
+    tried: list[Fit] = []
+    most = min(spent() + MOST_EFFORT, ALTOGETHER)
+    enough = min(most + SWAPPING, ALTOGETHER)
+    while True:
+        tell(f"{leader.hypothesis.label}: is one more missing?")
+        leader, children = _extended(problem, leader, offers, most, gates=False)
+        tried += _new(children, tried)
+        tell(f"{leader.hypothesis.label}: does another one fit as well?")
+        others = _swapped(problem, leader, offers, enough)
+        near = sorted(
+            (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
+        )
+        leaned = [lean(problem, f) for f in near[:LEANED] if spent() < enough]
+        others += _new(leaned, near)
+        tried += others
+        best = simplest(problem, [leader, *others])
+        if _advances(problem, best, leader):
+            leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
+            if spent() > most:
+                leader, twins = _among_twins(problem, leader, offers)
+                tried += twins
+                break
+            continue
+        tell(f"{leader.hypothesis.label}: is one more missing somewhere?")  # dear: last
+        extended, children = _extended(problem, leader, offers, most, gates=True)
+        tried += _new(children, tried)
+        if extended is leader:
+            break
+        leader = extended
+    if leader.hypothesis.patchwork:
+        return leader, tried  # it will not be named
+    return polished(problem, specialised(problem, leader, offers), FINEST), tried
+
+
+def _new(fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
+    return [f for f in fits if not any(f is g for g in known)]
+
+
+def _swapped(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], until: float, *, twins: bool = False
+) -> list[Fit]:
+    """`swapped` for one term of the leader after the other, until so much effort is spent."""
+    calls = [(problem, leader, i, offers, twins) for i in range(len(leader.hypothesis.terms))]
+    return [f for found in side_by_side(swapped, calls, until) for f in found]
+
+
+def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
+    """The leader or one of its near twins, of which those of the last leader say nothing, and the twins."""
+    twins = _swapped(problem, leader, offers, math.inf, twins=True)
+    return simplest(problem, [leader, *twins]), twins
+
+
+def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
+    """Whether it says less than the leader or fits better; what merely says the same otherwise is a rival."""
+    if len(best.hypothesis.parameters) < len(leader.hypothesis.parameters):
+        return True
+    nats = scores(problem, [best, leader])
+    return bool(nats[0] > nats[1] + ANY)
+
+
+def _extended(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float, *, gates: bool
+) -> tuple[Fit, list[Fit]]:
+    """The leader with terms added while that pays, and all that was tried; most: effort to stop at.
+
+    gates: also such that act behind a gate, and terms on trial.
+    """
+    tried: list[Fit] = []
+    firm, steps = leader, 0
+    while not leader.hypothesis.patchwork:
+        over = spent() >= most  # to ask when what there is began costs next to nothing
+        if over and gates:
+            break
+        children = (
+            begun_later(problem, leader, offers) if over else _children(problem, leader, offers, most, gates)
+        )
+        tried += children
+        better = [child for child in children if pays(problem, child, leader)]
+        if not better and gates and steps < FORESEEN:
+            # a slight term may pay once another one has left nothing but noise
+            better = [child for child in children if may_pay(problem, child, leader)]
+            steps += 1
+        if not better:
+            break
+        leader = _ended(problem, likeliest(problem, better))
+        leader = leader if over else polished(problem, leader)  # at the end it is, in any case
+        if steps == 0 or whiteness(problem, leader)[0] > STRUCTURED:
+            leader = firm = lean(problem, leader)
+            steps = 0
+        if over:
+            break
+    return firm, tried
+
+
+def _finely(problem: Problem, leader: Fit) -> Fit:
+    """The leader integrated finely, where that does about as well: a coarse step passes for physics.
+
+    At 10 Hz an Euler step looks like a lateral slip of half a step: one may stand for the other.
+    """
+    if leader.hypothesis.scheme == "fine":
+        return leader
+    fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts, iterations=25)
+    return fine if fine.objective < leader.objective + CONTINUOUS else leader
+
+
+def _ended(problem: Problem, leader: Fit) -> Fit:
+    """The leader followed to its end, also from the start states that were measured.
+
+    It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
+    """
+    starts = (leader.starts, problem.windows.measured[:, 0])
+    tried = fit_all(problem, [Order(leader.hypothesis, s, FIRST_LOOK, 0.02) for s in starts])
+    best = min(tried, key=lambda f: f.objective)
+    if not best.converged:
+        best = fit(problem, best.hypothesis, best.starts, iterations=TO_THE_END, near=True)
+    return best if best.objective < leader.objective else leader
+
+
+def _children(
+    problem: Problem, leader: Fit, offers: Sequence[Candidate], most: float, gates: bool
+) -> list[Fit]:
+    """The leader with one term more, or where structure is left with one behind a gate.
+
+    That is where `gates` are asked for and nothing else pays, or where far more is missing than what else pays gains.
+    most: the effort after which nothing more is begun.
+    """
+    directions, plain = _plain(problem, leader, offers)
+    part, seen = directions.problem, directions.parent
+    better = [f for f in plain if pays(problem, f, leader)]
+    # Other gates are dear.
+    if spent() > most or not (_hidden(problem, leader, better) if better else gates):
+        return plain
+    structured = whiteness(problem, leader)[0] < GATED_BELOW
+    if not structured:
+        lack = lack_of_fit(problem, leader)
+        structured = lack is not None and lack.significant
+    around = None if structured else directions
+    calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
+    gated = [f for found in side_by_side(_gated, calls) for f in found]
+    if structured and spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
+        everywhere = grown(part, directions, offers, PROMISING)
+        few = Directions(*sampled(part, seen, GLANCED_AT))
+        gated += gated_children(part, directions, everywhere, offers, few=few)
+    elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
+        gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
+    gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATES], GATES)
+    return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
+
+
+def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
+    """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
+    best = min(better, key=lambda f: f.objective)
+    if whiteness(problem, best)[0] > STRUCTURED:
+        return False
+    lack = lack_of_fit(problem, leader)
+    gained = leader.objective - best.objective
+    if lack is None or not lack.significant or lack.nats < MUCH_MORE * gained:
+        return False
+    return any(channel in lack.on for channel in region_channels(problem))
+
+
+@kept
+def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
+    """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
+    part, seen = sampled(problem, leader)
+    directions = Directions(part, seen)
+    later = begun_later(problem, leader, offers)
+    if len(leader.hypothesis.terms) >= MOST_TERMS:
+        return directions, later
+    taken = leader.hypothesis.claims
+    found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
+    more = len(problem.windows) / len(part.windows)
+    chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
+    promised = more * found[0][0] if found else 0.0
+    if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
+        return directions, later
+    orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 5) for c, start in chosen]
+    return directions, fit_near(problem, orders, 8, 0.5) + later
+
+
+def _gated(
+    part: Problem, seen: Fit, index: int, offers: Sequence[Candidate], around: Directions | None
+) -> list[Fit]:
+    """The leader with a term that acts everywhere put behind a gate, where one promises more.
+
+    around: where nothing but noise is left, what changes around the leader; most gates are ruled out by it.
+    """
+    term = seen.hypothesis.terms[index]
+    same = [c for c in offers if c.place.on == term.on and c.variant == term.variant and c.gateable]
+    cases = term.effect.special_cases(term.values)
+    itself = [c for c in same if c.family == term.family or (c.only_gated and c.family in cases)]
+    if term.gate or not itself:
+        return []
+    values = tuple(term.values[p.name] for p in itself[0].declared)
+    channels: list[str | None] | None = None
+    if around is not None:
+        without = Directions(part, replace(left_open(part, seen, index), variance=seen.variance))
+        laws = [(c, cases.get(c.family, values) if c.only_gated else values) for c in itself]
+        found = {channel for law in laws for channel in may_be_limited(around, without, *law)}
+        channels = [c for c in region_channels(part) if c in found]
+        if not channels:
+            return []
+    parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
+    whole = child_of(parent.hypothesis, itself[0], values)
+    return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself, channels)

@@ -1,0 +1,110 @@
+"""The catalogue applied to a simulator and a recording: every effect that makes sense, everywhere it makes sense."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.hypothesis import Candidate
+from gpsim.effects import FAMILIES, Effect, Place
+from gpsim.recordings import Recording
+from gpsim.recordings.subsample import evenly
+from gpsim.simulators import Simulator
+
+TINY = 1e-9
+MOST_ROWS = 4000  # that sizes are taken from
+
+
+def candidates(
+    recording: Recording, simulator: Simulator, parameters: Mapping[str, float]
+) -> list[Candidate]:
+    """All terms that may be missing, in the catalogue's order."""
+    sizes = _Sizes(recording, simulator, parameters)
+    out = []
+    for effect in FAMILIES.values():
+        for on in effect.places(simulator):
+            place = sizes.place(effect, on)
+            out += [
+                Candidate(effect.family, place, variant, effect.parameters(place, variant))
+                for variant in effect.variants
+                if effect.offers(place, variant)
+            ]
+    return out
+
+
+class _Sizes:
+    """How large things typically are in a recording."""
+
+    def __init__(self, recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> None:
+        rows = recording.transitions()
+        rows = rows.take(evenly(len(rows), MOST_ROWS))
+        self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
+        self._spans = {
+            name: _typical(np.abs(values))
+            for name, values in zip(
+                (*simulator.state.names, *simulator.action.names),
+                np.hstack([rows.states, rows.actions]).T,
+                strict=True,
+            )
+        }
+        self._deviations = {
+            n: max(float(v), TINY)
+            for n, v in zip(simulator.state.names, rows.states.std(axis=0), strict=True)
+        }
+        self._means = dict(zip(simulator.state.names, map(float, rows.states.mean(axis=0)), strict=True))
+        clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
+        self._duration = max(clock) - min(0.0, min(clock))
+        rates = simulator.rates(rows.states, rows.actions, parameters)
+        self._forces: dict[str, float] = {}
+        for i, coordinate in enumerate(simulator.coordinates):
+            unit = np.zeros((len(rows), len(simulator.coordinates)))
+            unit[:, i] = 1.0
+            column = simulator.rate.index(coordinate.rate)
+            mobility = (
+                simulator.rates(rows.states, rows.actions, parameters, unit)[:, column] - rates[:, column]
+            )
+            force = float(
+                np.sqrt(np.mean(rates[:, column] ** 2)) / max(float(np.median(np.abs(mobility))), TINY)
+            )
+            self._forces[coordinate.name] = max(force, TINY)
+        self._loaded = set(simulator.normal_force(rows.states, rates, parameters))
+
+    def place(self, effect: Effect, on: str) -> Place:
+        """The place `on` of an effect's site."""
+        if effect.site == "force":
+            coordinate = next(c for c in self._simulator.coordinates if c.name == on)
+            return Place(
+                on,
+                coordinate.force_unit,
+                length=self._simulator.state.units[on],
+                span=self._forces[on],
+                middle=self._means[on],
+                reach=2 * self._deviations[on],
+                speed=self._spans[coordinate.velocity],
+                dt=self._dt,
+                loaded=on in self._loaded,
+            )
+        if effect.site == "actuator":
+            unit = self._simulator.action.units[on]
+            return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
+        if effect.site == "sensor" and on in self._deviations:
+            return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
+        if effect.site == "parameter":
+            return Place(on, "1", dt=self._dt, bounds=self._shares(on))
+        return Place(on, "1", dt=self._dt)
+
+    def _shares(self, on: str) -> tuple[float, float]:
+        """A parameter's bounds as shares of what is believed of it, which is always between them."""
+        declared, believed = self._simulator.parameters[on], self._parameters[on]
+        if believed == 0.0:
+            return 0.0, np.inf
+        ends = sorted((declared.low / believed, declared.high / believed))
+        return min(ends[0], 1.0), max(ends[1], 1.0)
+
+
+def _typical(sizes: FloatArray) -> float:
+    """Of values (N,) >= 0: the 95 % quantile, the largest where nearly all are 0 (a command that is seldom given)."""
+    usual = float(np.quantile(sizes, 0.95))
+    return max(usual if usual > TINY else float(sizes.max()), TINY)

@@ -1,0 +1,109 @@
+"""States that nobody measured: the recording is completed by what a hypothesis says they were.
+
+A window's start state is estimated together with the parameters, so a channel that was not observed needs no more than
+a guess to begin with. Where values are needed at every sample (single steps, rollouts, the Gaussian process, bins),
+they are those of the windows' simulation after their start states were fitted to the channels that were measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.diagnosis.data.windows import Windows, cut_in_parts
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.fitting.predict import traced
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.recordings import Episode, Recording
+from gpsim.simulators import Simulator
+
+SMOOTHING_ROUNDS = 12
+
+
+def hidden_channels(recording: Recording, simulator: Simulator) -> tuple[str, ...]:
+    """State channels that the simulator gives a guess for and the recording does not hold."""
+    return tuple(n for n in simulator.state.names if n in simulator.start and n not in recording.state.names)
+
+
+def guessed(recording: Recording, simulator: Simulator) -> Recording:
+    """The recording with every hidden channel at the simulator's guess."""
+    if not hidden_channels(recording, simulator):
+        return recording
+    names = recording.state.names
+    episodes = []
+    for episode in recording.episodes:
+        columns = [
+            episode.states[:, names.index(n)] if n in names else np.full(len(episode.t), simulator.start[n])
+            for n in simulator.state.names
+        ]
+        episodes.append(replace(episode, states=np.stack(columns, axis=1)))
+    recorded = {channel.name: channel for channel in recording.state}
+    channels = Channels(tuple(recorded.get(channel.name, channel) for channel in simulator.state))
+    return replace(recording, state=channels, episodes=tuple(episodes))
+
+
+def smoothed(
+    problem: Problem, recording: Recording, hypothesis: Hypothesis, hidden: Sequence[str]
+) -> Recording:
+    """The completed recording with its hidden channels as the hypothesis's own windows say."""
+    if not hidden:
+        return recording
+    columns = [recording.state.index(name) for name in hidden]
+    known: dict[
+        int, list[tuple[FloatArray, FloatArray]]
+    ] = {}  # of each episode: moments, and what is said of them
+    for part in cut_in_parts(recording):
+        windows = completed(problem.on(part), hypothesis, hidden)
+        for index in np.unique(windows.episode):
+            rows = windows.episode == index
+            valid = windows.valid[rows]
+            said = windows.measured[rows][valid][:, columns]
+            known.setdefault(int(index), []).append((windows.t[rows][valid], said))
+    episodes = [
+        _filled(episode, columns, *map(np.concatenate, zip(*known[index], strict=True)))
+        if index in known
+        else episode
+        for index, episode in enumerate(recording.episodes)
+    ]
+    return replace(recording, episodes=tuple(episodes))
+
+
+def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -> Windows:
+    """The problem's windows with their hidden channels as the hypothesis says, its start states fitted."""
+    windows = problem.windows
+    if not hidden:
+        return windows
+    found = fit(problem, hypothesis.frozen(), windows.measured[:, 0], iterations=SMOOTHING_ROUNDS)
+    columns = [problem.simulator.state.index(name) for name in hidden]
+    measured = np.array(windows.measured)
+    measured[..., columns] = traced(problem, found)[..., columns]
+    return replace(windows, measured=measured)
+
+
+class Completions:
+    """A recording as each hypothesis completes it: worked out once for each, whoever asks."""
+
+    def __init__(self, problem: Problem, recording: Recording, hidden: Sequence[str]) -> None:
+        self._asked = problem, recording, hidden
+        self._known: list[tuple[Hypothesis, Recording]] = []
+
+    def by(self, hypothesis: Hypothesis) -> Recording:
+        """The recording with its hidden channels as the hypothesis's own windows say."""
+        for known, recording in self._known:
+            if known == hypothesis:
+                return recording
+        problem, recording, hidden = self._asked
+        self._known.append((hypothesis, smoothed(problem, recording, hypothesis, hidden)))
+        return self._known[-1][1]
+
+
+def _filled(episode: Episode, columns: Sequence[int], t: FloatArray, said: FloatArray) -> Episode:
+    """Between and beyond windows the hidden channel goes straight on from its neighbours."""
+    states = np.array(episode.states)
+    for i, column in enumerate(columns):
+        states[:, column] = np.interp(episode.t, t, said[:, i])
+    return replace(episode, states=states)

@@ -1,0 +1,138 @@
+"""Velocities that were differentiated from positions: what the filter did to them, undone.
+
+A central difference or a Savitzky-Golay filter says the mean velocity of some steps, with the commands of all of them.
+Where the motion bends that is not the velocity at the sample, and a model that is exact is off by as much in every
+single step. The filter is linear, so the recording shows which one it was, v_k = sum_j w_j q_(k + j); what it does to
+the motion that a hypothesis predicts around a sample is what it did to the recorded one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from gpsim.channels import FloatArray, IntArray
+from gpsim.diagnosis.data.windows import Windows, at, stretches
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.fitting.predict import traced
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.effects.elapsed import even
+from gpsim.recordings import Recording
+from gpsim.simulators import Simulator
+
+WIDEST = 5  # samples to either side of a filter
+EXACT = 1e-3  # of a velocity's typical size: how closely a filter has to say what was written down
+AS_GOOD = 2.0  # times the misfit of the widest filter that a narrower one may have
+ROUNDS = 5  # in which the motion around a sample is fitted to the positions there
+ROWS = 20_000  # samples that a filter is fitted to
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Weights (2 J + 1,) 1/s of the positions around a sample that make its velocity, by their columns."""
+
+    position: int
+    velocity: int
+    weights: FloatArray
+
+    @property
+    def reach(self) -> int:
+        """J: samples to either side."""
+        return len(self.weights) // 2
+
+
+def filters(recording: Recording, simulator: Simulator) -> list[Filter]:
+    """How every velocity was made of its position; none where one was not, or not by such a filter."""
+    if recording.velocities != "differentiated" or not _even(recording):
+        return []
+    names = simulator.state.names
+    found = [_filter(recording, names.index(c.name), names.index(c.velocity)) for c in simulator.coordinates]
+    known = [f for f in found if f is not None]
+    return known if len(known) == len(found) else []
+
+
+def undone(
+    problem: Problem,
+    recording: Recording,
+    windows: Windows,
+    hypothesis: Hypothesis,
+    made_by: Sequence[Filter],
+) -> Windows:
+    """Single transitions with the velocities at both ends as the hypothesis says they were before the filters.
+
+    Those too near to the end of a stretch, where filters do something else, are left out, unless all of them are.
+    """
+    reach = max(f.reach for f in made_by)
+    rows, places = _inside(recording, windows, reach)
+    if not places:
+        return windows
+    around = problem.on(at(recording, places, 2 * reach + 1))
+    found = fit(around, hypothesis.frozen(), around.windows.measured[:, 0], iterations=ROUNDS)
+    said = traced(around, found)
+    windows = windows.take(rows)
+    measured = np.array(windows.measured)
+    for made in made_by:
+        for end in (0, 1):
+            middle = reach + end
+            near = said[:, middle - made.reach : middle + made.reach + 1, made.position]
+            measured[:, end, made.velocity] -= near @ made.weights - said[:, middle, made.velocity]
+    return replace(windows, measured=measured)
+
+
+def _even(recording: Recording) -> bool:
+    """Whether the clock is even: a filter's weights would depend on it else."""
+    steps = [np.diff(recording.episodes[i].t[low : high + 1]) for i, low, high in stretches(recording)]
+    together = np.concatenate(steps)
+    return even(together, np.median(together, keepdims=True))  # dt may be rounded
+
+
+def _filter(recording: Recording, position: int, velocity: int) -> Filter | None:
+    """The narrowest filter that says the velocity about as well as the widest does."""
+    q, v = _samples(recording, position, velocity)
+    if len(v) < 4 * (2 * WIDEST + 1):
+        return None
+    narrower = [q[:, WIDEST - j : WIDEST + j + 1] for j in range(1, WIDEST + 1)]
+    weights = [np.asarray(np.linalg.lstsq(part, v, rcond=None)[0]) for part in narrower]
+    misfit = [float(np.sqrt(np.mean((part @ w - v) ** 2))) for part, w in zip(narrower, weights, strict=True)]
+    rounding = 1e-9 * float(np.abs(v).mean())
+    if misfit[-1] > EXACT * float(np.abs(v).mean()):
+        return None
+    best = next(i for i, error in enumerate(misfit) if error <= AS_GOOD * misfit[-1] + rounding)
+    chosen = weights[best]
+    chosen[len(chosen) // 2] -= chosen.sum()  # no velocity depends on where it is
+    return Filter(position, velocity, chosen)
+
+
+def _samples(recording: Recording, position: int, velocity: int) -> tuple[FloatArray, FloatArray]:
+    """Positions (N, 2 J + 1) around samples, from the middle one, and velocities (N,) there."""
+    around, there = [np.empty((0, 2 * WIDEST + 1))], [np.empty(0)]
+    angle = list(recording.state)[position].unit == "rad"
+    for index, low, high in stretches(recording):
+        if high - low < 2 * WIDEST:
+            continue
+        states = recording.episodes[index].states[low : high + 1]
+        q = np.unwrap(states[:, position]) if angle else states[:, position]
+        near = sliding_window_view(q, 2 * WIDEST + 1)
+        around.append(near - near[:, WIDEST : WIDEST + 1])  # a filter of velocities does not see where it is
+        there.append(states[WIDEST : len(states) - WIDEST, velocity])
+        if sum(map(len, there)) > ROWS:
+            break
+    return np.concatenate(around), np.concatenate(there)
+
+
+def _inside(recording: Recording, windows: Windows, reach: int) -> tuple[IntArray, list[tuple[int, int]]]:
+    """The windows with `reach` samples on both sides in their stretch, and (episode, sample) where those begin."""
+    within: dict[int, list[tuple[int, int]]] = {}
+    for index, low, high in stretches(recording):
+        within.setdefault(index, []).append((low, high))
+    rows, places = [], []
+    for row, (episode, begin) in enumerate(zip(windows.episode.tolist(), windows.t[:, 0], strict=True)):
+        first = int(np.searchsorted(recording.episodes[episode].t, begin)) - reach
+        if any(low <= first and first + 2 * reach + 1 <= high for low, high in within.get(episode, [])):
+            rows.append(row)
+            places.append((episode, first))
+    return np.array(rows, dtype=np.int64), places

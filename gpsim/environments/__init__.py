@@ -1,0 +1,1 @@
+"""Environments: a simulator or target with a task, to be driven and recorded."""

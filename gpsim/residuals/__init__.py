@@ -1,0 +1,1 @@
+"""Residuals: where a recording meets a simulator, what happened minus what was predicted."""

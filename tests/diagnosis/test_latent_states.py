@@ -1,0 +1,59 @@
+"""States that nobody measured: worked out once for each hypothesis, and each model starts from its own."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gpsim.channels import Channels
+from gpsim.diagnosis.assessment import traces
+from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, course
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.setup import latent_states as hidden
+from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.effects import Term
+from gpsim.simulators import make_simulator
+
+from .own_systems import SLIDER
+from .worlds import World, record
+
+PULL = 6.0
+
+
+@pytest.fixture(scope="module")
+def question(tmp_path_factory):
+    """A slider under a constant pull whose speed nobody measured."""
+    path: Path = tmp_path_factory.mktemp("system") / "mine.py"
+    path.write_text(SLIDER)
+    simulator = make_simulator(f"{path}:Slider")
+    full = record(World("slider", forces={0: lambda q, v, t: PULL + 0 * q}), episodes=6, steps=100)
+    recording = replace(
+        full,
+        state=Channels.of({"q": "m"}),
+        episodes=tuple(replace(e, states=e.states[:, :1]) for e in full.episodes),
+        noise={"q": full.noise["q"]},
+    )
+    return prepare(recording, simulator, simulator.defaults())
+
+
+def test_a_recording_is_completed_once_for_each_hypothesis(question, monkeypatch):
+    asked = []
+    plain = hidden.smoothed
+    monkeypatch.setattr(hidden, "smoothed", lambda *given: asked.append(given[2]) or plain(*given))
+    completions = hidden.Completions(question.everything, question.recording, question.hidden)
+    pulled = Hypothesis((Term("constant_force", "q", {"force": PULL}),), ((),))
+    first = completions.by(pulled)
+    assert completions.by(Hypothesis((Term("constant_force", "q", {"force": PULL}),), ((),))) is first
+    assert completions.by(Hypothesis(scheme="euler")) is not first
+    assert len(asked) == 2
+    assert completions.by(Hypothesis(scheme="euler")) is completions.by(Hypothesis(scheme="euler"))
+
+
+def test_the_course_starts_each_model_from_its_own_hidden_state(question, monkeypatch):
+    pulled = Hypothesis((Term("constant_force", "q", {"force": PULL}),), ((),))
+    own = course(question, pulled)
+    monkeypatch.setattr(traces, "completed", lambda problem, model, names: problem.windows)
+    bases = course(question, pulled)
+    assert np.median(own.sizes[EFFECTS]) < 0.2 * np.median(own.sizes[BASE])
+    assert np.median(own.sizes[EFFECTS]) < 0.5 * np.median(bases.sizes[EFFECTS])
