@@ -28,7 +28,7 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from gpsim.recordings.readers import open_log
+from gpsim.recordings import open_log
 
 EPOCH = 1_700_000_000_000_000_000
 WANTED = {

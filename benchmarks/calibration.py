@@ -25,10 +25,9 @@ import numpy as np
 from scipy.stats import chisquare
 from scipy.stats import t as student
 
-from gpsim.diagnosis.assessment.intervals import intervals
-from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.setup.candidates import candidates
-from gpsim.diagnosis.setup.prepare import prepare, settled_question
+from gpsim.diagnosis.assessment import intervals
+from gpsim.diagnosis.fitting import fit
+from gpsim.diagnosis.setup import candidates, prepare, settled_question
 from gpsim.simulators import make_simulator
 from gpsim.trials.concealing import conceal
 from gpsim.trials.drawing import SIZE, stratum_of

@@ -23,11 +23,10 @@ from gpsim.cli.configuration import resolve
 from scipy.stats import spearmanr
 
 from gpsim.channels import FloatArray
-from gpsim.environments.collect import Act
-from gpsim.environments.envs import Episodes
-from gpsim.evaluation.returns import episode_returns
-from gpsim.policies.policy import Policy
-from gpsim.simulators.plant import Plant
+from gpsim.environments import Act, Episodes
+from gpsim.evaluation import episode_returns
+from gpsim.policies import Policy
+from gpsim.simulators import Plant
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.policy_files import read_policy
 from gpsim.tasks import Start

@@ -22,8 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from gpsim.channels import Channels
-from gpsim.recordings import Episode, Recording
-from gpsim.recordings.files import write_recording
+from gpsim.recordings import Episode, Recording, write_recording
 from gpsim.simulators import make_simulator
 from gpsim.targets import FrictionCartPole
 

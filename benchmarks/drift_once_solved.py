@@ -20,12 +20,12 @@ import numpy as np
 from gpsim.cli.configuration import resolve
 
 from gpsim.channels import FloatArray
-from gpsim.environments.envs import BatchedEnv
-from gpsim.evaluation.returns import episode_returns
-from gpsim.policies.policy import Policy
-from gpsim.policies.training import train_ppo
+from gpsim.environments import BatchedEnv
+from gpsim.evaluation import episode_returns
+from gpsim.policies import Policy
+from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.settings import PpoSettings
-from gpsim.simulators.plant import Plant
+from gpsim.simulators import Plant
 from gpsim.stages.building import base_plant, make_task, randomised_plant, target_plant, training_settings
 from gpsim.stages.stage import derived_seed
 

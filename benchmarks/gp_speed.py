@@ -34,7 +34,7 @@ from gp_rivals import HAS_GPYTORCH, sklearn_fit, sklearn_predictor, torch_fit, t
 from gpsim.cli.configuration import resolve
 from numpy.typing import NDArray
 
-from gpsim.corrected.features import Features
+from gpsim.corrected import Features
 from gpsim.files import plain
 from gpsim.gp import (
     HyperParameters,
@@ -43,11 +43,11 @@ from gpsim.gp import (
     Standardisation,
     TrainingData,
     condition,
+    covariance,
+    first_start,
     fit,
     log_marginal_likelihood,
 )
-from gpsim.gp.kernels import covariance
-from gpsim.gp.starts import first_start
 from gpsim.stages.building import base_plant
 from gpsim.stages.fit_gp import fit_settings, input_names
 from gpsim.stages.stage import Request

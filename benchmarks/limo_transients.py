@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from gpsim.cli.configuration import resolve
 
-from gpsim.corrected.gp_plant import CorrectedPlant, GpCorrection, arrived_inputs
-from gpsim.environments.collect import collect_episodes, random_actor
-from gpsim.evaluation.statistics import nrmse
+from gpsim.corrected import CorrectedPlant, GpCorrection, arrived_inputs
+from gpsim.environments import collect_episodes, random_actor
+from gpsim.evaluation import nrmse
 from gpsim.recordings import Recording
-from gpsim.residuals.residuals import Residuals, build_residuals
+from gpsim.residuals import Residuals, build_residuals
 from gpsim.stages import build_residuals as residual_stage
 from gpsim.stages import collect, fit_gp
 from gpsim.stages.building import base_plant, make_task, target_plant

@@ -23,17 +23,14 @@ import numpy as np
 from gpsim.cli.configuration import resolve
 
 from gpsim.channels import Channels, FloatArray, IntArray
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import CorrectedPlant, GpCorrection
-from gpsim.environments.collect import Act, collect_episodes, dithered_actor, policy_actor, random_actor
-from gpsim.environments.envs import BatchedEnv
+from gpsim.corrected import CorrectedPlant, Features, GpCorrection
+from gpsim.environments import Act, BatchedEnv, collect_episodes, dithered_actor, policy_actor, random_actor
 from gpsim.gp import Predictor, fit_outputs
-from gpsim.policies.beam import Beam
-from gpsim.policies.policy import Policy
-from gpsim.policies.training import train_ppo
+from gpsim.policies import Beam, Policy
+from gpsim.policies.training.ppo import train_ppo
 from gpsim.recordings import Recording
-from gpsim.residuals.residuals import Residuals, build_residuals
-from gpsim.simulators.plant import Memory, Plant
+from gpsim.residuals import Residuals, build_residuals
+from gpsim.simulators import Memory, Plant
 from gpsim.stages.building import base_plant, expert_search, make_task, target_plant, training_settings
 from gpsim.stages.fit_gp import fit_settings, input_names
 from gpsim.stages.stage import Request

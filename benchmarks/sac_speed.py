@@ -23,8 +23,8 @@ from pathlib import Path
 
 from gpsim.cli.configuration import resolve
 
-from gpsim.environments.envs import BatchedEnv
-from gpsim.policies.training import train_sac
+from gpsim.environments import BatchedEnv
+from gpsim.policies.training.sac import train_sac
 from gpsim.policies.training.settings import SacSettings
 from gpsim.stages.building import base_plant, make_task, training_settings
 

@@ -20,16 +20,13 @@ from pathlib import Path
 import numpy as np
 from gpsim.cli.configuration import resolve
 
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import CorrectedPlant, GpCorrection
-from gpsim.environments.collect import collect_episodes, random_actor
-from gpsim.environments.envs import BatchedEnv
+from gpsim.corrected import CorrectedPlant, Features, GpCorrection
+from gpsim.environments import BatchedEnv, collect_episodes, random_actor
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.policies.training import train_ppo
+from gpsim.policies.training.ppo import train_ppo
 from gpsim.recordings import Recording
-from gpsim.residuals.residuals import build_residuals
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import Plant, SimulatorPlant
+from gpsim.residuals import build_residuals
+from gpsim.simulators import Plant, SimulatorPlant, make_simulator
 from gpsim.stages.building import training_settings
 from gpsim.stages.fit_gp import input_names
 from gpsim.stages.stage import Request

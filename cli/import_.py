@@ -45,7 +45,7 @@ def import_command(
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
     from rich.console import Console
 
-    from gpsim.recordings.import_report import render
+    from gpsim.recordings import render
     from gpsim.stages.import_log import import_log
 
     made = import_log(paths, out, mapping, words, salvage)
@@ -65,7 +65,7 @@ def _sorted(words: list[str]) -> tuple[list[Path], list[str]]:
 def _inspect(paths: list[Path], salvage: bool) -> None:
     from rich.console import Console
 
-    from gpsim.recordings.inspection import render_inspection
+    from gpsim.recordings import render_inspection
     from gpsim.stages.import_log import inspect_source
 
     for path in paths:

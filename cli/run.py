@@ -16,7 +16,7 @@ from .options import ConfigDir, ShowConfig, Words, shown_words
 from .progress import Board
 
 if TYPE_CHECKING:
-    from gpsim.artifacts.artifact import Artifact
+    from gpsim.artifacts import Artifact
 
 CORES = os.cpu_count() or 1
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")

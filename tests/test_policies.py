@@ -9,7 +9,7 @@ import torch
 from gpsim.environments.envs import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.policies.policy import Policy
-from gpsim.policies.training import train_ppo
+from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.settings import PpoSettings
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant

@@ -1,1 +1,23 @@
 """Corrected simulators: the base with what recordings taught, by a Gaussian process or by named effects."""
+
+from gpsim.corrected.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
+from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
+from gpsim.corrected.features import Features
+from gpsim.corrected.gp_plant import PREDICTIONS, CorrectedPlant, GpCorrection, Prediction, arrived_inputs
+
+__all__ = [
+    "PREDICTIONS",
+    "CommandFilter",
+    "CorrectedPlant",
+    "EffectsPlant",
+    "Features",
+    "GpCorrection",
+    "Prediction",
+    "ages_of",
+    "arrived_inputs",
+    "describe",
+    "fit_filter",
+    "mean_rates",
+    "plant_from",
+    "settled_rows",
+]

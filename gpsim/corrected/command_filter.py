@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings.gaps import OverGaps, gaps, steps_to_next
-from gpsim.simulators.plant import Memory, SimulatorPlant
+from gpsim.recordings import OverGaps, gaps, steps_to_next
+from gpsim.simulators import Memory, SimulatorPlant
 
 LONGEST_DELAY, SHORTEST_LAG, LONGEST_LAG = 1.0, 1e-3, 2.0
 """Bounds of the search [s]."""

@@ -11,14 +11,10 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.corrected.gp_plant import RateCorrection
-from gpsim.effects import Term
-from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
-from gpsim.effects.term import from_json, to_json
+from gpsim.effects import PRE_ROLL, Chain, Scheme, Term, from_json, to_json
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
-from gpsim.simulators import Simulator
-from gpsim.simulators.plant import Memory, part_of, restart
-from gpsim.simulators.simulator import INTEGRATORS
+from gpsim.simulators import INTEGRATORS, Memory, Simulator, part_of, restart
 
 SCHEMA = "gpsim.corrected.gp_plant/1"
 

@@ -11,8 +11,8 @@ from gpsim.channels import FloatArray
 from gpsim.corrected.command_filter import CommandFilter, mean_rates
 from gpsim.corrected.features import Features
 from gpsim.gp import Predictor
-from gpsim.residuals.residuals import Residuals
-from gpsim.simulators.plant import Memory, SimulatorPlant
+from gpsim.residuals import Residuals
+from gpsim.simulators import Memory, SimulatorPlant
 
 Prediction = Literal["mean", "sample"]
 PREDICTIONS: tuple[Prediction, ...] = ("mean", "sample")

@@ -10,28 +10,14 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.corrected.effects_plant import EffectsPlant
-from gpsim.diagnosis.assessment.comparison import Comparison, compare
-from gpsim.diagnosis.assessment.experiment_design import tell_apart
-from gpsim.diagnosis.assessment.intervals import intervals
-from gpsim.diagnosis.assessment.location import depends_on, locate
-from gpsim.diagnosis.data.split import held_out_names
-from gpsim.diagnosis.fitting.budget import begin, spent
-from gpsim.diagnosis.fitting.evidence import gain
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.judgement.odds import odds_against
-from gpsim.diagnosis.judgement.verdict import Judgement, judge
-from gpsim.diagnosis.selection.beam import Found, Note, search
-from gpsim.diagnosis.selection.elimination import lean
-from gpsim.diagnosis.selection.grid_check import simplest_on_fine_grid
-from gpsim.diagnosis.setup.candidates import candidates
-from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question
-from gpsim.effects import Term, effect_of
-from gpsim.effects.chain import Scheme
-from gpsim.effects.effect import ParameterEffect
+from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis.assessment import Comparison, compare, depends_on, intervals, locate, tell_apart
+from gpsim.diagnosis.data import held_out_names
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, begin, fit, gain, side_by_side, spent
+from gpsim.diagnosis.judgement import Judgement, judge, odds_against
+from gpsim.diagnosis.selection import Found, Note, lean, search, simplest_on_fine_grid
+from gpsim.diagnosis.setup import Question, candidates, prepare, settled_question
+from gpsim.effects import ParameterEffect, Scheme, Term, effect_of
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 

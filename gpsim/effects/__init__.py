@@ -1,7 +1,40 @@
 """Effects: what may be missing. One small file a family, found through one explicit registry."""
 
-from gpsim.effects.effect import Effect, EffectParameter, Place
+from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
+from gpsim.effects.effect import (
+    ActuatorEffect,
+    Effect,
+    EffectParameter,
+    ForceEffect,
+    ParameterEffect,
+    Place,
+    Values,
+)
+from gpsim.effects.elapsed import even, last_at_most
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
-from gpsim.effects.term import Gate, Term
+from gpsim.effects.term import EPISODE, FROM, TO, Gate, Term, from_json, to_json
 
-__all__ = ["FAMILIES", "Effect", "EffectParameter", "Gate", "Place", "Term", "effect_of", "has_patch"]
+__all__ = [
+    "EPISODE",
+    "FAMILIES",
+    "FROM",
+    "PRE_ROLL",
+    "TO",
+    "ActuatorEffect",
+    "Chain",
+    "Effect",
+    "EffectParameter",
+    "ForceEffect",
+    "Gate",
+    "ParameterEffect",
+    "Place",
+    "Scheme",
+    "Term",
+    "Values",
+    "effect_of",
+    "even",
+    "from_json",
+    "has_patch",
+    "last_at_most",
+    "to_json",
+]

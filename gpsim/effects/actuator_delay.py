@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
 from gpsim.effects.elapsed import even, last_at_most
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 FAR = 13.0  # steps: delays beyond are not reached from the shorter starts
 

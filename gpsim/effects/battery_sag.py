@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 
 class BatterySag(ActuatorEffect):

@@ -21,9 +21,7 @@ from gpsim.effects.effect import (
 from gpsim.effects.forces import Forces, Instant
 from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
-from gpsim.simulators import Integrator, Simulator
-from gpsim.simulators.plant import Memory, part_of
-from gpsim.simulators.simulator import RateFunction
+from gpsim.simulators import Integrator, Memory, RateFunction, Simulator, part_of
 
 Scheme = Literal["fine"] | Integrator
 """fine: third order on a fine grid, friction sticks; else the base simulator's own step, friction is -m sgn(v)."""

@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects.effect import ActuatorEffect, Values
 from gpsim.effects.term import Gate
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 Stage = tuple[Gate, ActuatorEffect, Values, Memory]
 """Where and when it acts, the law, its values (B,) each, and its memory."""

@@ -15,8 +15,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.simulators import Simulator
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory, Simulator
 
 Site = Literal["actuator", "force", "parameter", "vehicle", "sensor"]
 Values = Mapping[str, FloatArray]

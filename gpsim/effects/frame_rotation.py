@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import EffectParameter, Place, PoseEffect, Values, changed
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 
 class FrameRotation(PoseEffect):

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import EffectParameter, Place, PoseEffect, Values, changed
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 
 class MarkerOffset(PoseEffect):

@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 CLOSE = (
     0.05  # of the longest of three steps: a cubic through states nearer to each other would blow up rounding

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 
 class SensorScale(SensorEffect):

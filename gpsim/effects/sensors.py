@@ -11,8 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import SensorEffect, Values, columns_of
 from gpsim.effects.term import Term
-from gpsim.simulators import Simulator
-from gpsim.simulators.plant import Memory, part_of
+from gpsim.simulators import Memory, Simulator, part_of
 
 SHORTEST = 1e-6  # s, of a substep: two samples may bear one stamp
 

@@ -9,11 +9,10 @@ from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
 from gpsim.environments.envs import Episodes
-from gpsim.policies.policy import Policy
+from gpsim.policies import Policy
 from gpsim.recordings import Episode
-from gpsim.simulators.plant import Plant
-from gpsim.tasks import Start, Task
-from gpsim.tasks.task import Actions
+from gpsim.simulators import Plant
+from gpsim.tasks import Actions, Start, Task
 
 HOLD_CHANGE = 0.1
 Act = Callable[[NDArray[np.float32]], Actions]

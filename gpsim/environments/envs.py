@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.errors import UsageError
-from gpsim.simulators.plant import Memory, Plant, restart
-from gpsim.tasks import Start, Task
-from gpsim.tasks.task import Actions
+from gpsim.simulators import Memory, Plant, restart
+from gpsim.tasks import Actions, Start, Task
 
 
 class Episodes:

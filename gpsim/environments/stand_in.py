@@ -9,7 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.environments.collect import Act
 from gpsim.recordings.bag_writing import DriveLog
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 from gpsim.targets import Limo
 from gpsim.tasks import GoalReaching, Start
 

@@ -9,10 +9,8 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings import Episode
-from gpsim.recordings.gaps import gaps, pieces
-from gpsim.recordings.subsample import evenly
-from gpsim.simulators.plant import Plant
+from gpsim.recordings import Episode, evenly, gaps, pieces
+from gpsim.simulators import Plant
 
 WARM_UP = 10
 """Steps before a window in which a plant follows the recorded states, so that its memory fills as it would have."""

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.environments.collect import Act
-from gpsim.environments.envs import Episodes
+from gpsim.environments import Act, Episodes
 from gpsim.evaluation.statistics import bootstrap_interval, interquartile_mean
-from gpsim.simulators.plant import Plant
+from gpsim.simulators import Plant
 from gpsim.tasks import Start, Task
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, difference
-from gpsim.simulators.plant import Plant
+from gpsim.simulators import Plant
 
 
 def roll_out(plant: Plant, start: FloatArray, actions: FloatArray, rng: np.random.Generator) -> FloatArray:

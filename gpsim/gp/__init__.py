@@ -1,12 +1,13 @@
 """Gaussian processes: what nobody can name. Exact fit, fast prediction, float64 (thesis section 4.2.3)."""
 
-from .arrays import from_arrays, to_arrays
-from .exact import JITTER, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood
-from .fit_report import AtBound, FitOutcome, FitReport
-from .fitting import FitSettings, GaussianProcess, condition, fit, fit_outputs
-from .kernels import Bounds, HyperParameters, Interval
-from .predictor import Predictor
-from .training_data import Standardisation, TrainingData
+from gpsim.gp.arrays import from_arrays, to_arrays
+from gpsim.gp.exact import JITTER, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood
+from gpsim.gp.fit_report import AtBound, FitOutcome, FitReport
+from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, fit, fit_outputs
+from gpsim.gp.kernels import Bounds, HyperParameters, Interval, covariance
+from gpsim.gp.predictor import Predictor
+from gpsim.gp.starts import first_start
+from gpsim.gp.training_data import Standardisation, TrainingData
 
 __all__ = [
     "JITTER",
@@ -24,6 +25,8 @@ __all__ = [
     "Standardisation",
     "TrainingData",
     "condition",
+    "covariance",
+    "first_start",
     "fit",
     "fit_outputs",
     "from_arrays",

@@ -1,1 +1,16 @@
 """Policies: what acts, how it is written down for other programs, and the search that teaches it."""
+
+from gpsim.policies.beam import Beam, BeamSearch, balance_search
+from gpsim.policies.expert import FAILS, Expert, Visited
+from gpsim.policies.policy import Policy
+
+__all__ = [
+    "FAILS",
+    "Beam",
+    "BeamSearch",
+    "Expert",
+    "Policy",
+    "Visited",
+    "balance_search",
+    "export",
+]

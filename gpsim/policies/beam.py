@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.simulators.plant import Memory, Plant
-from gpsim.tasks import Start, Task
-from gpsim.tasks.task import Actions
+from gpsim.simulators import Memory, Plant
+from gpsim.tasks import Actions, Start, Task
 
 Cost = Callable[[FloatArray], FloatArray]
 """cost(states (B, S)) -> (B,): how close to failure; the beam keeps the lowest."""

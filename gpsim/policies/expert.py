@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gpsim.channels import FloatArray
 from gpsim.policies.beam import Beam, BeamSearch
-from gpsim.simulators.plant import Memory, Plant
+from gpsim.simulators import Memory, Plant
 from gpsim.tasks import Task
 
 Worth = Callable[[NDArray[np.float32]], FloatArray]

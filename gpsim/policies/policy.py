@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpsim.errors import UsageError
-from gpsim.tasks.task import Actions
+from gpsim.tasks import Actions
 
 Weights = Mapping[str, NDArray[np.float32]]
 Activation = Literal["tanh", "relu"]

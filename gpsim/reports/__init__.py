@@ -1,1 +1,16 @@
 """Pictures, tables and pages of what was found."""
+
+__all__ = [
+    "canvas",
+    "diagnosis_page",
+    "diagnosis_text",
+    "import_figure",
+    "loop_report",
+    "page",
+    "prove_page",
+    "prove_record",
+    "prove_sheets",
+    "slices",
+    "tables",
+    "trip_figures",
+]

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from gpsim.diagnosis.assessment.location import most_telling
-from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces
-from gpsim.diagnosis.diagnosis import Diagnosis
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
 from gpsim.reports.canvas import legend_above, panels, png, style
 from gpsim.reports.diagnosis_text import in_percent, number, paragraphs, ranking
 from gpsim.reports.palette import FAINT

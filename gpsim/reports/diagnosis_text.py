@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from gpsim.diagnosis.assessment.comparison import KINDS
-from gpsim.diagnosis.assessment.location import SINCE_REVERSAL
-from gpsim.diagnosis.selection.lack_of_fit import SIGNIFICANT
+from gpsim.diagnosis.assessment import KINDS, SINCE_REVERSAL
+from gpsim.diagnosis.selection import SIGNIFICANT
 
 Report = Mapping[str, Any]
 NOTHING = "nothing missing"

@@ -10,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from gpsim.channels import FloatArray
-from gpsim.recordings.recording import Recording
+from gpsim.recordings import Recording
 
 STATE_COLOUR, ACTION_COLOUR, HELD_COLOUR = "#1f4e79", "#b5541c", "#e9e4d4"
 MOST_POINTS = 4000  # a curve; more is thinned to the extremes of each pixel column

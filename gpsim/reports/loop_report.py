@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.evaluation.trips import AllTrips
+from gpsim.evaluation import AllTrips
 
 SOLVED, CERTIFIED, ALL = "returns", "returns_certified", "returns_all"
 """The three sets of starts, by their key in summary.json, in the order in which they are shown."""

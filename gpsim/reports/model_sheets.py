@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gpsim.evaluation.one_step import coverage_warnings
+from gpsim.evaluation import coverage_warnings
 from gpsim.reports import thesis
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.sheets import (

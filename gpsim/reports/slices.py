@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.corrected.gp_plant import GpCorrection
+from gpsim.corrected import GpCorrection
 from gpsim.reports.loop_report import ResidualSlice
-from gpsim.residuals.residuals import Residuals
+from gpsim.residuals import Residuals
 
 BINS = 16
 NEAREST = 0.25

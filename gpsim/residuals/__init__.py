@@ -1,1 +1,24 @@
 """Residuals: where a recording meets a simulator, what happened minus what was predicted."""
+
+from gpsim.residuals.checks import check_clock, check_match, check_rates, check_varies
+from gpsim.residuals.residuals import (
+    Residuals,
+    build_residuals,
+    either_wraps,
+    first_test_episode,
+    from_table,
+    to_table,
+)
+
+__all__ = [
+    "Residuals",
+    "build_residuals",
+    "check_clock",
+    "check_match",
+    "check_rates",
+    "check_varies",
+    "either_wraps",
+    "first_test_episode",
+    "from_table",
+    "to_table",
+]

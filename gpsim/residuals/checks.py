@@ -8,8 +8,7 @@ import numpy as np
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
 RATES_LOOKED_AT = 300  # recorded rows at which a simulator's rates must be finite, beside the extreme ones

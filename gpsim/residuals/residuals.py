@@ -10,8 +10,7 @@ import pandas as pd
 
 from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording, Transitions
-from gpsim.recordings.gaps import OverGaps, gaps
+from gpsim.recordings import OverGaps, Recording, Transitions, gaps
 from gpsim.residuals.checks import check_clock, check_match, check_rates, check_varies, not_finite
 from gpsim.simulators import Integrator, Simulator
 

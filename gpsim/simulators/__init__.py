@@ -1,15 +1,36 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
+from gpsim.simulators.plant import Memory, Plant, RandomisedPlant, SimulatorPlant, part_of, restart
 from gpsim.simulators.registry import SIMULATORS, make_simulator, source_file
-from gpsim.simulators.simulator import Coordinate, Integrator, Parameter, Parameters, Simulator
+from gpsim.simulators.simulator import (
+    INTEGRATORS,
+    Coordinate,
+    Integrator,
+    Parameter,
+    Parameters,
+    RateFunction,
+    Simulator,
+)
+from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators.wrapping import wrapping
 
 __all__ = [
+    "INTEGRATORS",
     "SIMULATORS",
     "Coordinate",
     "Integrator",
+    "Memory",
     "Parameter",
     "Parameters",
+    "Plant",
+    "RandomisedPlant",
+    "RateFunction",
     "Simulator",
+    "SimulatorPlant",
+    "Unicycle",
     "make_simulator",
+    "part_of",
+    "restart",
     "source_file",
+    "wrapping",
 ]

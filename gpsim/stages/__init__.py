@@ -1,1 +1,21 @@
 """Stages: one file a command; inputs and configuration in, one artifact out."""
+
+__all__ = [
+    "build_residuals",
+    "building",
+    "collect",
+    "diagnose",
+    "diagnose_loop",
+    "export_policy",
+    "export_recording",
+    "fit_gp",
+    "full_loop",
+    "import_log",
+    "policy_files",
+    "prove",
+    "registry",
+    "report",
+    "stage",
+    "sweep",
+    "train_gp_policy",
+]

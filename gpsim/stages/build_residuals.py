@@ -10,16 +10,14 @@ from typing import Any
 
 import pandas as pd
 
-from gpsim.artifacts.artifact import MANIFEST, Artifact, Recipe, read_artifact
+from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, write_json
-from gpsim.recordings import Recording, read_recording
-from gpsim.recordings.gaps import LONGEST_STEP, OverGaps
-from gpsim.residuals.checks import check_clock, check_match
-from gpsim.residuals.residuals import Residuals, build_residuals, from_table, to_table
+from gpsim.recordings import LONGEST_STEP, OverGaps, Recording, read_recording
+from gpsim.residuals import Residuals, build_residuals, check_clock, check_match, from_table, to_table
 from gpsim.settings import number
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant
 from gpsim.stages import collect
 from gpsim.stages.building import base_plant
 from gpsim.stages.stage import Request, Stage, generator

@@ -7,12 +7,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.policies.beam import BeamSearch, balance_search
+from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.settings import build, choice
-from gpsim.simulators import make_simulator
-from gpsim.simulators.plant import Plant, RandomisedPlant, SimulatorPlant
-from gpsim.simulators.simulator import INTEGRATORS, Simulator
+from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant, make_simulator
 from gpsim.targets import FrictionCartPole, Limo
 from gpsim.tasks import Balance, GoalReaching, Task
 

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray
 from gpsim.errors import UsageError
 from gpsim.evaluation import turning
 from gpsim.files import Json
-from gpsim.policies.beam import balance_search
+from gpsim.policies import balance_search
 from gpsim.settings import positive
 from gpsim.stages.building import make_task, target_plant
 from gpsim.stages.stage import Request, Stage, generator

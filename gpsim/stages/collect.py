@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts.artifact import Recipe
-from gpsim.environments.collect import Act, collect_episodes, dithered_actor, policy_actor, random_actor
+from gpsim.artifacts import Recipe
+from gpsim.environments import Act, collect_episodes, dithered_actor, policy_actor, random_actor
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.recordings import Recording, write_recording
-from gpsim.recordings.import_report import ImportReport
+from gpsim.recordings import ImportReport, Recording, write_recording
 from gpsim.settings import choice, number, positive
 from gpsim.stages import train_source
 from gpsim.stages.building import base_plant, make_task, target_plant

@@ -7,25 +7,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gpsim.artifacts.artifact import Artifact, Recipe, read_artifact
+from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
-from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import GpCorrection
-from gpsim.diagnosis.assessment.traces import course, traces
-from gpsim.diagnosis.data.split import first_held_out
-from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.fitting.pool import cores
-from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels
+from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
+from gpsim.diagnosis import diagnose
+from gpsim.diagnosis.assessment import course, traces
+from gpsim.diagnosis.data import first_held_out
+from gpsim.diagnosis.fitting import cores
+from gpsim.diagnosis.setup import guessed, hidden_channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, plain, write_json
-from gpsim.recordings import HeldOut, Recording, read_recording
-from gpsim.recordings.bare_table import read_bare_table
+from gpsim.recordings import HeldOut, Recording, read_bare_table, read_recording
 from gpsim.reports.diagnosis_page import figures, page
-from gpsim.residuals.checks import check_match, check_rates
-from gpsim.residuals.residuals import first_test_episode
-from gpsim.simulators import Simulator, make_simulator, source_file
-from gpsim.simulators.wrapping import wrapping
+from gpsim.residuals import check_match, check_rates, first_test_episode
+from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator

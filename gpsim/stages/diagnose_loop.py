@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gpsim.artifacts.artifact import Artifact, Recipe, read_artifact
+from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.files import Json
 from gpsim.stages import build_residuals, collect, diagnose
 from gpsim.stages.code import SOURCES

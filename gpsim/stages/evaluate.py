@@ -10,20 +10,27 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.environments.collect import Act, collect_episodes, policy_actor, random_actor
+from gpsim.environments import Act, collect_episodes, policy_actor, random_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation.one_step import coverage_warnings, outside_range
-from gpsim.evaluation.returns import episode_returns, summarise_all
-from gpsim.evaluation.rollout import compare, roll_out
-from gpsim.evaluation.summary import start_sets
-from gpsim.evaluation.trips import AllTrips, Trips, success_by_set
+from gpsim.evaluation import (
+    AllTrips,
+    Trips,
+    compare,
+    coverage_warnings,
+    episode_returns,
+    outside_range,
+    roll_out,
+    start_sets,
+    success_by_set,
+    summarise_all,
+)
 from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Recording
-from gpsim.residuals.residuals import Residuals, build_residuals
+from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive, texts, truth
-from gpsim.simulators.plant import Plant
+from gpsim.simulators import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
     certify,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.evaluation.trips import path_length
+from gpsim.evaluation import path_length
 from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording
 from gpsim.reports.canvas import png

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.environments.collect import policy_actor
-from gpsim.evaluation.trips import Trips, behind, take_trips
-from gpsim.simulators.plant import Plant
+from gpsim.environments import policy_actor
+from gpsim.evaluation import Trips, behind, take_trips
+from gpsim.simulators import Plant
 from gpsim.stages import certify
 from gpsim.stages.building import make_task, target_plant
 from gpsim.stages.policy_files import read_policy, write_arrays

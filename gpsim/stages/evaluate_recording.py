@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
-from gpsim.corrected.effects_plant import EffectsPlant
-from gpsim.diagnosis.assessment.replay import replayed
-from gpsim.diagnosis.data.clock import rebased
-from gpsim.evaluation.replay import WARM_UP, replay, windows_of
-from gpsim.evaluation.rollout import compare
+from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis.assessment import replayed
+from gpsim.diagnosis.data import rebased
+from gpsim.evaluation import WARM_UP, compare, replay, windows_of
 from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording, read_recording
-from gpsim.residuals.residuals import Residuals, either_wraps
+from gpsim.residuals import Residuals, either_wraps
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, fit_gp, one_step
 from gpsim.stages.building import base_plant

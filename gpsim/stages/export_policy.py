@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts.artifact import read_artifact
+from gpsim.artifacts import read_artifact
 from gpsim.errors import UsageError
 from gpsim.files import write_json, written_whole
+from gpsim.policies import Policy
 from gpsim.policies.export import ros_node, to_onnx
-from gpsim.policies.policy import Policy
 from gpsim.settings import build
 from gpsim.stages.policy_files import read_policy
 from gpsim.tasks import GoalReaching

@@ -10,10 +10,8 @@ import numpy as np
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.files import written_whole
-from gpsim.recordings import Episode, Recording, read_recording
-from gpsim.recordings.export import Predictions, write_mcap, write_table
-from gpsim.simulators.registry import SIMULATORS, make_simulator
-from gpsim.simulators.simulator import Integrator, Simulator
+from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
+from gpsim.simulators import SIMULATORS, Integrator, Simulator, make_simulator
 
 FORMATS = ("mcap", "csv", "parquet")
 

@@ -7,16 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from gpsim.artifacts.artifact import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray, IntArray
-from gpsim.corrected.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
-from gpsim.corrected.features import Features
+from gpsim.corrected import CommandFilter, Features, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
 from gpsim.files import Json, write_json
 from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
-from gpsim.residuals.residuals import Residuals
+from gpsim.residuals import Residuals
 from gpsim.settings import build, number, positive, texts, truth, whole
-from gpsim.simulators.plant import SimulatorPlant
+from gpsim.simulators import SimulatorPlant
 from gpsim.stages import build_residuals
 from gpsim.stages.building import base_plant
 from gpsim.stages.policy_files import write_gp

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.residuals.checks import check_clock
+from gpsim.residuals import check_clock
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp
 from gpsim.stages.building import (

@@ -13,23 +13,29 @@ import yaml
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gpsim.artifacts.artifact import Artifact, Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest
-from gpsim.recordings import Recording, write_recording
-from gpsim.recordings.import_report import ImportReport, as_text
-from gpsim.recordings.importing import import_logs
-from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
-from gpsim.recordings.log_parts import NamedLog
-from gpsim.recordings.mapping_files import parse_mapping
-from gpsim.recordings.raw import RawLog
-from gpsim.recordings.readers import open_log
-from gpsim.recordings.soundness import find_bad_rows
-from gpsim.recordings.sources import FolderLog, find_logs
+from gpsim.recordings import (
+    FolderLog,
+    ImportReport,
+    Inspection,
+    NamedLog,
+    RawLog,
+    Recording,
+    as_text,
+    bare_mapping,
+    find_bad_rows,
+    find_logs,
+    import_logs,
+    inspect_log,
+    open_log,
+    parse_mapping,
+    write_recording,
+)
 from gpsim.reports.import_figure import draw_channels
 from gpsim.settings import texts, truth
-from gpsim.simulators.registry import SIMULATORS
+from gpsim.simulators import SIMULATORS
 
 STAGE_NAME = "import"
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.queues import Queue
 from queue import Empty
 
-from gpsim.artifacts.artifact import Artifact
+from gpsim.artifacts import Artifact
 from gpsim.errors import UsageError
 from gpsim.stages.stage import Request
 from gpsim.workers import begin_worker, worker_pool

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import GpCorrection, arrived_inputs
-from gpsim.evaluation.one_step import OneStep
-from gpsim.residuals.residuals import Residuals
+from gpsim.corrected import Features, GpCorrection, arrived_inputs
+from gpsim.evaluation import OneStep
+from gpsim.residuals import Residuals
 from gpsim.stages import fit_gp, train_gp_policy
 from gpsim.stages.stage import Request, generator
 

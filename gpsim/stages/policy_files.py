@@ -15,13 +15,11 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from gpsim.channels import Channels
-from gpsim.corrected.command_filter import CommandFilter
-from gpsim.corrected.features import Features
-from gpsim.corrected.gp_plant import GpCorrection, Prediction
+from gpsim.corrected import CommandFilter, Features, GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import Predictor, from_arrays, to_arrays
-from gpsim.policies.policy import Policy
+from gpsim.policies import Policy
 from gpsim.policies.training.settings import Checkpoints, LearningCurve
 
 

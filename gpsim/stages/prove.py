@@ -9,7 +9,7 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts.provenance import git_commit, package_versions
+from gpsim.artifacts import git_commit, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, write_json, written_whole
 from gpsim.reports.prove_page import page

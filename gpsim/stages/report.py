@@ -12,11 +12,10 @@ import numpy as np
 import pandas as pd
 from safetensors.numpy import load_file
 
-from gpsim.artifacts.artifact import MANIFEST, Artifact, Recipe, read_artifact
+from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.corrected.gp_plant import GpCorrection
-from gpsim.evaluation.summary import start_sets, summarise_seeds
-from gpsim.evaluation.trips import success_by_set
+from gpsim.corrected import GpCorrection
+from gpsim.evaluation import start_sets, success_by_set, summarise_seeds
 from gpsim.files import Json, plain, write_json
 from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
 from gpsim.reports.page import render

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts.artifact import Artifact, Recipe
-from gpsim.artifacts.store import Store
+from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest
 from gpsim.settings import whole

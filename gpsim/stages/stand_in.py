@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts.artifact import MANIFEST, read_manifest
+from gpsim.artifacts import MANIFEST, read_manifest
 from gpsim.stages.building import drivable
 from gpsim.stages.stage import Request
 

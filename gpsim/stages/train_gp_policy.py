@@ -5,14 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from gpsim.artifacts.artifact import Artifact, Recipe
-from gpsim.corrected.effects_plant import EffectsPlant
-from gpsim.corrected.gp_plant import PREDICTIONS, CorrectedPlant, GpCorrection
+from gpsim.artifacts import Artifact, Recipe
+from gpsim.corrected import PREDICTIONS, CorrectedPlant, EffectsPlant, GpCorrection
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.policies.training.settings import TRAINING_FORMAT
 from gpsim.settings import choice
-from gpsim.simulators.plant import Plant, SimulatorPlant
+from gpsim.simulators import Plant, SimulatorPlant
 from gpsim.stages import fit_gp
 from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task

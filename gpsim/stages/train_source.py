@@ -10,13 +10,12 @@ import numpy as np
 from gymnasium.spaces import Discrete
 from numpy.typing import NDArray
 
-from gpsim.artifacts.artifact import Recipe
+from gpsim.artifacts import Recipe
 from gpsim.channels import FloatArray
-from gpsim.environments.envs import BatchedEnv
+from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.policies.expert import Expert
-from gpsim.policies.policy import Policy
+from gpsim.policies import Expert, Policy
 from gpsim.policies.training.settings import (
     TRAINING_FORMAT,
     Checkpoints,
@@ -25,7 +24,7 @@ from gpsim.policies.training.settings import (
     observation_scale,
 )
 from gpsim.settings import choice
-from gpsim.simulators.plant import Plant
+from gpsim.simulators import Plant
 from gpsim.stages.building import (
     base_plant,
     expert_search,
@@ -87,10 +86,9 @@ def train(
 
     model: what an expert looks ahead in, where that is not the plant itself.
     """
-    from gpsim.policies.training import (  # torch takes seconds to load, and only training needs it
-        train_ppo,
-        train_sac,
-    )
+    # torch takes seconds to load, and only training needs it
+    from gpsim.policies.training.ppo import train_ppo
+    from gpsim.policies.training.sac import train_sac
 
     settings = settings_for(request, task)
     places, weights = (derived_seed(request.seed, f"{purpose}/{part}") for part in ("environment", "policy"))

@@ -14,7 +14,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.simulators.plant import Memory
+from gpsim.simulators import Memory
 
 Contact = Literal["chatter", "stick"]
 CONTACTS: tuple[Contact, ...] = ("chatter", "stick")

@@ -14,8 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.simulators.plant import Memory
-from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators import Memory, Unicycle
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,12 @@
 
 from gpsim.tasks.balance import Balance
 from gpsim.tasks.goal import GoalReaching
-from gpsim.tasks.task import Start, Task
+from gpsim.tasks.task import Actions, Start, Task
 
-__all__ = ["Balance", "GoalReaching", "Start", "Task"]
+__all__ = [
+    "Actions",
+    "Balance",
+    "GoalReaching",
+    "Start",
+    "Task",
+]

@@ -5,3 +5,5 @@ Nothing that makes the truth (`running`, `drawing`, and what they import) import
 in the other. Only the rule for equivalents fits with the diagnosis's engine, after the reveal. `gpsim.diagnosis` can
 never import this package, which knows the answers.
 """
+
+__all__ = ["blind", "concealing", "drawing", "goals", "summary", "trial_scores", "worlds"]

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts.provenance import git_commit
+from gpsim.artifacts import git_commit
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, file_digest, tells_of_full_disk, written_whole
 from gpsim.trials import concealing

@@ -15,8 +15,7 @@ from scipy.signal import savgol_filter
 from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.files import file_digest, written_whole
-from gpsim.recordings import Episode, HeldOut, Recording
-from gpsim.recordings.files import write_recording
+from gpsim.recordings import Episode, HeldOut, Recording, write_recording
 from gpsim.trials.drawing import draw
 from gpsim.trials.excitation import sound
 from gpsim.trials.own_fit import OneStep, one_step

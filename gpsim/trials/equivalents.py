@@ -17,12 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions, screened
-from gpsim.diagnosis.setup.candidates import candidates
-from gpsim.diagnosis.setup.prepare import prepare, spread_out
+from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Hypothesis, Problem, fit, screened
+from gpsim.diagnosis.setup import candidates, prepare, spread_out
 from gpsim.effects import Gate
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator

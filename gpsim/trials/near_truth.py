@@ -12,11 +12,18 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions, screened, starts_of, stretched
-from gpsim.diagnosis.selection.substitution import left_open
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Directions,
+    Fit,
+    Hypothesis,
+    Problem,
+    fit,
+    screened,
+    starts_of,
+    stretched,
+)
+from gpsim.diagnosis.selection import left_open
 
 PROMISING = 0.3  # share of what is missing that a replacement must explain by the linear estimate
 FITTED = 4  # replacements of a term

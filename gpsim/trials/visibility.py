@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import IntArray
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings import evenly
 from gpsim.trials.replaying import Replay, base_residual, pick
 from gpsim.trials.running import Run
 from gpsim.trials.systems import SYSTEMS

@@ -1,1 +1,28 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
+
+from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
+from gpsim.diagnosis.assessment.experiment_design import tell_apart
+from gpsim.diagnosis.assessment.intervals import intervals
+from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
+from gpsim.diagnosis.assessment.replay import replayed
+from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces, course, traces
+
+__all__ = [
+    "BASE",
+    "EFFECTS",
+    "KINDS",
+    "SINCE_REVERSAL",
+    "Comparison",
+    "Course",
+    "Trace",
+    "Traces",
+    "compare",
+    "course",
+    "depends_on",
+    "intervals",
+    "locate",
+    "most_telling",
+    "replayed",
+    "tell_apart",
+    "traces",
+]

@@ -23,20 +23,13 @@ from gpsim.diagnosis.assessment.remainder_gp import (
     with_a_past,
 )
 from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
-from gpsim.diagnosis.data.reversals import since_reversal
-from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.fitting.predict import predicted, traced
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.judgement.verdict import Judgement
-from gpsim.diagnosis.selection.beam import LEAST_SHARE
-from gpsim.diagnosis.setup.latent_states import Completions
-from gpsim.diagnosis.setup.prepare import Question
-from gpsim.diagnosis.setup.velocity_filter import filters, undone
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted, traced
+from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.selection import LEAST_SHARE
+from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
-from gpsim.recordings import Recording
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings import Recording, evenly
 
 MOST = 3000
 LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken

@@ -8,12 +8,10 @@ from itertools import combinations
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.data.windows import Windows
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.simulate import simulate
-from gpsim.diagnosis.judgement.verdict import Judgement
-from gpsim.effects.chain import PRE_ROLL
+from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.fitting import Hypothesis, Problem, simulate
+from gpsim.diagnosis.judgement import Judgement
+from gpsim.effects import PRE_ROLL
 
 AFTERWARDS = 2**31  # an episode that comes after all others
 SECONDS, FEWEST, MOST = 3.0, 20, 150

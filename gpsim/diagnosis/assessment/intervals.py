@@ -14,11 +14,8 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.evidence import correlation_time
-from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature
-from gpsim.diagnosis.fitting.multiple_shooting import fit as shoot
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature, side_by_side
+from gpsim.diagnosis.fitting import fit as shoot
 
 LEVEL = 0.90
 WALK, CLOSE = (

@@ -9,8 +9,8 @@ import numpy as np
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.assessment.concentration import concentrated
-from gpsim.diagnosis.judgement.verdict import Judgement
-from gpsim.diagnosis.setup.prepare import Question
+from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.setup import Question
 from gpsim.simulators import Simulator
 
 BINS, DEPENDS = 8, 0.05

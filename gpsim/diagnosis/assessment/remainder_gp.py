@@ -9,15 +9,20 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.corrected.features import Features
+from gpsim.corrected import Features
 from gpsim.diagnosis.assessment.bootstrap import rms
 from gpsim.diagnosis.assessment.rollouts import Model, rolled
-from gpsim.diagnosis.data.windows import Windows
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, without_sensors
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.simulate import Extra
-from gpsim.diagnosis.setup.prepare import Question
+from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.fitting import (
+    Extra,
+    Hypothesis,
+    Problem,
+    as_it_was,
+    has_sensors,
+    predicted,
+    without_sensors,
+)
+from gpsim.diagnosis.setup import Question
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
 ROWS, AT_MOST = 250, 0.8  # transitions it learns from: so many, and no larger a share of those there are

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.corrected.effects_plant import EffectsPlant
-from gpsim.diagnosis.data.windows import at
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.predict import predicted
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis.data import at
+from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
 from gpsim.recordings import Recording
 
 

@@ -10,17 +10,10 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
-from gpsim.diagnosis.data.split import first_held_out
-from gpsim.diagnosis.data.windows import LENGTH, Windows, cut, held_out_mask, stretches
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.predict import predicted
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.simulate import Extra
-from gpsim.diagnosis.setup.latent_states import Completions
-from gpsim.diagnosis.setup.prepare import Question
-from gpsim.recordings import Recording
-from gpsim.recordings.subsample import evenly
+from gpsim.diagnosis.data import LENGTH, Windows, cut, first_held_out, held_out_mask, stretches
+from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted, side_by_side
+from gpsim.diagnosis.setup import Completions, Question
+from gpsim.recordings import Recording, evenly
 
 HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
 

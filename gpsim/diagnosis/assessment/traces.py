@@ -11,15 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, difference
-from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.predict import predicted
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.setup.latent_states import completed, smoothed
-from gpsim.diagnosis.setup.prepare import CUT, Question
-from gpsim.effects.chain import PRE_ROLL
-from gpsim.recordings import Episode, HeldOut, Recording
-from gpsim.recordings.subsample import evenly
+from gpsim.diagnosis.data import Windows, cut, held_out_mask
+from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
+from gpsim.diagnosis.setup import CUT, Question, completed, smoothed
+from gpsim.effects import PRE_ROLL
+from gpsim.recordings import Episode, HeldOut, Recording, evenly
 
 BASE, EFFECTS = "base", "base + effects"
 LOOKED_AT = 40  # held-out stretches among which the worst and the median are looked for

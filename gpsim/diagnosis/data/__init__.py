@@ -1,1 +1,33 @@
 """Data: a recording cut into windows, some held out."""
+
+from gpsim.diagnosis.data.clock import rebased
+from gpsim.diagnosis.data.decimation import PACE, thinned
+from gpsim.diagnosis.data.reversals import since_reversal
+from gpsim.diagnosis.data.split import first_held_out, held_out_names
+from gpsim.diagnosis.data.windows import (
+    LENGTH,
+    LONGEST,
+    Windows,
+    at,
+    cut,
+    cut_in_parts,
+    held_out_mask,
+    stretches,
+)
+
+__all__ = [
+    "LENGTH",
+    "LONGEST",
+    "PACE",
+    "Windows",
+    "at",
+    "cut",
+    "cut_in_parts",
+    "first_held_out",
+    "held_out_mask",
+    "held_out_names",
+    "rebased",
+    "since_reversal",
+    "stretches",
+    "thinned",
+]

@@ -12,11 +12,8 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.data.split import first_held_out
-from gpsim.effects.chain import PRE_ROLL
-from gpsim.effects.elapsed import even
-from gpsim.recordings import Episode, Recording
-from gpsim.recordings.gaps import gaps, pieces
-from gpsim.recordings.subsample import evenly
+from gpsim.effects import PRE_ROLL, even
+from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 
 LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
 LONGEST = 100  # transitions a window at most, where a clock is fast

@@ -1,1 +1,81 @@
 """Fitting: a hypothesis against windows, by multiple shooting."""
+
+from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
+from gpsim.diagnosis.fitting.budget import begin, spent
+from gpsim.diagnosis.fitting.discretisation import (
+    FINER_GAINS,
+    MOST_FINER,
+    enough_substeps,
+    numerical_error,
+    rescored,
+    settled,
+)
+from gpsim.diagnosis.fitting.evidence import (
+    PER_TERM,
+    autocorrelation,
+    channel_objectives,
+    correlation_time,
+    gain,
+    price,
+    scores,
+    whiteness,
+)
+from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
+from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
+from gpsim.diagnosis.fitting.memo import kept
+from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
+from gpsim.diagnosis.fitting.pool import cores, side_by_side
+from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
+from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
+from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
+from gpsim.diagnosis.fitting.simulate import Extra, simulate
+
+__all__ = [
+    "FINER_GAINS",
+    "MOST_FINER",
+    "PER_TERM",
+    "Candidate",
+    "Curvature",
+    "Directions",
+    "Extra",
+    "Fit",
+    "Hypothesis",
+    "Order",
+    "Problem",
+    "as_it_was",
+    "autocorrelation",
+    "begin",
+    "channel_objectives",
+    "child_of",
+    "cores",
+    "correlation_time",
+    "curvature",
+    "enough_substeps",
+    "fit",
+    "fit_all",
+    "fit_near",
+    "fit_order",
+    "gain",
+    "has_sensors",
+    "jacobians",
+    "kept",
+    "mean_squares",
+    "numerical_error",
+    "predicted",
+    "price",
+    "projected",
+    "rescored",
+    "scores",
+    "screened",
+    "settled",
+    "side_by_side",
+    "simulate",
+    "spent",
+    "starts_of",
+    "stretched",
+    "stronger",
+    "traced",
+    "whiteness",
+    "window_costs",
+    "without_sensors",
+]

@@ -9,11 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
-from gpsim.diagnosis.data.windows import Windows
-from gpsim.effects.chain import Chain
-from gpsim.effects.effect import Values
-from gpsim.effects.term import EPISODE
-from gpsim.simulators.plant import Memory
+from gpsim.diagnosis.data import Windows
+from gpsim.effects import EPISODE, Chain, Values
+from gpsim.simulators import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
 Drive = Callable[[int, int, FloatArray], FloatArray]

@@ -9,9 +9,17 @@ from itertools import combinations
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import EffectParameter, Gate, Place, Term, effect_of
-from gpsim.effects.chain import Chain, Scheme
-from gpsim.effects.effect import ActuatorEffect, ForceEffect
+from gpsim.effects import (
+    ActuatorEffect,
+    Chain,
+    EffectParameter,
+    ForceEffect,
+    Gate,
+    Place,
+    Scheme,
+    Term,
+    effect_of,
+)
 from gpsim.simulators import Simulator
 
 SAME = (

@@ -22,7 +22,7 @@ from gpsim.diagnosis.fitting.gauss_newton import (
 )
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of, window_costs
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings import evenly
 
 PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
 PATTERN_ROUNDS = (1, 3, 5, 8)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray, difference
-from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.memo import kept
 from gpsim.diagnosis.fitting.multiple_shooting import Fit

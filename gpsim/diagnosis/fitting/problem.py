@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, difference
-from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.simulate import simulate
-from gpsim.effects.chain import Chain
+from gpsim.effects import Chain
 from gpsim.simulators import Simulator
 
 

@@ -7,13 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.diagnosis.data.windows import Windows
+from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
 from gpsim.diagnosis.fitting.budget import spend, spend_on_commands, spend_on_readings
 from gpsim.diagnosis.fitting.pool import at_once, available
-from gpsim.effects.chain import Chain
-from gpsim.effects.effect import Values
-from gpsim.effects.elapsed import last_at_most
+from gpsim.effects import Chain, Values, last_at_most
 
 Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
 """State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.ranking import Ranked
 
 

@@ -6,10 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from gpsim.diagnosis.fitting.evidence import scores
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, scores
 from gpsim.effects import Gate
 
 

@@ -8,14 +8,21 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.budget import spent
-from gpsim.diagnosis.fitting.evidence import PER_TERM, channel_objectives, correlation_time, scores
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.selection.beam import pays
-from gpsim.diagnosis.setup.prepare import Question
+from gpsim.diagnosis.fitting import (
+    PER_TERM,
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    channel_objectives,
+    correlation_time,
+    fit,
+    fit_all,
+    scores,
+    spent,
+)
+from gpsim.diagnosis.selection import pays
+from gpsim.diagnosis.setup import Question
 
 MOST_RIVALS = 6
 MOST_EFFORT = 1.2e8  # simulated rows after which no further rival is looked at, the likeliest first

@@ -9,25 +9,36 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.batch import Order, fit_near
-from gpsim.diagnosis.fitting.evidence import (
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
     autocorrelation,
+    fit,
+    fit_near,
     gain,
     scores,
+    side_by_side,
     whiteness,
 )
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.judgement.ranking import Ranked, ranked
 from gpsim.diagnosis.judgement.rivals import behind_its_gates, held_out_objective, overtaking, rivals_of
-from gpsim.diagnosis.selection.beam import STRUCTURED, Found, on_its_grid, pays
-from gpsim.diagnosis.selection.elimination import simplest, without_a_term
-from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
-from gpsim.diagnosis.selection.stepwise import improved
-from gpsim.diagnosis.setup.prepare import Question
-from gpsim.effects.chain import Scheme
+from gpsim.diagnosis.selection import (
+    STRUCTURED,
+    Found,
+    LackOfFit,
+    improved,
+    lack_of_fit,
+    lack_of_memory,
+    on_its_grid,
+    pays,
+    simplest,
+    without_a_term,
+)
+from gpsim.diagnosis.setup import Question
+from gpsim.effects import Scheme
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
 REFITTED, WITHIN = (

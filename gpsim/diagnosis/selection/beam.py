@@ -12,18 +12,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.budget import spent
-from gpsim.diagnosis.fitting.discretisation import rescored, settled
-from gpsim.diagnosis.fitting.evidence import PER_TERM, gain, price, scores, whiteness
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.memo import kept
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
-from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, stretched
+from gpsim.diagnosis.fitting import (
+    PER_TERM,
+    Candidate,
+    Directions,
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    child_of,
+    fit,
+    fit_all,
+    gain,
+    kept,
+    mean_squares,
+    price,
+    rescored,
+    scores,
+    screened,
+    settled,
+    side_by_side,
+    spent,
+    stretched,
+    whiteness,
+    window_costs,
+)
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
-from gpsim.effects.chain import Scheme
+from gpsim.effects import Scheme
 
 Note = Callable[[int, int, str], None]
 BEAM, DEPTH = 3, 3

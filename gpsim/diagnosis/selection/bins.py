@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.effects.term import EPISODE
-from gpsim.recordings.subsample import evenly
+from gpsim.diagnosis.fitting import Problem
+from gpsim.effects import EPISODE
+from gpsim.recordings import evenly
 
 BINS, MARGIN = 24, 0.05  # and how far the outer edges lie beyond what was visited, of its range
 TURN = 2.0 * np.pi

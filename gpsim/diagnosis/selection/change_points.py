@@ -14,12 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
-from gpsim.diagnosis.fitting.hypothesis import Candidate
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Fit,
+    Order,
+    Problem,
+    fit_all,
+    jacobians,
+    projected,
+    side_by_side,
+)
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed
 from gpsim.diagnosis.selection.gates import COARSE, GLIMPSE
 from gpsim.effects import Gate

@@ -5,20 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.data.windows import LENGTH
-from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_order
-from gpsim.diagnosis.fitting.discretisation import rescored
-from gpsim.diagnosis.fitting.evidence import scores
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.memo import kept
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.data import LENGTH
+from gpsim.diagnosis.fitting import (
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    fit_all,
+    fit_order,
+    kept,
+    rescored,
+    scores,
+    side_by_side,
+)
 from gpsim.diagnosis.selection.beam import LEAST_PART, pays
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed
 from gpsim.diagnosis.selection.gates import FINE
 from gpsim.effects import Gate
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings import evenly
 
 MOVING = 2e7  # simulated rows for the edges of one gate where a term is taken out
 LOOKED_AT = 120  # windows at which a first look is taken, of the usual length

@@ -12,14 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.budget import spent
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions
+from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Problem, fit, spent
 from gpsim.diagnosis.selection.bins import range_around
-from gpsim.effects import EffectParameter, Gate
-from gpsim.effects.term import EPISODE, FROM, TO
+from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate
 
 SCANNED = 8  # places on each side of an edge
 JOINT = 8  # iterations of a joint fit

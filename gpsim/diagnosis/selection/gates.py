@@ -13,16 +13,23 @@ from itertools import pairwise
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions, screened, starts_of, stronger
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Directions,
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    fit,
+    fit_all,
+    screened,
+    side_by_side,
+    starts_of,
+    stronger,
+)
 from gpsim.diagnosis.selection.bins import TURN, bin_edges, goes_round, nearest_turn, turns
 from gpsim.diagnosis.selection.gate_edges import FAR, NEAR, declared_edges, gate_between, placed
-from gpsim.effects import effect_of, has_patch
-from gpsim.effects.term import EPISODE
+from gpsim.effects import EPISODE, effect_of, has_patch
 
 GATED, PROMISING, PLACED = (
     4,

@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.discretisation import FINER_GAINS, MOST_FINER, rescored
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.fitting import FINER_GAINS, MOST_FINER, Fit, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.elimination import simplest
 
 TRIED = 3  # simpler hypotheses, the best

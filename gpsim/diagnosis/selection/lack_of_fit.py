@@ -17,13 +17,16 @@ import numpy as np
 from scipy.stats import ncx2
 
 from gpsim.channels import FloatArray, IntArray, difference
-from gpsim.diagnosis.fitting.discretisation import numerical_error
-from gpsim.diagnosis.fitting.memo import kept
-from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions
-from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.fitting import (
+    Directions,
+    Extra,
+    Fit,
+    Problem,
+    kept,
+    numerical_error,
+    side_by_side,
+    simulate,
+)
 from gpsim.diagnosis.selection.elimination import sampled
 
 KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input

@@ -10,15 +10,23 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near
-from gpsim.diagnosis.fitting.budget import spent
-from gpsim.diagnosis.fitting.evidence import scores, whiteness
-from gpsim.diagnosis.fitting.hypothesis import Candidate
-from gpsim.diagnosis.fitting.memo import kept
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Directions,
+    Fit,
+    Order,
+    Problem,
+    child_of,
+    fit,
+    fit_all,
+    fit_near,
+    kept,
+    scores,
+    screened,
+    side_by_side,
+    spent,
+    whiteness,
+)
 from gpsim.diagnosis.selection.beam import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.selection.change_points import begun_later
 from gpsim.diagnosis.selection.elimination import lean, likeliest, sampled, simplest

@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.discretisation import rescored
-from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, stretched
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Directions,
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    child_of,
+    fit,
+    fit_all,
+    rescored,
+    screened,
+    side_by_side,
+    stretched,
+)
 from gpsim.diagnosis.selection.beam import grown, pays
 from gpsim.diagnosis.selection.elimination import CLEAR, sampled
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed

@@ -1,1 +1,22 @@
 """Setup: from a recording to the question and to what may be missing."""
+
+from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.latent_states import Completions, completed, guessed, hidden_channels, smoothed
+from gpsim.diagnosis.setup.prepare import CUT, Question, prepare, settled_question, spread_out
+from gpsim.diagnosis.setup.velocity_filter import filters, undone
+
+__all__ = [
+    "CUT",
+    "Completions",
+    "Question",
+    "candidates",
+    "completed",
+    "filters",
+    "guessed",
+    "hidden_channels",
+    "prepare",
+    "settled_question",
+    "smoothed",
+    "spread_out",
+    "undone",
+]

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting.hypothesis import Candidate
+from gpsim.diagnosis.fitting import Candidate
 from gpsim.effects import FAMILIES, Effect, Place
-from gpsim.recordings import Recording
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
 TINY = 1e-9

@@ -13,11 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.diagnosis.data.windows import Windows, cut_in_parts
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.fitting.predict import traced
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.data import Windows, cut_in_parts
+from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import Simulator
 

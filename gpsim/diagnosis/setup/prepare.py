@@ -8,22 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray
-from gpsim.diagnosis.data.clock import rebased
-from gpsim.diagnosis.data.decimation import PACE, thinned
-from gpsim.diagnosis.data.windows import LENGTH, LONGEST, Windows, cut, held_out_mask
-from gpsim.diagnosis.fitting.discretisation import enough_substeps, numerical_error, rescored, settled
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.data import LENGTH, LONGEST, PACE, Windows, cut, held_out_mask, rebased, thinned
+from gpsim.diagnosis.fitting import (
+    Fit,
+    Hypothesis,
+    Problem,
+    enough_substeps,
+    fit,
+    numerical_error,
+    rescored,
+    settled,
+)
 from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels, smoothed
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording
-from gpsim.recordings.subsample import evenly
-from gpsim.residuals.checks import check_clock, check_match, check_varies
-from gpsim.residuals.residuals import either_wraps
-from gpsim.simulators import Simulator
-from gpsim.simulators.simulator import INTEGRATORS
-from gpsim.simulators.wrapping import wrapping
+from gpsim.recordings import Recording, evenly
+from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
+from gpsim.simulators import INTEGRATORS, Simulator, wrapping
 
 SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
 CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory

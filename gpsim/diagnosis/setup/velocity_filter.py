@@ -15,12 +15,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.diagnosis.data.windows import Windows, at, stretches
-from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.fitting.predict import traced
-from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.effects.elapsed import even
+from gpsim.diagnosis.data import Windows, at, stretches
+from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
+from gpsim.effects import even
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 

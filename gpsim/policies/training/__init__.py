@@ -1,6 +1,6 @@
-"""Training of policies: the one place that knows stable-baselines3."""
+"""Training of policies: the one place that knows stable-baselines3.
 
-from gpsim.policies.training.ppo import train_ppo
-from gpsim.policies.training.sac import train_sac
+Offered are its files: what only asks for settings does not wait seconds for torch.
+"""
 
-__all__ = ["train_ppo", "train_sac"]
+__all__ = ["expert_iteration", "ppo", "sac", "settings"]

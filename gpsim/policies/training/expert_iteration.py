@@ -15,11 +15,10 @@ import torch
 from numpy.typing import NDArray
 
 from gpsim.channels import FloatArray
-from gpsim.environments.envs import Episodes
-from gpsim.policies.expert import FAILS, Expert, Visited
-from gpsim.policies.policy import Policy
+from gpsim.environments import Episodes
+from gpsim.policies import FAILS, Expert, Policy, Visited
 from gpsim.policies.training.settings import Checkpoints, PpoSettings, Progress
-from gpsim.simulators.plant import Memory, Plant
+from gpsim.simulators import Memory, Plant
 
 EPISODES = 3000  # that a policy plays in each round
 FAILED = 300  # episodes that ended early of which it is asked whether they had to:

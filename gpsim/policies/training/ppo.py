@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
-from gpsim.environments.envs import BatchedEnv
-from gpsim.policies.policy import Policy
+from gpsim.environments import BatchedEnv
+from gpsim.policies import Policy
 from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers, silent
 from gpsim.policies.training.settings import LearningCurve, PpoSettings, Progress, observation_scale
 

@@ -12,7 +12,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from gpsim.environments.envs import BatchedEnv
+from gpsim.environments import BatchedEnv
 
 
 def silent() -> Logger:
