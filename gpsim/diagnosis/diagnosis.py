@@ -13,8 +13,9 @@ from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.assessment import Comparison, compare, depends_on, intervals, locate, tell_apart
 from gpsim.diagnosis.data import held_out_names
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, begin, fit, gain, side_by_side, spent
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, gain
 from gpsim.diagnosis.judgement import Judgement, judge, odds_against
+from gpsim.diagnosis.run import Budget, Run
 from gpsim.diagnosis.selection import Found, Note, lean, search, simplest_on_fine_grid
 from gpsim.diagnosis.setup import Question, candidates, prepare, settled_question
 from gpsim.effects import ParameterEffect, Scheme, Term, effect_of
@@ -43,11 +44,15 @@ def diagnose(
     parameters: Mapping[str, float],
     rng: np.random.Generator,
     note: Note = lambda done, total, text: None,
+    run: Run | None = None,
 ) -> Diagnosis:
-    """Locate, name, model and judge; raises UsageError where nothing can be said."""
-    begin()
+    """Locate, name, model and judge; raises UsageError where nothing can be said.
+
+    run: the workers to share the work with; nobody by default.
+    """
+    run = run or Run()
     note(0, 100, "cutting windows")
-    question = prepare(recording, simulator, parameters)
+    question = prepare(recording, simulator, parameters, run)
     simulator = question.everything.simulator  # in which the recording's angles wrap
     offers = [
         c
@@ -60,7 +65,7 @@ def diagnose(
     best, on_fine_grid = _best(found)
     question = settled_question(question, best)
     found = replace(found, fits=[on_fine_grid, *found.fits])
-    judgement = judge(question, found, offers, _by_effort(note, 40, 90))
+    judgement = judge(question, found, offers, _by_effort(note, run.budget, 40, 90))
     note(90, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
     report = _report(question, judgement, comparison)
@@ -77,12 +82,12 @@ def diagnose(
     return Diagnosis(report, plant, judgement, comparison, question)
 
 
-def _by_effort(note: Note, first: int, last: int) -> Callable[[str], None]:
+def _by_effort(note: Note, budget: Budget, first: int, last: int) -> Callable[[str], None]:
     """Progress from `first` on, the slower the nearer to `last`: how many rounds there will be nobody knows."""
-    begun = spent()
+    begun = budget.spent
 
     def tell(text: str) -> None:
-        note(last - round((last - first) * math.exp(-(spent() - begun) / USUAL_EFFORT)), 100, text)
+        note(last - round((last - first) * math.exp(-(budget.spent - begun) / USUAL_EFFORT)), 100, text)
 
     return tell
 
@@ -167,7 +172,7 @@ def _effects(
         return []
     bounds = intervals(problem, found)
     calls = [(question, judgement, found, i) for i in range(len(found.hypothesis.terms))]
-    lesser = side_by_side(_without, calls)
+    lesser = problem.run.side_by_side(_without, calls)
     out, at = [], 0
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)

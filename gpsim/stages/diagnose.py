@@ -13,7 +13,7 @@ from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, descr
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.assessment import course, traces
 from gpsim.diagnosis.data import first_held_out
-from gpsim.diagnosis.fitting import cores
+from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.setup import guessed, hidden_channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, plain, write_json
@@ -200,8 +200,8 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     check_match(recording, simulator, hidden=hidden)
     check_rates(guessed(recording, simulator), simulator, parameters)
     rng = generator(request.seed, "diagnose")
-    with cores(request.cores):
-        found = diagnose(recording, simulator, parameters, rng, request.progress)
+    with cores(request.cores) as workers:
+        found = diagnose(recording, simulator, parameters, rng, request.progress, Run(workers))
     report = plain(found.report)
     write_json(folder / "diagnosis.json", report)
     plant = replace(found.plant, ages=ages_of(found.question.recording))

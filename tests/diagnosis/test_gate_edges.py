@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from gpsim.channels import wrap_angle
-from gpsim.diagnosis import edges as edges_module
-from gpsim.diagnosis.fitting import budget as effort
 from gpsim.diagnosis.fitting.batch import Order, fit_all
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.fitting.pool import cores
 from gpsim.diagnosis.fitting.score_test import Directions
+from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
 from gpsim.diagnosis.selection.gate_edges import FAR, placed
 from gpsim.diagnosis.setup.candidates import candidates
@@ -71,12 +70,13 @@ def test_effort_does_not_depend_on_the_number_of_processes():
     orders = [
         Order(Hypothesis(scheme=scheme), problem.windows.measured[:, 0], 5) for scheme in ("fine", "euler")
     ]
-    begun = effort.spent()
+    begun = problem.run.budget.spent
     fit_all(problem, orders)
-    alone = effort.spent() - begun
-    with cores(2):
-        fit_all(problem, orders)
-    assert effort.spent() - begun == pytest.approx(2 * alone, rel=1e-12)
+    alone = problem.run.budget.spent - begun
+    with cores(2) as workers:
+        run = Run(workers)
+        fit_all(replace(problem, run=run), orders)
+    assert run.budget.spent == pytest.approx(alone, rel=1e-12)
     assert alone > 0
 
 

@@ -10,6 +10,7 @@ from gpsim.diagnosis.data.windows import cut
 from gpsim.diagnosis.fitting import multiple_shooting as shooting
 from gpsim.diagnosis.fitting import simulate
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term, effect_of
@@ -107,7 +108,7 @@ def test_what_came_before_a_window_is_as_late_as_in_one_long_simulation(jitter, 
         hypothesis = Hypothesis(terms, tuple(() for _ in terms))
         chain = hypothesis.chain(slider, {"mass": 1.0}, dt)
         thetas = np.empty((1, 0))
-        return simulate.simulate(chain, windows, starts[None], hypothesis.spread, thetas, 4)[0]
+        return simulate.simulate(Run(), chain, windows, starts[None], hypothesis.spread, thetas, 4)[0]
 
     def recorded(states):
         episode = Episode("0", t, states, actions)

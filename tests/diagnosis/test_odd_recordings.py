@@ -17,6 +17,7 @@ from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
@@ -102,7 +103,9 @@ def test_a_late_sensor_is_late_after_a_gap_too():
         question = question_of(replace(record(World("slider"), episodes=6, steps=100), noise={}))
         problem = replace(question.everything, windows=after, substeps=1)
         chain = hypothesis.chain(problem.simulator, problem.parameters, recording.dt)
-        said = simulate(chain, after, after.measured[None, :, 0], hypothesis.spread, np.zeros((1, 0)), 1)[0]
+        said = simulate(
+            Run(), chain, after, after.measured[None, :, 0], hypothesis.spread, np.zeros((1, 0)), 1
+        )[0]
         position, speed = after.measured[:, 0].T
         assert np.abs(said[:, 0, 0] - (position - 0.03 * speed)).max() < 0.005
         late = after.measured[:, 2:, 0] - 1.5 * np.diff(after.measured[..., 0], axis=1)[:, 1:]

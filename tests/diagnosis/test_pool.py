@@ -1,15 +1,15 @@
 """Worker processes: the same fits and simulations, whatever their number, and with a user's own system too."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all
-from gpsim.diagnosis.fitting.budget import add, spent
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.pool import cores, side_by_side
 from gpsim.diagnosis.fitting.simulate import _parts, simulate
+from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.effects.chain import Chain
@@ -36,10 +36,11 @@ def test_two_processes_fit_what_one_does(reference):
         simulator.name, simulator.state, simulator.action, episodes, dt, simulator.defaults(), "euler"
     )
     problem = prepare(recording, simulator, simulator.defaults()).searched
+    assert problem.run.workers.count == 1
     orders = [Order(Hypothesis(scheme=s), problem.windows.measured[:, 0], 3) for s in ("fine", "euler")]
     alone = fit_all(problem, orders)
-    with cores(2):
-        together = fit_all(problem, orders)
+    with cores(2) as workers:
+        together = fit_all(replace(problem, run=Run(workers)), orders)
     for one, two in zip(alone, together, strict=True):
         np.testing.assert_array_equal(one.residuals, two.residuals)
         assert one.objective == two.objective
@@ -70,35 +71,45 @@ def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
     starts = np.tile(problem.windows.measured[:, 0], (12, 1, 1))
     starts += 0.01 * np.random.default_rng(0).normal(size=starts.shape)
     hypothesis = Hypothesis(tuple(terms), tuple(() for _ in terms))
-    simulated = lambda: simulate(chain, problem.windows, starts, hypothesis.spread, np.zeros((12, 0)), 4)  # noqa: E731
-    begun = spent()
-    alone, effort = simulated(), spent() - begun
-    with cores(2):
-        assert _parts(*starts.shape[:2], 4 * problem.windows.length) == 2
-        begun = spent()
-        together = simulated()
-        assert spent() - begun == pytest.approx(effort)
+
+    def simulated(run):
+        return simulate(run, chain, problem.windows, starts, hypothesis.spread, np.zeros((12, 0)), 4)
+
+    one = Run()
+    alone = simulated(one)
+    with cores(2) as workers:
+        assert _parts(workers.count, *starts.shape[:2], 4 * problem.windows.length) == 2
+        two = Run(workers)
+        together = simulated(two)
+    assert one.budget.spent > 0
+    assert two.budget.spent == pytest.approx(one.budget.spent)
     np.testing.assert_array_equal(alone, together)
 
 
 def test_one_window_is_simulated_in_one_part_however_many_copies_there_are():
-    with cores(2):
-        assert _parts(700, 1, 100) == 1
-        assert _parts(700, 5, 100) == 2
-    assert _parts(700, 5, 100) == 1
+    assert _parts(2, 700, 1, 100) == 1
+    assert _parts(2, 700, 5, 100) == 2
+    assert _parts(1, 700, 5, 100) == 1
 
 
-def spending(answer: int, effort: float) -> int:
+def spending(run: Run, answer: int, effort: float) -> int:
     """A call that takes so much effort."""
-    add(effort)
+    run.budget.add(effort)
     return answer
 
 
 def test_calls_after_the_effort_is_used_up_do_not_count_whatever_the_cores():
     """The second call begins before 15 are spent, the third after."""
-    calls = [(k, 10.0) for k in range(5)]
     for count in (1, 2):
-        with cores(count):
-            begun = spent()
-            assert side_by_side(spending, calls, until=begun + 15.0) == [0, 1]
-            assert spent() - begun == pytest.approx(20.0)
+        with cores(count) as workers:
+            run = Run(workers)
+            calls = [(run, k, 10.0) for k in range(5)]
+            assert run.side_by_side(spending, calls, until=15.0) == [0, 1]
+            assert run.budget.spent == pytest.approx(20.0)
+
+
+def test_what_was_diagnosed_may_be_asked_for_more_when_the_workers_have_gone():
+    with cores(2) as workers:
+        run = Run(workers)
+    assert run.side_by_side(spending, [(run, k, 1.0) for k in range(3)]) == [0, 1, 2]
+    assert run.workers.at_once(divmod, [(7, 3), (9, 4)]) == [(2, 1), (2, 1)]

@@ -12,6 +12,7 @@ from gpsim.diagnosis.diagnosis import _without
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement.verdict import Judgement
+from gpsim.diagnosis.run import Budget
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.recordings import Episode, HeldOut
@@ -107,12 +108,11 @@ def test_the_page_gives_every_models_share_of_the_bases_error(left, said):
     assert diagnosis_page._share({"over_before": {"gp": left}}, "noise_floor") == ""
 
 
-def test_progress_never_stands_still_nor_goes_back(monkeypatch):
-    efforts = iter([0.0, 0.0, 3e7, 1e8, 4e8, 1e12])
-    monkeypatch.setattr(diagnosis, "spent", lambda: next(efforts))
-    told = []
-    tell = diagnosis._by_effort(lambda done, total, text: told.append(done), 40, 90)
-    for _ in range(5):
+def test_progress_never_stands_still_nor_goes_back():
+    told, budget = [], Budget()
+    tell = diagnosis._by_effort(lambda done, total, text: told.append(done), budget, 40, 90)
+    for spent in (0.0, 3e7, 1e8, 4e8, 1e12):
+        budget.spent = spent
         tell("")
     assert told[0] == 40
     assert told[-1] == 90

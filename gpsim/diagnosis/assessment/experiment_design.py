@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Hypothesis, Problem, simulate
+from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.effects import PRE_ROLL
 
@@ -130,9 +130,7 @@ def _windows(problem: Problem, actions: FloatArray, begin: float) -> Windows:
 def _said(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArray:
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = windows.measured[None, :, 0]
-    return np.asarray(
-        simulate(chain, windows, starts, hypothesis.spread, hypothesis.theta[None], problem.steps(chain))[0]
-    )
+    return np.asarray(problem.simulated(chain, windows, starts, hypothesis.spread, hypothesis.theta[None])[0])
 
 
 def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: FloatArray) -> FloatArray:

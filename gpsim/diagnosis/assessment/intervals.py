@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from scipy.stats import t as student
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature, side_by_side
+from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature
 from gpsim.diagnosis.fitting import fit as shoot
 
 LEVEL = 0.90
@@ -40,7 +40,7 @@ def intervals(problem: Problem, fit: Fit, level: float = LEVEL) -> FloatArray:
     low, high = theta - half, theta + half
     jumping = [(j, p.step) for j, p in enumerate(fit.hypothesis.parameters) if p.step is not None]
     calls = [(problem, fit, j, side * step, level) for j, step in jumping for side in (-1.0, 1.0)]
-    edges = np.array(side_by_side(_profile, calls)).reshape(-1, 2)
+    edges = np.array(problem.run.side_by_side(_profile, calls)).reshape(-1, 2)
     for (j, _), (first, last) in zip(jumping, edges, strict=True):
         low[j], high[j] = first, last
     bounds = np.array([[p.low, p.high] for p in fit.hypothesis.parameters])

@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
 from gpsim.diagnosis.data import LENGTH, Windows, cut, first_held_out, held_out_mask, stretches
-from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted, side_by_side
+from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
 
@@ -46,7 +46,7 @@ def rollouts(
         if not len(windows):
             return {"horizon_s": length * dt}
         calls.append((problem, windows, model.hypothesis, model.extra))
-    ends = side_by_side(_ends, calls)
+    ends = question.everything.run.side_by_side(_ends, calls)
     errors = {
         kind: difference(call[1].measured[:, -1], end, problem.simulator.state)
         for kind, call, end in zip(models, calls, ends, strict=True)

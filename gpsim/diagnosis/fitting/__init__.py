@@ -1,7 +1,6 @@
 """Fitting: a hypothesis against windows, by multiple shooting."""
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
-from gpsim.diagnosis.fitting.budget import begin, spent
 from gpsim.diagnosis.fitting.discretisation import (
     FINER_GAINS,
     MOST_FINER,
@@ -22,13 +21,11 @@ from gpsim.diagnosis.fitting.evidence import (
 )
 from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
-from gpsim.diagnosis.fitting.memo import kept
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
-from gpsim.diagnosis.fitting.pool import cores, side_by_side
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
 from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
-from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.fitting.simulate import Extra
 
 __all__ = [
     "FINER_GAINS",
@@ -44,10 +41,8 @@ __all__ = [
     "Problem",
     "as_it_was",
     "autocorrelation",
-    "begin",
     "channel_objectives",
     "child_of",
-    "cores",
     "correlation_time",
     "curvature",
     "enough_substeps",
@@ -58,7 +53,6 @@ __all__ = [
     "gain",
     "has_sensors",
     "jacobians",
-    "kept",
     "mean_squares",
     "numerical_error",
     "predicted",
@@ -68,9 +62,6 @@ __all__ = [
     "scores",
     "screened",
     "settled",
-    "side_by_side",
-    "simulate",
-    "spent",
     "starts_of",
     "stretched",
     "stronger",

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
-from gpsim.diagnosis.fitting.pool import side_by_side
 from gpsim.diagnosis.fitting.problem import Problem
 
 BEHIND = 60.0  # nats after a few iterations that no further ones make good
@@ -30,7 +29,7 @@ class Order:
 
 def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
     """The fits of all orders, in their order; raises what a fit raises."""
-    return side_by_side(fit_order, [(problem, order) for order in orders])
+    return problem.run.side_by_side(fit_order, [(problem, order) for order in orders])
 
 
 def fit_near(problem: Problem, begun: Sequence[Order], iterations: int, tolerance: float) -> list[Fit]:

@@ -10,10 +10,10 @@ import numpy as np
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.memo import kept
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.fitting.simulate import Extra
+from gpsim.diagnosis.run import kept
 
 FIXED_POINT_ROUNDS = 20  # at most
 SETTLED = 1e-9  # of a channel's scale
@@ -28,7 +28,7 @@ def predicted(
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts = true_starts(problem, windows, hypothesis)[None]
     theta = hypothesis.theta[None]
-    said = simulate(chain, windows, starts, hypothesis.spread, theta, problem.steps(chain), extra)
+    said = problem.simulated(chain, windows, starts, hypothesis.spread, theta, extra)
     return np.asarray(said[0])
 
 
@@ -37,9 +37,7 @@ def traced(problem: Problem, found: Fit) -> FloatArray:
     hypothesis = found.hypothesis
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     starts, theta = found.starts[None], hypothesis.theta[None]
-    return np.asarray(
-        simulate(chain, problem.windows, starts, hypothesis.spread, theta, problem.steps(chain))[0]
-    )
+    return np.asarray(problem.simulated(chain, problem.windows, starts, hypothesis.spread, theta)[0])
 
 
 def has_sensors(hypothesis: Hypothesis) -> bool:
@@ -99,9 +97,7 @@ def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> F
 
     def said(state: FloatArray) -> FloatArray:
         theta = hypothesis.theta[None]
-        return np.asarray(
-            simulate(chain, first, state[None], hypothesis.spread, theta, problem.steps(chain))[0, :, 0]
-        )
+        return np.asarray(problem.simulated(chain, first, state[None], hypothesis.spread, theta)[0, :, 0])
 
     state, gains = measured, _gains(problem, measured, said)
     for _ in range(FIXED_POINT_ROUNDS):

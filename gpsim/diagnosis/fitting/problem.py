@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.fitting.actuation import Spread
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.simulate import simulate
+from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.run import Run
 from gpsim.effects import Chain
 from gpsim.simulators import Simulator
 
@@ -24,7 +26,7 @@ class Problem:
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
     scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
     substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
-    was thinned).
+    was thinned). run: what the diagnosis carries along.
     """
 
     simulator: Simulator
@@ -38,6 +40,7 @@ class Problem:
     mismatch: FloatArray
     substeps: int
     base_steps: int = 1
+    run: Run = field(default_factory=Run)
 
     @cached_property
     def counts(self) -> FloatArray:
@@ -65,10 +68,22 @@ class Problem:
         own, theirs = (chain.refinement for chain in chains)
         return self if theirs <= own else replace(self, substeps=self.substeps * theirs // own)
 
+    def simulated(
+        self,
+        chain: Chain,
+        windows: Windows,
+        starts: FloatArray,
+        spread: Spread,
+        thetas: FloatArray,
+        extra: Extra | None = None,
+    ) -> FloatArray:
+        """`simulate` in the steps that the chain calls for here."""
+        return simulate(self.run, chain, windows, starts, spread, thetas, self.steps(chain), extra)
+
     def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
         """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S); 0 where nothing was seen."""
         chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
-        said = simulate(chain, self.windows, starts, hypothesis.spread, thetas, self.steps(chain))
+        said = self.simulated(chain, self.windows, starts, hypothesis.spread, thetas)
         residual = difference(self.windows.measured[None], said, self.simulator.state)
         residual *= self.windows.valid[None, :, :, None] & self.observed
         return residual

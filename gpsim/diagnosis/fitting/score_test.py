@@ -12,7 +12,6 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.gauss_newton import jacobians
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
-from gpsim.diagnosis.fitting.pool import side_by_side
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.effects import EffectParameter, Gate
 
@@ -97,7 +96,7 @@ def screened(
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
     """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test."""
     chunks = [offers[i : i + CHUNK] for i in range(0, len(offers), CHUNK)]
-    looks = side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
+    looks = directions.problem.run.side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
     return sorted((found for look in looks for found in look), key=lambda item: -item[0])
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
-from gpsim.diagnosis.fitting.budget import spend, spend_on_commands, spend_on_readings
-from gpsim.diagnosis.fitting.pool import at_once, available
+from gpsim.diagnosis.run import Budget, Run
 from gpsim.effects import Chain, Values, last_at_most
 
 Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
@@ -21,6 +20,7 @@ WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
 
 
 def simulate(
+    run: Run,
     chain: Chain,
     windows: Windows,
     starts: FloatArray,
@@ -38,13 +38,13 @@ def simulate(
         return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
     starts = _tamed(starts)  # a step may have sent one anywhere
     setting, windows = _set(chain, windows, spread, thetas, n)
-    _count(chain, windows, len(thetas), setting)
-    parts = _parts(len(thetas), len(windows), windows.length * n)
+    _count(run.budget, chain, windows, len(thetas), setting)
+    parts = _parts(run.workers.count, len(thetas), len(windows), windows.length * n)
     if parts < 2 or not setting.even or extra is not None:
         return _simulated(chain, windows, starts, spread, thetas, setting, extra)
     rows = np.array_split(np.arange(len(windows)), parts)
     calls = [(chain, windows.take(r), starts[:, r], spread, thetas, setting) for r in rows]
-    return np.concatenate(at_once(_simulated, calls), axis=1)
+    return np.concatenate(run.workers.at_once(_simulated, calls), axis=1)
 
 
 def _simulated(
@@ -99,22 +99,22 @@ def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sens
     return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
 
 
-def _count(chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
+def _count(budget: Budget, chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
     """Count the effort, which is the same in parts."""
     rows, inside = copies * len(windows), windows.length * setting.n
     before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
-    spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
-    spend_on_readings(rows, inside, chain.sensors.remembering)
+    budget.spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
+    budget.spend_on_readings(rows, inside, chain.sensors.remembering)
     if chain.actuates:
-        spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
+        budget.spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)
     if chain.looks:
-        spend_on_commands(rows, inside, chain.actuators)
+        budget.spend_on_commands(rows, inside, chain.actuators)
 
 
-def _parts(copies: int, windows: int, substeps: int) -> int:
+def _parts(cores: int, copies: int, windows: int, substeps: int) -> int:
     """In how many parts the windows are simulated: as many as there are cores for, where each is worth sending."""
     rows = copies * windows
-    return min(available(), rows // PART, windows) if rows * substeps > WORTH_SENDING else 1
+    return min(cores, rows // PART, windows) if rows * substeps > WORTH_SENDING else 1
 
 
 def _run(

@@ -19,7 +19,6 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     scores,
-    spent,
 )
 from gpsim.diagnosis.selection import pays
 from gpsim.diagnosis.setup import Question
@@ -61,11 +60,15 @@ def rivals_of(
     later = _later_nats(question, leader)
     rivals: list[Fit] = []
     counted: list[Fit] = []
-    weights, of_rivals, most = [1.0], [], spent() + MOST_EFFORT
+    weights, of_rivals, most = [1.0], [], question.everything.run.budget.spent + MOST_EFFORT
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
         near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
-        if near and spent() < most and _earned(question.everything, leader, rival):
+        if (
+            near
+            and question.everything.run.budget.spent < most
+            and _earned(question.everything, leader, rival)
+        ):
             worse = later(rival)
             by += worse
             said = worse < TIE and by < TIE

@@ -20,7 +20,6 @@ from gpsim.diagnosis.fitting import (
     fit_near,
     gain,
     scores,
-    side_by_side,
     whiteness,
 )
 from gpsim.diagnosis.judgement.ranking import Ranked, ranked
@@ -233,7 +232,7 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
     asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
     grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
     calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
-    own, *others = side_by_side(held_out_objective, [(held_out, leader.hypothesis), *calls])
+    own, *others = problem.run.side_by_side(held_out_objective, [(held_out, leader.hypothesis), *calls])
     won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
     kept = iter([own - other < CONTRADICTS * by for other, by in zip(others, won, strict=True)])
     return [pay and next(kept) for pay in paying]

@@ -24,19 +24,17 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     gain,
-    kept,
     mean_squares,
     price,
     rescored,
     scores,
     screened,
     settled,
-    side_by_side,
-    spent,
     stretched,
     whiteness,
     window_costs,
 )
+from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
 from gpsim.effects import Scheme
 
@@ -100,11 +98,11 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
     null = nulls[0]
     fits, beam = list(nulls), list(nulls)
     total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
-    done, most = 0, spent() + MOST_EFFORT
+    done, most = 0, problem.run.budget.spent + MOST_EFFORT
     for depth in range(DEPTH):
         children: list[Fit] = []
         for parent in beam:
-            if children and spent() > most:
+            if children and problem.run.budget.spent > most:
                 break
             directions = Directions(problem, parent)
             plain = grown(problem, directions, offers, FITTED[depth])
@@ -124,7 +122,7 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
             coarse = next(f for f in nulls if f.hypothesis.scheme != "fine").hypothesis
             children = _distinct([*children, *_chattering_twins(problem, children, coarse, offers)])
         fits += children
-        if not children or not _structured(problem, fits) or spent() > most:
+        if not children or not _structured(problem, fits) or problem.run.budget.spent > most:
             break
         beam = _beam(problem, children)
     note(total, total, "")
@@ -152,7 +150,7 @@ def _chattering_twins(
     known = [(c, f.starts) for c in laws for f in plain if c.identity in f.hypothesis.claims]
     found: list[Fit] = []
     for _ in range(SCANS):
-        scans = side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
+        scans = problem.run.side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
         orders = [Order(child, starts, 12) for child, (_, starts) in zip(scans, known, strict=True)]
         again = fit_all(problem, orders)
         found += again

@@ -22,7 +22,6 @@ from gpsim.diagnosis.fitting import (
     fit_all,
     jacobians,
     projected,
-    side_by_side,
 )
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed
 from gpsim.diagnosis.selection.gates import COARSE, GLIMPSE
@@ -58,7 +57,7 @@ def begun_later(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> l
     children = [leader.hypothesis.having(o.theta).gated(o.index, o.gate) for o in best]
     fits = fit_all(problem, [Order(child, leader.starts, 8) for child in children])
     calls = [(problem, f, o.index, NEAR, COARSE, GLIMPSE) for f, o in zip(fits, best, strict=True)]
-    return side_by_side(placed, calls)
+    return problem.run.side_by_side(placed, calls)
 
 
 def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:

@@ -13,11 +13,10 @@ from gpsim.diagnosis.fitting import (
     Problem,
     fit_all,
     fit_order,
-    kept,
     rescored,
     scores,
-    side_by_side,
 )
+from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.beam import LEAST_PART, pays
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed
 from gpsim.diagnosis.selection.gates import FINE
@@ -112,13 +111,16 @@ def _finer(problem: Problem, less: Fit, leader: Fit) -> bool:
 
 def _all_as_finely(problem: Problem, leader: Fit, orders: Sequence[Order]) -> list[Fit]:
     """`fit_all`, each on a grid as fine as the leader's: what its region's finer grid gains is no merit of a term."""
-    return side_by_side(fit_order, [(problem.as_finely(o.hypothesis, leader.hypothesis), o) for o in orders])
+    return problem.run.side_by_side(
+        fit_order, [(problem.as_finely(o.hypothesis, leader.hypothesis), o) for o in orders]
+    )
 
 
 def _all_moved(calls: Sequence[tuple[Problem, Fit, Fit]]) -> list[Fit]:
     """`_moved` of every call; one that is alone in having something to move has all cores to itself."""
     waiting = [_movable(*call) for call in calls]
-    moved = iter(side_by_side(_moved, [call for call, waits in zip(calls, waiting, strict=True) if waits]))
+    chosen = [call for call, waits in zip(calls, waiting, strict=True) if waits]
+    moved = iter(chosen[0][0].run.side_by_side(_moved, chosen) if chosen else ())
     return [next(moved) if waits else call[1] for call, waits in zip(calls, waiting, strict=True)]
 
 

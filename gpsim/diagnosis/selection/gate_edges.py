@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Problem, fit, spent
+from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.selection.bins import range_around
 from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate
 
@@ -68,9 +68,9 @@ def placed(
     outer = range_around(problem, channel, gate.region.get(channel or ""))
     spread = outer[1] - outer[0]
     reach, stays = share * spread, 0
-    sides, most = {0, 1}, spent() + effort
+    sides, most = {0, 1}, problem.run.budget.spent + effort
     around: Directions | None = None
-    while sides and reach / SCANNED > finest * spread and spent() < most:
+    while sides and reach / SCANNED > finest * spread and problem.run.budget.spent < most:
         moved, before = False, at
         for side in sorted(sides):
             if _Span.of(at, index, outer).stays(side):

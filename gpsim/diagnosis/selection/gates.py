@@ -23,7 +23,6 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     screened,
-    side_by_side,
     starts_of,
     stronger,
 )
@@ -105,7 +104,7 @@ def gated_children(
             ]  # a limit out of reach shows nothing
         channels_of = [channel for channel in looked_at if makes_sense(candidate, channel)]
         looks += [(seen, candidate, v, c, len(problem.windows)) for c in channels_of for v in begun]
-    proposals = _best_starts([p for p in side_by_side(_best_gate, looks) if p is not None])
+    proposals = _best_starts([p for p in problem.run.side_by_side(_best_gate, looks) if p is not None])
     # A patch that stops a body gains far more when fitted than its direction promises.
     patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
     children = [_child(problem, directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
@@ -117,7 +116,7 @@ def with_edges(problem: Problem, children: Sequence[Fit], count: int = PLACED) -
     """The gated children, of which the best `count` have their edges placed, and the best one's closely."""
     fits = sorted(children, key=lambda f: f.objective)
     calls = [(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE, GLIMPSE) for f in fits[:count]]
-    coarse = sorted(side_by_side(placed, calls), key=lambda f: f.objective)
+    coarse = sorted(problem.run.side_by_side(placed, calls), key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
     best = [placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINEST) for f in coarse[:1]]
     return best + coarse[1:] + fits[count:]

@@ -22,11 +22,9 @@ from gpsim.diagnosis.fitting import (
     Extra,
     Fit,
     Problem,
-    kept,
     numerical_error,
-    side_by_side,
-    simulate,
 )
+from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.elimination import sampled
 
 KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input
@@ -138,7 +136,7 @@ def _all_tested(
 ) -> list[tuple[float, int]]:
     """`_tested` on all cores, a few groups at a time: what they share is sent along with each chunk."""
     chunks = [groups[i : i + CHUNK] for i in range(0, len(groups), CHUNK)]
-    every = side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
+    every = problem.run.side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
     return [found for chunk in every for found in chunk]
 
 
@@ -232,7 +230,7 @@ def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -
         starts = np.tile(at.starts, (len(which), 1, 1))
         thetas = np.tile(at.hypothesis.theta, (len(which), 1))
         extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
-        said = simulate(chain, windows, starts, at.hypothesis.spread, thetas, problem.steps(chain), extra)
+        said = problem.simulated(chain, windows, starts, at.hypothesis.spread, thetas, extra)
         residual = difference(windows.measured[None], said, problem.simulator.state)
         residual *= windows.valid[None, :, :, None] & problem.observed
         out.append(directions.changes(residual).reshape(len(which), -1))

@@ -20,13 +20,11 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     fit_near,
-    kept,
     scores,
     screened,
-    side_by_side,
-    spent,
     whiteness,
 )
+from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.beam import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.selection.change_points import begun_later
 from gpsim.diagnosis.selection.elimination import lean, likeliest, sampled, simplest
@@ -73,7 +71,7 @@ def improved(
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     leader = lean(problem, polished(problem, _ended(problem, _finely(problem, leader))))
     tried: list[Fit] = []
-    most = min(spent() + MOST_EFFORT, ALTOGETHER)
+    most = min(problem.run.budget.spent + MOST_EFFORT, ALTOGETHER)
     enough = min(most + SWAPPING, ALTOGETHER)
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
@@ -84,13 +82,13 @@ def improved(
         near = sorted(
             (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
         )
-        leaned = [lean(problem, f) for f in near[:LEANED] if spent() < enough]
+        leaned = [lean(problem, f) for f in near[:LEANED] if problem.run.budget.spent < enough]
         others += _new(leaned, near)
         tried += others
         best = simplest(problem, [leader, *others])
         if _advances(problem, best, leader):
             leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
-            if spent() > most:
+            if problem.run.budget.spent > most:
                 leader, twins = _among_twins(problem, leader, offers)
                 tried += twins
                 break
@@ -115,7 +113,7 @@ def _swapped(
 ) -> list[Fit]:
     """`swapped` for one term of the leader after the other, until so much effort is spent."""
     calls = [(problem, leader, i, offers, twins) for i in range(len(leader.hypothesis.terms))]
-    return [f for found in side_by_side(swapped, calls, until) for f in found]
+    return [f for found in problem.run.side_by_side(swapped, calls, until) for f in found]
 
 
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
@@ -142,7 +140,7 @@ def _extended(
     tried: list[Fit] = []
     firm, steps = leader, 0
     while not leader.hypothesis.patchwork:
-        over = spent() >= most  # to ask when what there is began costs next to nothing
+        over = problem.run.budget.spent >= most  # to ask when what there is began costs next to nothing
         if over and gates:
             break
         children = (
@@ -202,7 +200,7 @@ def _children(
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
     # Other gates are dear.
-    if spent() > most or not (_hidden(problem, leader, better) if better else gates):
+    if problem.run.budget.spent > most or not (_hidden(problem, leader, better) if better else gates):
         return plain
     structured = whiteness(problem, leader)[0] < GATED_BELOW
     if not structured:
@@ -210,8 +208,8 @@ def _children(
         structured = lack is not None and lack.significant
     around = None if structured else directions
     calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
-    gated = [f for found in side_by_side(_gated, calls) for f in found]
-    if structured and spent() < most and len(leader.hypothesis.terms) < MOST_TERMS:
+    gated = [f for found in problem.run.side_by_side(_gated, calls) for f in found]
+    if structured and problem.run.budget.spent < most and len(leader.hypothesis.terms) < MOST_TERMS:
         everywhere = grown(part, directions, offers, PROMISING)
         few = Directions(*sampled(part, seen, GLANCED_AT))
         gated += gated_children(part, directions, everywhere, offers, few=few)

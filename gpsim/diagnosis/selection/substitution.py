@@ -17,7 +17,6 @@ from gpsim.diagnosis.fitting import (
     fit_all,
     rescored,
     screened,
-    side_by_side,
     stretched,
 )
 from gpsim.diagnosis.selection.beam import grown, pays
@@ -75,7 +74,9 @@ def swapped(
         return fits
     worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     near = [f for f in fits if f.objective < worth_it]
-    sharper = side_by_side(placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near])
+    sharper = problem.run.side_by_side(
+        placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near]
+    )
     return [*sharper, *(f for f in fits if f.objective >= worth_it)]
 
 

@@ -19,6 +19,7 @@ from gpsim.diagnosis.fitting import (
     rescored,
     settled,
 )
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels, smoothed
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
@@ -61,11 +62,14 @@ class Question:
         return None if index is None else self.recording.episodes[index].name
 
 
-def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> Question:
+def prepare(
+    recording: Recording, simulator: Simulator, parameters: Mapping[str, float], run: Run | None = None
+) -> Question:
     """Thin, complete, cut, split and measure; raises UsageError when it does not match or is too short.
 
     The problem's simulator is one in which every angle wraps that does so in the simulator or in the recording.
     """
+    run = run or Run()
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)
     _check_length(recording)
@@ -81,11 +85,11 @@ def prepare(recording: Recording, simulator: Simulator, parameters: Mapping[str,
     seen = guessed(seen, simulator)
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed)
-    problem = _problem(seen, simulator, parameters, training, hidden)
+    problem = _problem(seen, simulator, parameters, training, hidden, run)
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed)
-        problem = _problem(seen, simulator, parameters, training, hidden)
+        problem = _problem(seen, simulator, parameters, training, hidden, run)
     searched = SEARCHED if training.length == _length(seen) else SEARCHED_LONGER
     problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
@@ -150,6 +154,7 @@ def _problem(
     parameters: Mapping[str, float],
     training: Windows,
     hidden: tuple[str, ...],
+    run: Run,
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
     names = simulator.state.names
@@ -161,7 +166,17 @@ def _problem(
     usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), SUBSTEPS[0], USUAL_MOST))
     nothing = np.zeros(len(names))
     return Problem(
-        simulator, parameters, recording.dt, training, observed, floor, known > 0, scale, nothing, usual
+        simulator,
+        parameters,
+        recording.dt,
+        training,
+        observed,
+        floor,
+        known > 0,
+        scale,
+        nothing,
+        usual,
+        run=run,
     )
 
 

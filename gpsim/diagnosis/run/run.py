@@ -1,0 +1,60 @@
+"""A run: what one diagnosis carries along from step to step. Nothing of it is global: two may run side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from gpsim.diagnosis.run.budget import Budget
+from gpsim.diagnosis.run.memo import Memo
+from gpsim.diagnosis.run.pool import Workers
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Workers to share the work with, what was spent, and answers that are asked for again.
+
+    In a worker process it begins anew, alone: what it spent there is counted here when the result comes back.
+    """
+
+    workers: Workers = field(default_factory=Workers)
+    budget: Budget = field(default_factory=Budget)
+    memo: Memo = field(default_factory=Memo)
+
+    def __reduce__(self) -> tuple[type[Run], tuple[()]]:
+        return Run, ()
+
+    def side_by_side(
+        self, function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], until: float = math.inf
+    ) -> list[Result]:
+        """What a module's `function` makes of the arguments of every call, in their order; raises what it raises.
+
+        until: what may be spent before no further call counts, whether or not another process has begun it already.
+        """
+        results: list[Result] = []
+        begun = self.workers.submit(_counted, [(self, function, call) for call in calls])
+        for i, call in enumerate(calls):
+            if self.budget.spent >= until:
+                break
+            if not begun:
+                results.append(function(*call))
+                continue
+            result, spent = begun[i].result()
+            self.budget.add(spent)
+            results.append(result)
+        for late in begun[len(results) :]:
+            late.cancel()
+        return results
+
+
+def _counted(run: Run, function: Callable[..., Result], call: tuple[Any, ...]) -> tuple[Result, float]:
+    """What a function makes of its arguments, and what that has spent in this process.
+
+    The arguments came together with the run, so what they carry is this very one.
+    """
+    before = run.budget.spent
+    return function(*call), run.budget.spent - before
