@@ -21,6 +21,7 @@ LEVELS = [
     {"diagnosis.setup"},
     {"diagnosis.fitting"},
     {"diagnosis.data", "diagnosis.run"},
+    {"diagnosis.settings"},
     {"evaluation", "policies.training"},
     {"environments"},
     {"corrected", "policies"},

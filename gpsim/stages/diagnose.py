@@ -14,6 +14,7 @@ from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.assessment import course, traces
 from gpsim.diagnosis.data import first_held_out
 from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
 from gpsim.diagnosis.setup import guessed, hidden_channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, plain, write_json
@@ -181,10 +182,17 @@ def _recipe(request: Request, task: Task) -> Recipe:
         "simulator": name,
         "simulator_file": file_digest(source) if source else None,
         "episodes": task.episodes,
+        "settings": as_mapping(_settings(request)),
     }
     if apart is not recording and apart.held_out is not None:
         config["episodes_from"] = apart.held_out.episodes_from
     return Recipe("diagnose", config, {}, {"seed": request.seed})
+
+
+def _settings(request: Request) -> Settings:
+    """The thresholds of the search and its judgement."""
+    given = request.config["diagnose"]
+    return read_settings({step: values for step, values in given.items() if step != "episodes"})
 
 
 def _title(recording: Recording) -> str:
@@ -201,7 +209,9 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     check_rates(guessed(recording, simulator), simulator, parameters)
     rng = generator(request.seed, "diagnose")
     with cores(request.cores) as workers:
-        found = diagnose(recording, simulator, parameters, rng, request.progress, Run(workers))
+        found = diagnose(
+            recording, simulator, parameters, rng, request.progress, Run(workers, _settings(request))
+        )
     report = plain(found.report)
     write_json(folder / "diagnosis.json", report)
     plant = replace(found.plant, ages=ages_of(found.question.recording))

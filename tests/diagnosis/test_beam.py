@@ -3,7 +3,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
@@ -49,30 +48,3 @@ def test_the_best_in_coarse_steps_are_tried_finely(monkeypatch):
     assert {o.hypothesis.scheme for o in orders} == {"fine"}
     assert all(o.hypothesis.claims == coarse[0].hypothesis.claims for o in orders)
     assert search._fine_twins(None, [fine]) == []
-
-
-@pytest.mark.parametrize(
-    ("richer", "poorer", "won", "paid"),
-    [
-        (found(0.0, "stribeck_friction", numbers=3), found(0.0, "coulomb_friction"), 7.0, True),
-        (found(0.0, "stribeck_friction", numbers=3), found(0.0, "coulomb_friction"), 4.5, False),
-        (found(0.0, "stribeck_friction", numbers=3, on="x"), found(0.0, "coulomb_friction"), 7.0, False),
-        (found(0.0, "viscous_friction"), found(0.0, "coulomb_friction"), 7.0, False),
-        (found(0.0, "coulomb_friction", "spring"), found(0.0, "coulomb_friction"), 7.0, False),
-        (found(0.0, "coulomb_friction", region=True), found(0.0, "coulomb_friction"), 7.0, False),
-        (found(0.0, "coulomb_friction", "spring"), found(0.0, "coulomb_friction"), 11.0, True),
-    ],
-)
-def test_a_richer_law_needs_less_than_one_more_term_where_noise_is_heavy(
-    monkeypatch, richer, poorer, won, paid
-):
-    """Stribeck friction was once called Coulomb's, `probability 0.0001`, though it was a thousand times likelier."""
-    for fit, left in ((richer, 0.99), (poorer, 1.0)):
-        fit.residuals, fit.variance = np.array([left]), np.array([left])
-    monkeypatch.setattr(search, "on_its_grid", lambda problem, less, more: less)
-    monkeypatch.setattr(search, "_in_one_window", lambda *_: False)
-    monkeypatch.setattr(search, "gain", lambda *_: won)
-    monkeypatch.setattr(search, "mean_squares", lambda problem, residuals: residuals)
-    monkeypatch.setattr(search, "whiteness", lambda *_: (0.5, 0.0))
-    problem = SimpleNamespace(mismatch=np.array([1.0]), observed=np.array([True]))
-    assert search.pays(problem, richer, poorer) == paid

@@ -8,7 +8,7 @@ import pytest
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.fitting.score_test import Directions
-from gpsim.diagnosis.selection.beam import pays
+from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.elimination import lean, simplest, without_a_term
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare

@@ -8,8 +8,8 @@ import pytest
 from gpsim.diagnosis.fitting.evidence import whiteness
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.selection.beam import STRUCTURED
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit, lack_of_memory
+from gpsim.diagnosis.settings import AcceptanceSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.simulators import make_simulator
@@ -84,7 +84,7 @@ def beside_a_lag(world, **how):
 def test_a_law_that_remembers_is_found_with_its_command():
     """Two lags, one of which was named: under noise no law of the present tells, nor does whiteness."""
     problem, named = beside_a_lag(lagging(0.03, 0.02), noise=6.0)
-    assert whiteness(problem, named)[0] > STRUCTURED
+    assert whiteness(problem, named)[0] > AcceptanceSettings().structured
     assert not lack_of_fit(problem, named).significant
     lack = lack_of_memory(problem, named)
     assert lack.significant

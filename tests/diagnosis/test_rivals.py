@@ -8,6 +8,7 @@ import pytest
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement import rivals
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
@@ -32,7 +33,7 @@ def found_by(monkeypatch, nats, later):
     monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: later.get(fit.name, 0.0))
     monkeypatch.setattr(rivals, "_earned", lambda *_: True)
     monkeypatch.setattr(rivals, "pays", lambda *_: True)
-    return rivals.rivals_of(SimpleNamespace(everything=None), leader, others)[:2]
+    return rivals.rivals_of(SimpleNamespace(everything=SimpleNamespace(run=Run())), leader, others)[:2]
 
 
 @pytest.mark.parametrize(
@@ -75,7 +76,9 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
 )
 def test_a_rival_that_is_far_ahead_with_held_out_windows_leads(probabilities, which):
     others = [stub(name) for name in "bcd"[: len(probabilities) - 1]]
-    assert rivals.overtaking(others, probabilities) is (None if which is None else others[which])
+    assert rivals.overtaking(SimpleNamespace(run=Run()), others, probabilities) is (
+        None if which is None else others[which]
+    )
 
 
 def test_a_twin_stands_behind_the_same_edges():

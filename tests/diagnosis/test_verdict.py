@@ -8,6 +8,7 @@ import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.judgement import verdict as judging
+from gpsim.diagnosis.run import Run
 from gpsim.effects import EffectParameter, Gate, Term
 
 
@@ -18,7 +19,7 @@ from gpsim.effects import EffectParameter, Gate, Term
 def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkeypatch, gain, worse, needed):
     """A delay that gained 219 nats on a sweep was once dropped for 2.5 nats on the nine windows that were held out."""
     held_out = SimpleNamespace(windows=[0] * 9, as_finely=lambda *_: held_out)
-    question = SimpleNamespace(everything=None, held_out=held_out)
+    question = SimpleNamespace(everything=SimpleNamespace(run=Run()), held_out=held_out)
     leader, without = SimpleNamespace(hypothesis="with"), SimpleNamespace(hypothesis="without")
     monkeypatch.setattr(judging, "pays", lambda *fits: True)
     monkeypatch.setattr(judging, "on_its_grid", lambda problem, less, leader: less)

@@ -26,7 +26,6 @@ from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted, traced
 from gpsim.diagnosis.judgement import Judgement
-from gpsim.diagnosis.selection import LEAST_SHARE
 from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
 from gpsim.recordings import Recording, evenly
@@ -202,7 +201,8 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     found = fit(problem, tuned, problem.windows.measured[:, 0], iterations=15, tolerance=0.5)
     plain = fit(problem, base, problem.windows.measured[:, 0], iterations=8)
     share = 1.0 - found.variance / plain.variance
-    return found.hypothesis if bool((share[problem.observed] > LEAST_SHARE).any()) else base
+    good_share = problem.run.settings.acceptance.good_share
+    return found.hypothesis if bool((share[problem.observed] > good_share).any()) else base
 
 
 def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:

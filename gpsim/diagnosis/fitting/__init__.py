@@ -10,7 +10,6 @@ from gpsim.diagnosis.fitting.discretisation import (
     settled,
 )
 from gpsim.diagnosis.fitting.evidence import (
-    PER_TERM,
     autocorrelation,
     channel_objectives,
     correlation_time,
@@ -30,7 +29,6 @@ from gpsim.diagnosis.fitting.simulate import Extra
 __all__ = [
     "FINER_GAINS",
     "MOST_FINER",
-    "PER_TERM",
     "Candidate",
     "Curvature",
     "Directions",

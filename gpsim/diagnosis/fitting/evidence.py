@@ -16,9 +16,6 @@ from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
 
 LONGEST_LAG = 12
-PER_TERM = (
-    4.0  # nats that a term must bring beside its parameters' price: it is one of dozens (log of their number)
-)
 MOST_PROJECTED = 60  # windows over which the start states' share is averaged
 
 
@@ -75,12 +72,15 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     size = [len(f.hypothesis.parameters) + 2 * _gates(f) for f in fits]
     nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
     terms = np.array([len(f.hypothesis.terms) for f in fits])
-    return np.asarray(np.array(nats) - PER_TERM * terms - np.array(size) / 2 * np.log(max(effective, 2.0)))
+    per_term = problem.run.settings.acceptance.per_term
+    size_price = np.array(size) / 2 * np.log(max(effective, 2.0))
+    return np.asarray(np.array(nats) - per_term * terms - size_price)
 
 
 def _price(problem: Problem, fit: Fit) -> float:
     size = len(fit.hypothesis.parameters) + 2 * _gates(fit)
-    return PER_TERM * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
+    per_term = problem.run.settings.acceptance.per_term
+    return per_term * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
 
 
 def _gates(fit: Fit) -> int:

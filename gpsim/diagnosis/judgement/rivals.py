@@ -9,7 +9,6 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
-    PER_TERM,
     Fit,
     Hypothesis,
     Order,
@@ -100,7 +99,7 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
     return fit_all(problem, orders[:MOST_RIVALS])
 
 
-def overtaking(rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
+def overtaking(problem: Problem, rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
     """The rival that leads once held-out windows count, too, by as much as a term must be worth; None without one.
 
     probabilities: of the leader, then of the rivals.
@@ -108,7 +107,8 @@ def overtaking(rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | N
     if not rivals:
         return None
     best = int(np.argmax(probabilities[1:]))
-    return rivals[best] if probabilities[1 + best] > np.exp(PER_TERM) * probabilities[0] else None
+    least = np.exp(problem.run.settings.acceptance.per_term) * probabilities[0]
+    return rivals[best] if probabilities[1 + best] > least else None
 
 
 def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:

@@ -25,7 +25,6 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.judgement.ranking import Ranked, ranked
 from gpsim.diagnosis.judgement.rivals import behind_its_gates, held_out_objective, overtaking, rivals_of
 from gpsim.diagnosis.selection import (
-    STRUCTURED,
     Found,
     LackOfFit,
     improved,
@@ -74,13 +73,7 @@ class Judgement:
     lack: LackOfFit | None
     unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
-
-    @property
-    def structured(self) -> bool:
-        """Whether something is left over; where nothing was named, the verdict has said so already."""
-        if not self.leader.hypothesis.terms:
-            return self.verdict == "unknown"
-        return self.p_value < STRUCTURED or (self.lack is not None and self.lack.significant)
+    structured: bool  # whether something is left over
 
 
 def judge(
@@ -101,7 +94,7 @@ def judge(
     fits += [leader, *twins]
     leader = simplest(problem, [leader, *twins])
     rivals, probabilities, mending = rivals_of(question, leader, fits)
-    ahead = overtaking(rivals, probabilities)
+    ahead = overtaking(problem, rivals, probabilities)
     if ahead is not None:
         fits, leader = [*fits, leader], ahead
         rivals, probabilities, mending = rivals_of(question, leader, fits)
@@ -113,8 +106,9 @@ def judge(
         remembered = lack_of_memory(problem, leader)
         missing = _lacking(problem, leader, null, remembered, p_value)
         lack = remembered if missing else lack
+    verdict = _verdict(leader, rivals, p_value, unexplained, missing)
     return Judgement(
-        _verdict(leader, rivals, p_value, unexplained, missing),
+        verdict,
         leader,
         null,
         rivals,
@@ -124,7 +118,18 @@ def judge(
         lack,
         unexplained,
         noise,
+        _structured(problem, verdict, leader, p_value, lack),
     )
+
+
+def _structured(
+    problem: Problem, verdict: Verdict, leader: Fit, p_value: float, lack: LackOfFit | None
+) -> bool:
+    """Whether something is left over; where nothing was named, the verdict has said so already."""
+    if not leader.hypothesis.terms:
+        return verdict == "unknown"
+    least = problem.run.settings.acceptance.structured
+    return p_value < least or (lack is not None and lack.significant)
 
 
 def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p_value: float) -> bool:

@@ -10,23 +10,27 @@ from typing import Any, TypeVar
 from gpsim.diagnosis.run.budget import Budget
 from gpsim.diagnosis.run.memo import Memo
 from gpsim.diagnosis.run.pool import Workers
+from gpsim.diagnosis.run.trace import Decision, Trace
+from gpsim.diagnosis.settings import Settings
 
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class Run:
-    """Workers to share the work with, what was spent, and answers that are asked for again.
+    """Settings, workers to share the work with, what was spent, answers that are asked for again, decisions.
 
-    In a worker process it begins anew, alone: what it spent there is counted here when the result comes back.
+    In a worker process it begins anew, alone: what it spent and decided there is added here when the result comes back.
     """
 
     workers: Workers = field(default_factory=Workers)
+    settings: Settings = field(default_factory=Settings)
     budget: Budget = field(default_factory=Budget)
     memo: Memo = field(default_factory=Memo)
+    trace: Trace = field(default_factory=Trace)
 
-    def __reduce__(self) -> tuple[type[Run], tuple[()]]:
-        return Run, ()
+    def __reduce__(self) -> tuple[Callable[[Settings, str], Run], tuple[Settings, str]]:
+        return _begun_elsewhere, (self.settings, self.trace.step)
 
     def side_by_side(
         self, function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], until: float = math.inf
@@ -43,18 +47,24 @@ class Run:
             if not begun:
                 results.append(function(*call))
                 continue
-            result, spent = begun[i].result()
+            result, spent, decisions = begun[i].result()
             self.budget.add(spent)
+            self.trace.add(decisions)
             results.append(result)
         for late in begun[len(results) :]:
             late.cancel()
         return results
 
 
-def _counted(run: Run, function: Callable[..., Result], call: tuple[Any, ...]) -> tuple[Result, float]:
-    """What a function makes of its arguments, and what that has spent in this process.
+def _begun_elsewhere(settings: Settings, step: str) -> Run:
+    return Run(settings=settings, trace=Trace(step))
+
+
+def _counted(
+    run: Run, function: Callable[..., Result], call: tuple[Any, ...]
+) -> tuple[Result, float, list[Decision]]:
+    """What a function makes of its arguments, what that has spent in this process, and what was decided.
 
     The arguments came together with the run, so what they carry is this very one.
     """
-    before = run.budget.spent
-    return function(*call), run.budget.spent - before
+    return function(*call), run.budget.spent, run.trace.decisions

@@ -13,7 +13,6 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
-    PER_TERM,
     Candidate,
     Directions,
     Fit,
@@ -23,18 +22,13 @@ from gpsim.diagnosis.fitting import (
     child_of,
     fit,
     fit_all,
-    gain,
-    mean_squares,
-    price,
     rescored,
     scores,
     screened,
     settled,
     stretched,
     whiteness,
-    window_costs,
 )
-from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
 from gpsim.effects import Scheme
 
@@ -44,18 +38,9 @@ SCANS = 3  # of the force of dry friction that chatters
 TWINS = 3  # of the best hypotheses in coarse steps that are tried finely, too
 FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
 LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
-LEAST_SHARE = 0.02  # of the variance left over in some channel that it must remove,
-BEYOND_DOUBT, SLIGHT_SHARE = 10.0, 0.002  # or so little where it gains so many nats, and leaves white noise
-BETTER_LAW = 5.0  # nats beyond doubt for a richer law in a simpler one's place, which is not one of dozens
-MOST_OF_IT = 0.5  # of the variance left over, which a richer law in a simpler one's place may remove instead,
-NO_LAST_DIGITS = 200.0  # where it gains so many nats
-LEAST_PART = 1e-4  # of what the base simulator leaves over there: a hundredth of the amplitude
-SELDOM_PART, BEYOND_ALL_DOUBT = 1e-5, 50.0  # a richer law's: so little, where it gains so many nats
-ORDINARY = 1.5  # times the median of all windows' costs: nothing out of the ordinary is left of a window
 SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
 MOST_EFFORT = 2.5e8  # simulated rows after which it grows no deeper; improving goes on from there
 EXACT = 2.0  # times the floor: no noise is left
-STRUCTURED = 1e-2  # p-value below which a residual is not white
 
 
 @dataclass(frozen=True)
@@ -165,88 +150,6 @@ def _scanned(problem: Problem, coarse: Hypothesis, law: Candidate, starts: Float
     return child_of(coarse, law, stretched(directions, law, begun))
 
 
-def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
-    """Whether the additional terms earn their parameters and remove a share worth speaking of.
-
-    Of what was left, and of the whole mismatch: with clean sensors the numbers of a law that is nearly right would
-    otherwise be mended by another one. A term that does nothing never pays: it may change the grid, and with it the
-    numerical error.
-    """
-    plainly, slightly = _worth(problem, richer, poorer)
-    return plainly or (slightly and whiteness(problem, richer)[0] > STRUCTURED)
-
-
-def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
-    """Whether they would pay if nothing else were left over, which another term may yet bring about."""
-    return any(_worth(problem, richer, poorer))
-
-
-def _worth(problem: Problem, richer: Fit, poorer: Fit) -> tuple[bool, bool]:
-    """Whether the additional terms remove a good share, or at least a slight one beyond doubt."""
-    poorer = on_its_grid(problem, poorer, richer)
-    won = gain(problem, richer, poorer)
-    if richer.hypothesis.idle or won < PER_TERM or _in_one_window(problem, richer, poorer):
-        return False, False
-    left, before = (mean_squares(problem, f.residuals) for f in (richer, poorer))
-    removed = before - left  # the variance itself stops at known noise
-    worth = (removed > LEAST_PART * problem.mismatch) & problem.observed
-    plainly, slightly = (
-        bool((worth & (removed > s * poorer.variance)).any()) for s in (LEAST_SHARE, SLIGHT_SHARE)
-    )
-    better = _better_law(richer, poorer)
-    slightly = slightly and won > (BETTER_LAW if better else BEYOND_DOUBT)
-    return plainly, slightly or (better and _seldom_asked(problem, removed, poorer, won))
-
-
-def _seldom_asked(problem: Problem, removed: FloatArray, poorer: Fit, won: float) -> bool:
-    """Whether part of a law acts seldom: little of the mismatch, but a good share of what is left, or most of it."""
-    good, most = (
-        bool((removed > share * poorer.variance)[problem.observed & (removed > least)].any())
-        for share, least in ((LEAST_SHARE, SELDOM_PART * problem.mismatch), (MOST_OF_IT, 0.0))
-    )
-    return (good and won > BEYOND_ALL_DOUBT) or (most and won > NO_LAST_DIGITS)
-
-
-def _better_law(richer: Fit, poorer: Fit) -> bool:
-    """Whether they differ in one law of the same place, of which the one has more parameters, and in no gate."""
-    new = [on for _, on in richer.hypothesis.claims - poorer.hypothesis.claims]
-    old = [on for _, on in poorer.hypothesis.claims - richer.hypothesis.claims]
-    alike = len(richer.hypothesis.terms) == len(poorer.hypothesis.terms)
-    more = len(richer.hypothesis.parameters) > len(poorer.hypothesis.parameters)
-    return alike and more and len(new) == 1 and new == old and _gated_terms(richer) == _gated_terms(poorer)
-
-
-def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
-    """The poorer fit on as fine a grid as the richer one has."""
-    same = problem.as_finely(poorer.hypothesis, richer.hypothesis) is problem
-    return poorer if same else _finer(problem, poorer)
-
-
-@kept
-def _finer(problem: Problem, at: Fit) -> Fit:
-    """The fit on a grid twice as fine."""
-    grid = replace(problem, substeps=2 * problem.substeps)
-    return fit(grid, at.hypothesis, at.starts, iterations=5, near=True)
-
-
-def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
-    """Whether the richer one is better in a single window only, and does not explain that one to the noise.
-
-    A moment that went wrong is no law; a law that shows once leaves nothing of what happened.
-    """
-    costs = [window_costs(problem, f.residuals[None], poorer.variance)[0] for f in (poorer, richer)]
-    worst = int(np.argmax(costs[0] - costs[1]))
-    if costs[1][worst] < ORDINARY * float(np.median(costs[1])):
-        return False
-    others = np.arange(len(problem.windows)) != worst
-    rest = problem.on(problem.windows.take(others))
-    left = [
-        rescored(rest, replace(f, residuals=f.residuals[others], starts=f.starts[others]))
-        for f in (richer, poorer)
-    ]
-    return gain(rest, *left) + price(rest, *left) < PER_TERM
-
-
 def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
     """The parent with each of the `count` most promising terms.
 
@@ -266,7 +169,7 @@ def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate],
 
 def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
     """Whether the leader leaves something to explain."""
-    return whiteness(problem, _ranked(problem, fits)[0])[0] < STRUCTURED
+    return whiteness(problem, _ranked(problem, fits)[0])[0] < problem.run.settings.acceptance.structured
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:

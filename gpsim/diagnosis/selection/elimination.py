@@ -17,7 +17,7 @@ from gpsim.diagnosis.fitting import (
     scores,
 )
 from gpsim.diagnosis.run import kept
-from gpsim.diagnosis.selection.beam import LEAST_PART, pays
+from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed
 from gpsim.diagnosis.selection.gates import FINE
 from gpsim.effects import Gate
@@ -155,5 +155,6 @@ def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
 def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:
     """Whether it is worse by so many nats, and by a share of what is left and of the mismatch in some channel."""
     removed = look.variance - leader.variance
-    large = (removed > least_share * look.variance) & (removed > LEAST_PART * problem.mismatch)
+    least_part = problem.run.settings.acceptance.least_part * problem.mismatch
+    large = (removed > least_share * look.variance) & (removed > least_part)
     return bool(large[problem.observed].any()) and look.objective > leader.objective + nats

@@ -25,7 +25,8 @@ from gpsim.diagnosis.fitting import (
     whiteness,
 )
 from gpsim.diagnosis.run import kept
-from gpsim.diagnosis.selection.beam import STRUCTURED, grown, may_pay, pays
+from gpsim.diagnosis.selection.acceptance import may_pay, pays
+from gpsim.diagnosis.selection.beam import grown
 from gpsim.diagnosis.selection.change_points import begun_later
 from gpsim.diagnosis.selection.elimination import lean, likeliest, sampled, simplest
 from gpsim.diagnosis.selection.gates import (
@@ -156,7 +157,7 @@ def _extended(
             break
         leader = _ended(problem, likeliest(problem, better))
         leader = leader if over else polished(problem, leader)  # at the end it is, in any case
-        if steps == 0 or whiteness(problem, leader)[0] > STRUCTURED:
+        if steps == 0 or whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured:
             leader = firm = lean(problem, leader)
             steps = 0
         if over:
@@ -222,7 +223,7 @@ def _children(
 def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
     """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
     best = min(better, key=lambda f: f.objective)
-    if whiteness(problem, best)[0] > STRUCTURED:
+    if whiteness(problem, best)[0] > problem.run.settings.acceptance.structured:
         return False
     lack = lack_of_fit(problem, leader)
     gained = leader.objective - best.objective

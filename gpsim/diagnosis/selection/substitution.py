@@ -19,7 +19,8 @@ from gpsim.diagnosis.fitting import (
     screened,
     stretched,
 )
-from gpsim.diagnosis.selection.beam import grown, pays
+from gpsim.diagnosis.selection.acceptance import pays
+from gpsim.diagnosis.selection.beam import grown
 from gpsim.diagnosis.selection.elimination import CLEAR, sampled
 from gpsim.diagnosis.selection.gate_edges import NEAR, placed
 from gpsim.diagnosis.selection.gates import FINE, gated_children, makes_sense, moments, with_edges

@@ -1,0 +1,196 @@
+"""Acceptance: whether one hypothesis is worth taking over another. The one rule by which everything is named.
+
+Richer and poorer are fits of the same windows. With `removed` the variance that the richer one takes off a channel,
+`left` what the poorer one leaves there, `mismatch` what the base simulator leaves there (all three beyond known noise),
+and `gain` the nats by which the richer one wins, its parameters paid (see `evidence`):
+
+1. `does nothing`: a term of the richer one has no effect at its values. Refused: it may change the grid, and with it
+   the numerical error.
+2. `too few nats`: gain < per_term. Refused.
+3. `one window`: without the one window that gains most, rule 2 refuses, and the richer one does not explain that window
+   to the noise either. Refused: a moment that went wrong is no law, but a law that shows once leaves nothing of it.
+4. `good share`: removed > good_share * left and > least_part * mismatch in some channel. Accepted.
+5. `slight share`: removed > slight_share * left and > least_part * mismatch, gain > beyond_doubt (or > better_law for a
+   richer law in a simpler one's place), and what the richer one leaves is white. Accepted.
+6. `seldom asked`: a richer law in a simpler one's place, removed > good_share * left and > seldom_part * mismatch, gain
+   > beyond_all_doubt, and the rest is white. Accepted: a limit that is seldom reached.
+7. `most of it`: a richer law in a simpler one's place, removed > most_of_it * left, gain > no_last_digits, and the rest
+   is white. Accepted, however small a part of the mismatch it is.
+8. `structure left`: rules 5, 6 or 7 but for the white rest. Refused, but on trial: another term may yet bring that.
+9. `too small a share`: all others. Refused.
+
+The numbers are `AcceptanceSettings`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import (
+    Fit,
+    Problem,
+    fit,
+    gain,
+    mean_squares,
+    price,
+    rescored,
+    whiteness,
+    window_costs,
+)
+from gpsim.diagnosis.run import kept
+from gpsim.diagnosis.settings import AcceptanceSettings
+
+
+class Rule(StrEnum):
+    """Which rule decided."""
+
+    DOES_NOTHING = "does nothing"
+    TOO_FEW_NATS = "too few nats"
+    ONE_WINDOW = "one window"
+    GOOD_SHARE = "good share"
+    SLIGHT_SHARE = "slight share"
+    SELDOM_ASKED = "seldom asked"
+    MOST_OF_IT = "most of it"
+    STRUCTURE_LEFT = "structure left"
+    TOO_SMALL_A_SHARE = "too small a share"
+
+
+@dataclass(frozen=True)
+class Acceptance:
+    """The decision, the rule that made it, and by how much.
+
+    nats: the gain, parameters paid; share: the most that is removed of what was left in a channel; on_trial: refused
+    for the structure that is left, and for nothing else.
+    """
+
+    ok: bool
+    rule: Rule
+    nats: float
+    share: float
+    on_trial: bool = False
+
+
+def accepts(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
+    """Whether the richer hypothesis is taken over the poorer one, by which rule, and by how much."""
+    found = weigh(problem, richer, poorer)
+    if found.on_trial and whiteness(problem, richer)[0] > problem.run.settings.acceptance.structured:
+        found = replace(found, ok=True, on_trial=False)
+    elif found.on_trial:
+        found = replace(found, rule=Rule.STRUCTURE_LEFT)
+    problem.run.trace.note(
+        richer.hypothesis.label,
+        poorer.hypothesis.label,
+        found.ok,
+        found.rule.value,
+        gain=found.nats,
+        price=price(problem, richer, poorer),
+        share=found.share,
+    )
+    return found
+
+
+def pays(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether the richer hypothesis is accepted over the poorer one."""
+    return accepts(problem, richer, poorer).ok
+
+
+def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether it would be if nothing else were left over, which another term may yet bring about."""
+    found = weigh(problem, richer, poorer)
+    return found.ok or found.on_trial
+
+
+def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
+    """`accepts` before anybody looks at what is left: rules 5 to 7 are on trial."""
+    thresholds = problem.run.settings.acceptance
+    poorer = on_its_grid(problem, poorer, richer)
+    nats = gain(problem, richer, poorer)
+    left, before = (mean_squares(problem, f.residuals) for f in (richer, poorer))
+    removed = before - left  # the variance itself stops at known noise
+    share = float(np.max((removed / poorer.variance)[problem.observed], initial=0.0))
+    if richer.hypothesis.idle:
+        return Acceptance(False, Rule.DOES_NOTHING, nats, share)
+    if nats < thresholds.per_term:
+        return Acceptance(False, Rule.TOO_FEW_NATS, nats, share)
+    if _in_one_window(problem, richer, poorer):
+        return Acceptance(False, Rule.ONE_WINDOW, nats, share)
+    rule = _rule(problem, thresholds, removed, nats, richer, poorer)
+    firm = rule is Rule.GOOD_SHARE
+    return Acceptance(firm, rule, nats, share, on_trial=not firm and rule is not Rule.TOO_SMALL_A_SHARE)
+
+
+def _rule(
+    problem: Problem,
+    thresholds: AcceptanceSettings,
+    removed: FloatArray,
+    nats: float,
+    richer: Fit,
+    poorer: Fit,
+) -> Rule:
+    """The first of rules 4 to 7 and 9 that holds; of what is left nothing is known yet."""
+
+    def removes(share: float, part: float) -> bool:
+        worth = (removed > part * problem.mismatch) & problem.observed
+        return bool((worth & (removed > share * poorer.variance)).any())
+
+    better = _better_law(richer, poorer)
+    if removes(thresholds.good_share, thresholds.least_part):
+        return Rule.GOOD_SHARE
+    doubt = thresholds.better_law if better else thresholds.beyond_doubt
+    if nats > doubt and removes(thresholds.slight_share, thresholds.least_part):
+        return Rule.SLIGHT_SHARE
+    if (
+        better
+        and nats > thresholds.beyond_all_doubt
+        and removes(thresholds.good_share, thresholds.seldom_part)
+    ):
+        return Rule.SELDOM_ASKED
+    if better and nats > thresholds.no_last_digits and removes(thresholds.most_of_it, 0.0):
+        return Rule.MOST_OF_IT
+    return Rule.TOO_SMALL_A_SHARE
+
+
+def _better_law(richer: Fit, poorer: Fit) -> bool:
+    """Whether they differ in one law of the same place, of which the one has more parameters, and in no gate."""
+    new = [on for _, on in richer.hypothesis.claims - poorer.hypothesis.claims]
+    old = [on for _, on in poorer.hypothesis.claims - richer.hypothesis.claims]
+    alike = len(richer.hypothesis.terms) == len(poorer.hypothesis.terms)
+    more = len(richer.hypothesis.parameters) > len(poorer.hypothesis.parameters)
+    gates = [sum(bool(t.gate) for t in f.hypothesis.terms) for f in (richer, poorer)]
+    return alike and more and len(new) == 1 and new == old and gates[0] == gates[1]
+
+
+def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
+    """The poorer fit on as fine a grid as the richer one has."""
+    same = problem.as_finely(poorer.hypothesis, richer.hypothesis) is problem
+    return poorer if same else _finer(problem, poorer)
+
+
+@kept
+def _finer(problem: Problem, at: Fit) -> Fit:
+    """The fit on a grid twice as fine."""
+    grid = replace(problem, substeps=2 * problem.substeps)
+    return fit(grid, at.hypothesis, at.starts, iterations=5, near=True)
+
+
+def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
+    """Whether the richer one is better in a single window only, and does not explain that one to the noise.
+
+    A moment that went wrong is no law; a law that shows once leaves nothing of what happened.
+    """
+    thresholds = problem.run.settings.acceptance
+    costs = [window_costs(problem, f.residuals[None], poorer.variance)[0] for f in (poorer, richer)]
+    worst = int(np.argmax(costs[0] - costs[1]))
+    if costs[1][worst] < thresholds.ordinary * float(np.median(costs[1])):
+        return False
+    others = np.arange(len(problem.windows)) != worst
+    rest = problem.on(problem.windows.take(others))
+    left = [
+        rescored(rest, replace(f, residuals=f.residuals[others], starts=f.starts[others]))
+        for f in (richer, poorer)
+    ]
+    return gain(rest, *left) + price(rest, *left) < thresholds.per_term

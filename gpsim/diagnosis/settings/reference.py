@@ -1,0 +1,66 @@
+"""The settings in writing: the reference page, and conf/diagnose/default.yaml. Both are generated, and tested to be."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Iterator
+from typing import Any
+
+from gpsim.diagnosis.settings.declare import described
+from gpsim.diagnosis.settings.settings import WHERE, Settings
+
+NARROW = 60  # columns of a value, beside which its meaning begins
+
+
+def steps(settings: Settings) -> Iterator[tuple[str, Any]]:
+    """Name and settings of every step."""
+    for f in dataclasses.fields(settings):
+        yield f.name, getattr(settings, f.name)
+
+
+def as_page(settings: Settings) -> str:
+    """docs/reference/settings.md."""
+    lines = [
+        "# Settings of the diagnosis",
+        "",
+        "Made by `python docs/generate.py` from `gpsim/diagnosis/settings`; a test holds it current. Any of them",
+        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.search.beam=5`.",
+        "",
+    ]
+    for name, step in steps(settings):
+        lines += [f"## {WHERE}.{name}", "", " ".join((inspect.getdoc(type(step)) or "").split()), ""]
+        lines += [
+            "| setting | default | unit | what it is | where the default comes from |",
+            "|---|---|---|---|---|",
+        ]
+        for setting, default, unit, meaning, origin in described(step):
+            cells = (f"`{setting}`", _value(default), unit, meaning, origin)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def as_yaml(settings: Settings) -> str:
+    """conf/diagnose/default.yaml."""
+    lines = [
+        "# Every setting of the diagnosis at its default. Made by docs/generate.py, explained in docs/reference/settings.md.",
+        "episodes: null         # of the loop's recording: the first so many only, null for all",
+    ]
+    for name, step in steps(settings):
+        lines.append(f"{name}:")
+        for setting, default, unit, meaning, _ in described(step):
+            said = f"{meaning} [{unit}]" if unit != "1" else meaning
+            lines.append(f"  {f'{setting}: {_value(default)}':<{NARROW - 20}} # {said}")
+    return "\n".join(lines) + "\n"
+
+
+def _value(default: Any) -> str:
+    if isinstance(default, tuple):
+        return f"[{', '.join(_value(v) for v in default)}]"
+    if isinstance(default, bool):
+        return str(default).lower()
+    if isinstance(default, float):
+        text = repr(default)  # YAML 1.1 takes 1e-05 for a text
+        return text.replace("e-0", "e-").replace("e", ".0e") if "e" in text and "." not in text else text
+    return str(default)

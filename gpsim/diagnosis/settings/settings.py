@@ -1,0 +1,56 @@
+"""All settings of a diagnosis: a frozen dataclass a step, read from the configuration's `diagnose` section."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gpsim.diagnosis.settings.selection import AcceptanceSettings
+from gpsim.errors import UsageError
+from gpsim.settings import build
+
+WHERE = "diagnose"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
+
+    acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
+
+
+def read_settings(values: Mapping[str, Any]) -> Settings:
+    """Settings from a mapping step -> setting -> value; raises UsageError that names the key and the nearest one."""
+    steps: dict[str, Any] = {f.name: f.default_factory for f in dataclasses.fields(Settings)}
+    for name, content in values.items():
+        if name not in steps:
+            raise UsageError(
+                f"{WHERE}: no step '{name}'{_nearest(name, steps)}; there are: {', '.join(steps)}"
+            )
+        if not isinstance(content, Mapping):
+            raise UsageError(
+                f"{WHERE}.{name}: expected settings, as {WHERE}.{name}.key=value, got {content!r}"
+            )
+        known = [f.name for f in dataclasses.fields(steps[name])]
+        for key in content:
+            if key not in known:
+                raise UsageError(f"{WHERE}.{name}: no setting '{key}'{_nearest(key, known)}")
+    return Settings(
+        **{name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
+    )
+
+
+def _nearest(name: str, known: Any) -> str:
+    near = difflib.get_close_matches(str(name), list(known), n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def as_mapping(settings: Settings) -> dict[str, dict[str, Any]]:
+    """Step -> setting -> value, as `read_settings` takes it and conf/diagnose/default.yaml holds it."""
+    return {
+        step: {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+        for step, values in dataclasses.asdict(settings).items()
+    }
