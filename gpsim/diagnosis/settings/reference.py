@@ -44,7 +44,7 @@ def as_page(settings: Settings) -> str:
 def as_yaml(settings: Settings) -> str:
     """conf/diagnose/default.yaml."""
     lines = [
-        "# Every setting of the diagnosis at its default. Made by docs/generate.py, explained in docs/reference/settings.md.",
+        "# Every setting of the diagnosis at its default. Made by docs/generate.py, see docs/reference/settings.md.",
         "episodes: null         # of the loop's recording: the first so many only, null for all",
     ]
     for name, step in steps(settings):
