@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,10 @@ from gpsim.diagnosis.assessment import Comparison, compare, depends_on, interval
 from gpsim.diagnosis.data import held_out_names
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, gain
 from gpsim.diagnosis.judgement import Judgement, judge, odds_against
-from gpsim.diagnosis.run import Budget, Run
-from gpsim.diagnosis.selection import Found, Note, lean, search, simplest_on_fine_grid
-from gpsim.diagnosis.setup import Question, candidates, prepare, settled_question
-from gpsim.effects import ParameterEffect, Scheme, Term, effect_of
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.selection import Note, prune_on_held_out, refine_grid, refit, search, stepwise
+from gpsim.diagnosis.setup import Question, offers_of, prepare
+from gpsim.effects import ParameterEffect, Scheme, Term
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
@@ -48,59 +48,76 @@ def diagnose(
 ) -> Diagnosis:
     """Locate, name, model and judge; raises UsageError where nothing can be said.
 
-    run: the workers to share the work with; nobody by default.
+    The pipeline on one page; every step takes what those before it returned. run: settings, and workers to share the
+    work with; the defaults and nobody without one.
     """
     run = run or Run()
-    note(0, 100, "cutting windows")
+    step = _Steps(run, note)
+    step("prepare", 0, "cutting windows")
     question = prepare(recording, simulator, parameters, run)
-    simulator = question.everything.simulator  # in which the recording's angles wrap
-    offers = [
-        c
-        for c in candidates(question.recording, simulator, parameters)
-        if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
-    ]
-    base: Scheme = recording.integrator  # type: ignore[assignment]  # `prepare` has checked it
-    found = search(question.searched, offers, base, lambda d, t, text: note(5 + 35 * d // t, 100, text))
-    note(40, 100, "fitting the best on all windows")
-    best, on_fine_grid = _best(found)
-    question = settled_question(question, best)
-    found = replace(found, fits=[on_fine_grid, *found.fits])
-    judgement = judge(question, found, offers, _by_effort(note, run.budget, 40, 90))
-    note(90, 100, "comparing on held-out data")
+    offers = offers_of(question)
+    step("search", 5)
+    found = search(question.searched, offers, _scheme(recording), step.share(5, 40))
+    step("refine grid", 40, "fitting the best on all windows")
+    question, found = refine_grid(question, found)
+    step("refit", 40, "fitting the best on all windows")
+    contenders = refit(question, found)
+    step("stepwise", 40)
+    contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
+    step("prune on held-out", 90, "asking held-out windows")
+    contenders = prune_on_held_out(question, contenders)
+    step("judge", 90, "looking for rivals, and for what is left")
+    judgement = judge(question, contenders, found)
+    step("compare", 90, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
     report = _report(question, judgement, comparison)
-    leader = judgement.leader.hypothesis
-    plant = EffectsPlant(
-        simulator,
-        dict(parameters),
-        leader.terms,
-        leader.scheme if leader.terms else base,
-        math.ceil(question.everything.substeps / question.thinned),  # those are of a thinned transition
-        recording.dt,
-    )
-    note(100, 100, "done")
+    step("done", 100, "done")
+    plant = _corrected(question, judgement, recording.dt)
     return Diagnosis(report, plant, judgement, comparison, question)
 
 
-def _by_effort(note: Note, budget: Budget, first: int, last: int) -> Callable[[str], None]:
-    """Progress from `first` on, the slower the nearer to `last`: how many rounds there will be nobody knows."""
-    begun = budget.spent
-
-    def tell(text: str) -> None:
-        note(last - round((last - first) * math.exp(-(budget.spent - begun) / USUAL_EFFORT)), 100, text)
-
-    return tell
+def _scheme(recording: Recording) -> Scheme:
+    return recording.integrator  # type: ignore[return-value]  # `prepare` has checked it
 
 
-def _best(found: Found) -> tuple[Fit, Fit]:
-    """The best of the search, without what only makes up for a coarse grid: what is left then asks for a fine one.
+def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPlant:
+    """The simulator with the leading effects, without a Gaussian process."""
+    problem, leader = question.everything, judgement.leader.hypothesis
+    return EffectsPlant(
+        problem.simulator,  # in which the recording's angles wrap
+        dict(problem.parameters),
+        leader.terms,
+        leader.scheme if leader.terms else _scheme(question.recording),
+        math.ceil(problem.substeps / question.thinned),  # those are of a thinned transition
+        dt,
+    )
 
-    As it was fitted, and on the grid on which it is the best.
-    """
-    best = found.fits[0]
-    if any(t.gate.region for t in best.hypothesis.terms):
-        best = lean(found.problem, best)
-    return simplest_on_fine_grid(found.problem, best, found.fits)
+
+@dataclass(frozen=True)
+class _Steps:
+    """Tells what is going on, and writes down for which step decisions are made."""
+
+    run: Run
+    note: Note
+
+    def __call__(self, name: str, done: int, text: str = "") -> None:
+        self.run.trace.step = name
+        if text:
+            self.note(done, 100, text)
+
+    def share(self, first: int, last: int) -> Note:
+        """A step's own progress as a part of the whole."""
+        return lambda done, total, text: self.note(first + (last - first) * done // total, 100, text)
+
+    def by_budget(self, first: int, last: int) -> Callable[[str], None]:
+        """Progress from `first` on, the slower the nearer to `last`: how many rounds there will be nobody knows."""
+        budget, begun = self.run.budget, self.run.budget.spent
+
+        def tell(text: str) -> None:
+            done = last - round((last - first) * math.exp(-(budget.spent - begun) / USUAL_EFFORT))
+            self.note(done, 100, text)
+
+        return tell
 
 
 def _report(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:

@@ -10,16 +10,14 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
     Fit,
-    Hypothesis,
     Order,
     Problem,
     channel_objectives,
     correlation_time,
-    fit,
     fit_all,
     scores,
 )
-from gpsim.diagnosis.selection import pays
+from gpsim.diagnosis.selection import held_out_fit, pays
 from gpsim.diagnosis.setup import Question
 
 MOST_RIVALS = 6
@@ -28,17 +26,6 @@ TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
 NEARLY = 15.0  # nats that edges of a gate which are placed a little better may be worth
 FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
 MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
-
-
-def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
-    """Negative log likelihood of windows whose start states alone are fitted."""
-    if not len(problem.windows):
-        return 0.0
-    return _held_out_fit(problem, hypothesis).objective
-
-
-def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
-    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
 
 
 def rivals_of(
@@ -147,7 +134,7 @@ def _later_nats(question: Question, leader: Fit) -> Callable[[Fit], float]:
     tau = np.maximum(correlation_time(question.everything, leader.residuals), 1.0)
 
     def objectives(found: Fit) -> FloatArray:
-        return channel_objectives(held_out, _held_out_fit(held_out, found.hypothesis))
+        return channel_objectives(held_out, held_out_fit(held_out, found.hypothesis))
 
     own = objectives(leader)
     return lambda found: float(((objectives(found) - own) / tau).sum())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,53 +10,25 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
-    Candidate,
     Fit,
-    Hypothesis,
-    Order,
     Problem,
     autocorrelation,
-    fit,
-    fit_near,
-    gain,
-    scores,
     whiteness,
 )
 from gpsim.diagnosis.judgement.ranking import Ranked, ranked
-from gpsim.diagnosis.judgement.rivals import behind_its_gates, held_out_objective, overtaking, rivals_of
+from gpsim.diagnosis.judgement.rivals import behind_its_gates, overtaking, rivals_of
 from gpsim.diagnosis.selection import (
+    Contenders,
     Found,
     LackOfFit,
-    improved,
     lack_of_fit,
     lack_of_memory,
-    on_its_grid,
-    pays,
     simplest,
-    without_a_term,
 )
+from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import Scheme
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
-REFITTED, WITHIN = (
-    8,
-    12.0,
-)  # hypotheses refitted on all windows: at most so many, so many nats behind the leader
-UNEXPLAINED = {
-    1e-2: 0.15,
-    1e-3: 0.03,
-}  # whiteness: share of the excess over noise that makes a partial account
-LACKING = (
-    0.003  # of the squares that the named effects take off, that a smooth law would take off beside them
-)
-FAR_FROM_WHITE, TRACE = 1e-6, 1e-5  # whiteness: or so little of them where the residual is so far from it
-PATTERN, PATTERNED = (
-    1e-15,
-    0.003,
-)  # whiteness, and the share of the mismatch in the pattern of a residual so far from it
-CONTRADICTS = 0.05  # of what a term gains on training windows: more that it loses on held-out ones
-UNNAMED = 1e-4  # whiteness: below, something is there even where nothing that is known pays
 
 
 @dataclass(frozen=True)
@@ -76,20 +48,17 @@ class Judgement:
     structured: bool  # whether something is left over
 
 
-def judge(
-    question: Question, found: Found, offers: Sequence[Candidate], tell: Callable[[str], None]
-) -> Judgement:
-    """Refit the best on all training windows, go on from there with all data, and decide."""
-    problem = question.everything
-    near = _near(question.searched, found)
-    null = _null_of(problem, found.scheme)
-    fits = _again(problem, _working([f.hypothesis for f in near]))
-    leader = _leader(question, [null, *fits], null)
-    leader, tried = improved(problem, leader, offers, tell)
-    leader = _pruned(question, leader)
-    fits += tried
-    if leader.hypothesis.scheme != null.hypothesis.scheme:
-        null = _null_of(problem, leader.hypothesis.scheme)
+def judge(question: Question, contenders: Contenders, found: Found) -> Judgement:
+    """What is to be said of the leader: its rivals, what is left over, the verdict. Nothing is added to it.
+
+    A rival may lead in its place, though: one that is simpler or, once held-out windows count, far likelier.
+    """
+    problem, leader, null, fits = (
+        question.everything,
+        contenders.leader,
+        contenders.null,
+        list(contenders.tried),
+    )
     twins = behind_its_gates(problem, leader, fits)
     fits += [leader, *twins]
     leader = simplest(problem, [leader, *twins])
@@ -106,7 +75,7 @@ def judge(
         remembered = lack_of_memory(problem, leader)
         missing = _lacking(problem, leader, null, remembered, p_value)
         lack = remembered if missing else lack
-    verdict = _verdict(leader, rivals, p_value, unexplained, missing)
+    verdict = _verdict(problem.run.settings.verdict, leader, rivals, p_value, unexplained, missing)
     return Judgement(
         verdict,
         leader,
@@ -141,7 +110,8 @@ def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p
     if lack is None or not lack.significant:
         return False
     named = problem.counts * np.maximum(null.variance - leader.variance, 0.0) / leader.variance
-    share = TRACE if p_value < FAR_FROM_WHITE else LACKING
+    settings = problem.run.settings.verdict
+    share = settings.trace if p_value < settings.far_from_white else settings.lacking
     return bool(2.0 * lack.nats > share * float(named[problem.observed].sum()))
 
 
@@ -150,97 +120,31 @@ def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool
 
     Its quick changes pass for noise (a sensor that is seldom read), its memory does not.
     """
-    if p_value >= PATTERN:
+    settings = problem.run.settings.verdict
+    if p_value >= settings.pattern:
         return False
     rho = autocorrelation(problem, leader.residuals).max(axis=1)
-    return bool((rho * leader.variance > PATTERNED * null.variance)[problem.observed].any())
+    return bool((rho * leader.variance > settings.patterned * null.variance)[problem.observed].any())
 
 
 def _verdict(
-    leader: Fit, rivals: Sequence[Fit], p_value: float, unexplained: FloatArray, missing: bool
+    settings: VerdictSettings,
+    leader: Fit,
+    rivals: Sequence[Fit],
+    p_value: float,
+    unexplained: FloatArray,
+    missing: bool,
 ) -> Verdict:
     left = float(np.max(unexplained))
     if not leader.hypothesis.terms:
-        return "unknown" if p_value < UNNAMED or missing else "none"
-    if any(p_value < p and left > share for p, share in UNEXPLAINED.items()):
+        return "unknown" if p_value < settings.unnamed or missing else "none"
+    if p_value < settings.p_value and left > settings.unexplained:
+        return "unknown"
+    if p_value < settings.low_p_value and left > settings.little_unexplained:
         return "unknown"
     if missing or leader.hypothesis.patchwork:
         return "unknown"
     return "ambiguous" if rivals else "named"
-
-
-def _near(problem: Problem, found: Found) -> list[Fit]:
-    nats = scores(problem, found.fits)
-    order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < WITHIN]
-    return [found.fits[i] for i in order[:REFITTED]]
-
-
-def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
-    """Without terms that do nothing: what they stood in for was found later, and nothing that holds one can lead."""
-    out: list[Hypothesis] = []
-    for hypothesis in (h.working for h in hypotheses):
-        if hypothesis.terms and not any(hypothesis.says_the_same_as(other) for other in out):
-            out.append(hypothesis)
-    return out
-
-
-def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
-    """All fitted a little, those that are not far behind the best to the end."""
-    starts = problem.windows.measured[:, 0]
-    return fit_near(problem, [Order(hypothesis, starts, 6) for hypothesis in hypotheses], 17, 0.02)
-
-
-def _null_of(problem: Problem, scheme: Scheme) -> Fit:
-    return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=12)
-
-
-def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
-    """The best by evidence that also does better than nothing on held-out windows, or a simpler one as good."""
-    problem, held_out = question.everything, question.held_out
-    before: float | None = None
-    nats = scores(problem, list(fits))
-    order = [fits[int(i)] for i in np.argsort(-nats)]
-    for place, chosen in enumerate(order):
-        if chosen is null or not chosen.hypothesis.terms:
-            return null
-        if not pays(problem, chosen, null):
-            continue
-        if before is None:
-            before = held_out_objective(held_out, Hypothesis(scheme=null.hypothesis.scheme))
-        if not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
-            behind = [f for f in order[place + 1 :] if f.hypothesis.terms and pays(problem, f, null)]
-            return simplest(problem, [chosen, *behind])
-    return null
-
-
-def _pruned(question: Question, leader: Fit) -> Fit:
-    """Terms that do not pay, or do not help on held-out windows, are taken out."""
-    problem = question.everything
-    while leader.hypothesis.terms:
-        parts = without_a_term(problem, leader)
-        less = [f for f, needed in zip(parts, _needed(question, leader, parts), strict=True) if not needed]
-        if not less:
-            break
-        leader = min(less, key=lambda f: f.objective)
-    return leader
-
-
-def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]:
-    """Whether the term that each part lacks pays, and held-out windows do not contradict it.
-
-    A few of them may say nothing of it.
-    """
-    problem, held_out = question.everything, question.held_out
-    paying = [pays(problem, leader, part) for part in parts]
-    if not len(held_out.windows) or not any(paying):
-        return paying
-    asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
-    grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
-    calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
-    own, *others = problem.run.side_by_side(held_out_objective, [(held_out, leader.hypothesis), *calls])
-    won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
-    kept = iter([own - other < CONTRADICTS * by for other, by in zip(others, won, strict=True)])
-    return [pay and next(kept) for pay in paying]
 
 
 def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, FloatArray]:
@@ -248,6 +152,7 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
 
     Noise is the known one, or what differences of neighbouring residuals show where that is more.
     """
+    settings = problem.run.settings.verdict
 
     def jumps(f: Fit) -> FloatArray:
         valid = problem.windows.valid[:, 2:, None]
@@ -259,8 +164,8 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
         floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
     noise = np.maximum(floor, np.where(problem.stated, floor, jumps(leader)))
     excess = np.maximum(null.variance - noise, 0.0)
-    left = np.maximum(leader.variance - 1.1 * noise, 0.0)
-    worth = problem.observed & (null.variance > 1.2 * noise)
+    left = np.maximum(leader.variance - settings.noise_margin * noise, 0.0)
+    worth = problem.observed & (null.variance > settings.least_excess * noise)
     share = np.divide(left, np.maximum(excess, 1e-300), out=np.zeros_like(left), where=worth)
     if not leader.hypothesis.terms:
         share = np.where(worth, 1.0, 0.0)

@@ -10,9 +10,24 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.fitting import FINER_GAINS, MOST_FINER, Fit, Order, Problem, fit_all, rescored
-from gpsim.diagnosis.selection.elimination import simplest
+from gpsim.diagnosis.selection.beam import Found
+from gpsim.diagnosis.selection.elimination import lean, simplest
+from gpsim.diagnosis.setup import Question, settled_question
 
 TRIED = 3  # simpler hypotheses, the best
+
+
+def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
+    """The question on as fine a grid as the best of the search needs, and what was found, its best on that grid first.
+
+    Without what only makes up for a coarse grid: what is left then asks for a fine one.
+    """
+    best = found.fits[0]
+    if any(t.gate.region for t in best.hypothesis.terms):
+        best = lean(found.problem, best)
+    best, on_fine_grid = simplest_on_fine_grid(found.problem, best, found.fits)
+    question = settled_question(question, best)
+    return question, replace(found, fits=[on_fine_grid, *found.fits])
 
 
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:

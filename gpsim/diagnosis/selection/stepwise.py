@@ -40,7 +40,9 @@ from gpsim.diagnosis.selection.gates import (
     with_edges,
 )
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
+from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, swapped
+from gpsim.diagnosis.setup import Question
 
 MOST_TERMS = 7
 MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
@@ -64,6 +66,14 @@ FIRST_LOOK, TO_THE_END = (
     17,
 )  # iterations that a new leader is given from two places, and from the better end
 GLANCED_AT = 40  # windows at which every term is looked at behind every gate
+
+
+def stepwise(
+    question: Question, contenders: Contenders, offers: Sequence[Candidate], tell: Callable[[str], None]
+) -> Contenders:
+    """The leader with terms added, gated, substituted and eliminated as long as that pays, and all that was tried."""
+    leader, tried = improved(question.everything, contenders.leader, offers, tell)
+    return replace(contenders, leader=leader, tried=[*contenders.tried, *tried])
 
 
 def improved(

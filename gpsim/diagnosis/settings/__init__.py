@@ -1,6 +1,7 @@
 """Settings: every threshold of the diagnosis, step by step, with unit, meaning, default and origin."""
 
 from gpsim.diagnosis.settings.declare import described
+from gpsim.diagnosis.settings.judgement import VerdictSettings
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
 from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
@@ -8,6 +9,7 @@ from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_setting
 __all__ = [
     "AcceptanceSettings",
     "Settings",
+    "VerdictSettings",
     "as_mapping",
     "as_page",
     "as_yaml",

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gpsim.diagnosis.settings.judgement import VerdictSettings
+from gpsim.diagnosis.settings.refit import PruningSettings, RefitSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
 from gpsim.errors import UsageError
 from gpsim.settings import build
@@ -20,6 +22,9 @@ class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
+    refit: RefitSettings = field(default_factory=RefitSettings)
+    pruning: PruningSettings = field(default_factory=PruningSettings)
+    verdict: VerdictSettings = field(default_factory=VerdictSettings)
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:

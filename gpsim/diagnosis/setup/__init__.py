@@ -1,6 +1,6 @@
 """Setup: from a recording to the question and to what may be missing."""
 
-from gpsim.diagnosis.setup.candidates import candidates
+from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.latent_states import Completions, completed, guessed, hidden_channels, smoothed
 from gpsim.diagnosis.setup.prepare import CUT, Question, prepare, settled_question, spread_out
 from gpsim.diagnosis.setup.velocity_filter import filters, undone
@@ -14,6 +14,7 @@ __all__ = [
     "filters",
     "guessed",
     "hidden_channels",
+    "offers_of",
     "prepare",
     "settled_question",
     "smoothed",

@@ -8,7 +8,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.effects import FAMILIES, Effect, Place
+from gpsim.diagnosis.setup.prepare import Question
+from gpsim.effects import FAMILIES, Effect, Place, effect_of
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
@@ -31,6 +32,16 @@ def candidates(
                 if effect.offers(place, variant)
             ]
     return out
+
+
+def offers_of(question: Question) -> list[Candidate]:
+    """Every term that may be missing from a question's simulator, and that its recording could show."""
+    problem = question.everything
+    return [
+        c
+        for c in candidates(question.recording, problem.simulator, problem.parameters)
+        if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
+    ]
 
 
 class _Sizes:

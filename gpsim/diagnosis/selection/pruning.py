@@ -1,0 +1,56 @@
+"""Pruning: terms that do not pay, or that held-out windows speak against, are taken out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gpsim.diagnosis.fitting import Fit, gain
+from gpsim.diagnosis.selection.acceptance import on_its_grid, pays
+from gpsim.diagnosis.selection.elimination import without_a_term
+from gpsim.diagnosis.selection.held_out import held_out_objective
+from gpsim.diagnosis.selection.refit import Contenders, null_of
+from gpsim.diagnosis.setup import Question
+
+
+def prune_on_held_out(question: Question, contenders: Contenders) -> Contenders:
+    """The leader with what it needs alone; the base simulator is integrated as it is from here on."""
+    problem, leader, null = question.everything, contenders.leader, contenders.null
+    while leader.hypothesis.terms:
+        parts = without_a_term(problem, leader)
+        less = [f for f, needed in zip(parts, _needed(question, leader, parts), strict=True) if not needed]
+        if not less:
+            break
+        leader = min(less, key=lambda f: f.objective)
+    if leader.hypothesis.scheme != null.hypothesis.scheme:
+        null = null_of(problem, leader.hypothesis.scheme)
+    return replace(contenders, leader=leader, null=null)
+
+
+def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]:
+    """Whether the term that each part lacks pays, and held-out windows do not contradict it.
+
+    A few of them may say nothing of it.
+    """
+    problem, held_out = question.everything, question.held_out
+    paying = [pays(problem, leader, part) for part in parts]
+    if not len(held_out.windows) or not any(paying):
+        return paying
+    asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
+    grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
+    calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
+    own, *others = problem.run.side_by_side(held_out_objective, [(held_out, leader.hypothesis), *calls])
+    won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
+    least = problem.run.settings.pruning.contradicts
+    kept = [own - other < least * by for other, by in zip(others, won, strict=True)]
+    for part, other, stays in zip(asked, others, kept, strict=True):
+        if not stays:
+            problem.run.trace.note(
+                leader.hypothesis.label,
+                part.hypothesis.label,
+                False,
+                "held-out windows contradict",
+                gain=other - own,
+            )
+    answers = iter(kept)
+    return [pay and next(answers) for pay in paying]

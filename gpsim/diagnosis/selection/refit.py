@@ -1,0 +1,80 @@
+"""The best of the search once more, on all training windows, and which of them leads there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Order, Problem, fit, fit_near, scores
+from gpsim.diagnosis.selection.acceptance import pays
+from gpsim.diagnosis.selection.beam import Found
+from gpsim.diagnosis.selection.elimination import simplest
+from gpsim.diagnosis.selection.held_out import held_out_objective
+from gpsim.diagnosis.setup import Question
+from gpsim.effects import Scheme
+
+
+@dataclass(frozen=True)
+class Contenders:
+    """Fits on all training windows: the leading one, that of the base simulator, and all that were tried."""
+
+    leader: Fit
+    null: Fit
+    tried: list[Fit]
+
+
+def refit(question: Question, found: Found) -> Contenders:
+    """The hypotheses near the best of the search, fitted on all training windows."""
+    problem = question.everything
+    near = _near(question.searched, found)
+    null = null_of(problem, found.scheme)
+    fits = _again(problem, _working([f.hypothesis for f in near]))
+    return Contenders(_leader(question, [null, *fits], null), null, fits)
+
+
+def null_of(problem: Problem, scheme: Scheme) -> Fit:
+    """The base simulator alone, integrated by a scheme."""
+    return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=12)
+
+
+def _near(problem: Problem, found: Found) -> list[Fit]:
+    settings, nats = problem.run.settings.refit, scores(problem, found.fits)
+    order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < settings.within]
+    return [found.fits[i] for i in order[: settings.most]]
+
+
+def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Without terms that do nothing: what they stood in for was found later, and nothing that holds one can lead."""
+    out: list[Hypothesis] = []
+    for hypothesis in (h.working for h in hypotheses):
+        if hypothesis.terms and not any(hypothesis.says_the_same_as(other) for other in out):
+            out.append(hypothesis)
+    return out
+
+
+def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
+    """All fitted a little, those that are not far behind the best to the end."""
+    starts = problem.windows.measured[:, 0]
+    return fit_near(problem, [Order(hypothesis, starts, 6) for hypothesis in hypotheses], 17, 0.02)
+
+
+def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
+    """The best by evidence that also does better than nothing on held-out windows, or a simpler one as good."""
+    problem, held_out, trace = question.everything, question.held_out, question.everything.run.trace
+    before: float | None = None
+    nats = scores(problem, list(fits))
+    order = [fits[int(i)] for i in np.argsort(-nats)]
+    for place, chosen in enumerate(order):
+        if chosen is null or not chosen.hypothesis.terms:
+            return null
+        if not pays(problem, chosen, null):
+            continue
+        if before is None:
+            before = held_out_objective(held_out, Hypothesis(scheme=null.hypothesis.scheme))
+        if not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
+            behind = [f for f in order[place + 1 :] if f.hypothesis.terms and pays(problem, f, null)]
+            return simplest(problem, [chosen, *behind])
+        trace.note(chosen.hypothesis.label, null.hypothesis.label, False, "no better on held-out windows")
+    return null

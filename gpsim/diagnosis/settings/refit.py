@@ -1,0 +1,27 @@
+"""Settings of the refit on all training windows and of the pruning on held-out ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpsim.diagnosis.settings.declare import setting
+
+
+@dataclass(frozen=True)
+class RefitSettings:
+    """Which hypotheses of the search are fitted again on all training windows."""
+
+    most: int = setting(8, "hypotheses", "that are fitted again, the best of the search")
+    within: float = setting(12.0, "nats", "behind the best of the search, that a hypothesis may be")
+
+
+@dataclass(frozen=True)
+class PruningSettings:
+    """When held-out windows speak against a term that training windows are in favour of."""
+
+    contradicts: float = setting(
+        0.05,
+        "1",
+        "of what a term gains on training windows: what it loses on held-out ones beyond that speaks against it",
+        "a delay that gained 219 nats on a sweep must not go for 2.5 nats on nine held-out windows",
+    )
