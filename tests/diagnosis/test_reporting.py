@@ -11,7 +11,7 @@ from gpsim.diagnosis.data.split import held_out_names
 from gpsim.diagnosis.diagnosis import _without
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.judgement.verdict import Judgement
+from gpsim.diagnosis.judgement import verdict as verdict_module
 from gpsim.diagnosis.run import Budget, Run
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
@@ -52,13 +52,10 @@ def test_every_held_out_episode_is_listed_in_the_order_of_its_number(recording):
     ],
 )
 def test_where_nothing_is_missing_nothing_is_left_over(verdict, terms, p_value, significant, structured):
-    judgement = SimpleNamespace(
-        verdict=verdict,
-        leader=SimpleNamespace(hypothesis=SimpleNamespace(terms=terms)),
-        p_value=p_value,
-        lack=SimpleNamespace(significant=significant),
-    )
-    assert Judgement.structured.fget(judgement) is structured
+    leader = SimpleNamespace(hypothesis=SimpleNamespace(terms=terms))
+    lack = SimpleNamespace(significant=significant)
+    problem = SimpleNamespace(run=Run())
+    assert verdict_module._structured(problem, verdict, leader, p_value, lack) is structured
 
 
 def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recording, monkeypatch):
