@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import diagnosis
+from gpsim.diagnosis import account, diagnosis
+from gpsim.diagnosis.account import _without
 from gpsim.diagnosis.data.split import held_out_names
-from gpsim.diagnosis.diagnosis import _without
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement.verdict import Judgement
@@ -73,7 +73,7 @@ def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recordin
         asked.append((grid.substeps, len(hypothesis.terms)))
         return null
 
-    monkeypatch.setattr(diagnosis, "fit", noted)
+    monkeypatch.setattr(account, "fit", noted)
     judgement = SimpleNamespace(null=null)
 
     def without(*terms, scheme="fine"):
