@@ -20,7 +20,7 @@ LEVELS = [
     {"diagnosis.selection"},
     {"diagnosis.setup"},
     {"diagnosis.fitting"},
-    {"diagnosis.data"},
+    {"diagnosis.data", "diagnosis.report"},
     {"evaluation", "policies.training"},
     {"environments"},
     {"corrected", "policies"},

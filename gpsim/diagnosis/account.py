@@ -4,78 +4,82 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import Comparison, depends_on, intervals, locate, tell_apart
 from gpsim.diagnosis.data import held_out_names
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, gain, side_by_side
 from gpsim.diagnosis.judgement import Judgement, odds_against
+from gpsim.diagnosis.report import (
+    Alternative,
+    Diagnosis,
+    Estimate,
+    HeldOutFit,
+    MissingLaw,
+    NamedEffect,
+    Remainder,
+    RemainderGp,
+)
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import ParameterEffect, Term
+from gpsim.effects import EffectParameter, ParameterEffect, Term
 
-SCHEMA = "gpsim.diagnosis/1"
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 
 
-def account(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
-    """The contract's diagnosis.json."""
+def account(question: Question, judgement: Judgement, comparison: Comparison) -> Diagnosis:
+    """The result: facts alone, what a person would say of them is made in reports."""
     problem = question.everything
     leader = judgement.leader
-    return {
-        "schema": SCHEMA,
-        "verdict": judgement.verdict,
-        "location": locate(question, judgement, comparison),
-        "effects": _effects(question, judgement, leader, judgement.probabilities[0]),
-        "alternatives": [
-            {"effects": _effects(question, judgement, rival, p), "probability": p}
+    return Diagnosis(
+        verdict=judgement.verdict,
+        location=locate(question, judgement, comparison),
+        effects=_effects(question, judgement, leader, judgement.probabilities[0]),
+        alternatives=tuple(
+            Alternative(_effects(question, judgement, rival, p), p)
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
-        ],
-        "tell_apart": tell_apart(problem, judgement),
-        "fit": {
-            "held_out": held_out_names(question.recording),
-            "one_step": comparison.one_step,
-            "rollout": comparison.rollout,
-        },
-        "remainder": {
-            "structured": judgement.structured,
-            "depends_on": _remaining(problem, comparison) if judgement.structured else [],
-            "p_value": judgement.p_value,
-            "lack_of_fit": _lack_of_fit(judgement),
-            "gp": _gp(comparison, leader),
-        },
-        "integration": leader.hypothesis.scheme,
-        "tuned": comparison.tuned,
-        "dt": question.recording.dt,
-        "thinned": question.thinned,
-        "not_measured": list(question.hidden),
-        "ranking": [ranked.entry for ranked in judgement.ranking],
-    }
+        ),
+        tell_apart=None,
+        discrimination=tell_apart(problem, judgement),
+        fit=HeldOutFit(tuple(held_out_names(question.recording)), comparison.one_step, comparison.rollout),
+        remainder=Remainder(
+            judgement.structured,
+            tuple(_remaining(problem, comparison)) if judgement.structured else (),
+            judgement.p_value,
+            _missing_law(judgement),
+            _gp(comparison, leader),
+        ),
+        integration=leader.hypothesis.scheme,
+        tuned=comparison.tuned,
+        dt=question.recording.dt,
+        thinned=question.thinned,
+        not_measured=tuple(question.hidden),
+        ranking=tuple(ranked.entry for ranked in judgement.ranking),
+    ).settled()
 
 
-def _lack_of_fit(judgement: Judgement) -> dict[str, Any] | None:
+def _missing_law(judgement: Judgement) -> MissingLaw | None:
     """Which smooth law of which rate would explain more, whether chance could have done it."""
     lack = judgement.lack
     if lack is None:
         return None
-    return {
-        "rate": lack.rate,
-        "on": list(lack.on),
-        "memory": lack.memory,
-        "nats": round(lack.nats, 2),
-        "p_value": lack.p_value,
-    }
+    return MissingLaw(
+        rate=lack.rate,
+        on=tuple(lack.on),
+        memory=lack.memory,
+        nats=round(lack.nats, 2),
+        p_value=lack.p_value,
+    )
 
 
-def _gp(comparison: Comparison, leader: Fit) -> dict[str, Any]:
+def _gp(comparison: Comparison, leader: Fit) -> RemainderGp:
     """Whether a Gaussian process models what is left, beside the effects or, in their place, the base alone."""
     found = comparison.corrected
     if found is None:
-        return {"used": False, "beside": None, "why_not": comparison.why_no_gp}
+        return RemainderGp(False, None, None, comparison.why_no_gp)
     named = leader.hypothesis.terms and found.hypothesis == leader.hypothesis
-    return {"used": True, "beside": "effects" if named else "base", "why_not": None}
+    return RemainderGp(True, "effects" if named else "base", None)
 
 
 def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
@@ -84,10 +88,10 @@ def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
 
 def _effects(
     question: Question, judgement: Judgement, found: Fit, probability: float
-) -> list[dict[str, Any]]:
+) -> tuple[NamedEffect, ...]:
     problem = question.everything
     if not found.hypothesis.terms:
-        return []
+        return ()
     bounds = intervals(problem, found)
     calls = [(question, judgement, found, i) for i in range(len(found.hypothesis.terms))]
     lesser = side_by_side(_without, calls)
@@ -95,35 +99,32 @@ def _effects(
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
     ):
-        parameters: dict[str, dict[str, Any]] = {}
-        for i, p in enumerate(declared):
-            low, high = (float(v) for v in bounds[at + i])
-            value = term.values[p.name]
-            parameters[p.name] = {"value": value, "low": low, "high": high, "unit": p.unit}
-            parameters[p.name] |= {
-                "at_bound": any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (p.low, p.high))
-            }
+        parameters = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
         at += len(declared)
         parameters |= _in_other_words(question, found, term, parameters)
         without = lesser[index]
-        spoken = {name: f"{v['value']:.4g} {v['unit']}".removesuffix(" 1") for name, v in parameters.items()}
         out.append(
-            {
-                "family": term.family,
-                "on": term.on,
-                "site": term.effect.site,
-                "parameters": parameters,
-                "region": {k: list(v) for k, v in term.gate.region.items()},
-                "since": None if term.gate.since is None else term.gate.since + question.origin,
-                "since_episode": question.episode_name(term.gate.since_episode),
-                "probability": probability,
-                "odds": odds_against(judgement.ranking, found.hypothesis, term.identity),
-                "evidence_gain": gain(problem, found, without),
-                "explains": _share(judgement.noise, found, without, problem.observed),
-                "sentence": term.effect.sentence(term.on, spoken),
-            }
+            NamedEffect(
+                family=term.family,
+                on=term.on,
+                site=term.effect.site,
+                parameters=parameters,
+                region=term.gate.region,
+                since=None if term.gate.since is None else term.gate.since + question.origin,
+                since_episode=question.episode_name(term.gate.since_episode),
+                probability=probability,
+                odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
+                evidence_gain=gain(problem, found, without),
+                explains=_share(judgement.noise, found, without, problem.observed),
+            )
         )
-    return out
+    return tuple(out)
+
+
+def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> Estimate:
+    value, (low, high) = term.values[parameter.name], (float(edge) for edge in interval)
+    held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
+    return Estimate(value, low, high, parameter.unit, held)
 
 
 def _without(question: Question, judgement: Judgement, found: Fit, index: int) -> Fit:
@@ -135,9 +136,7 @@ def _without(question: Question, judgement: Judgement, found: Fit, index: int) -
     return fit(grid, less, found.starts, iterations=12, tolerance=0.2, near=True)
 
 
-def _share(
-    noise: FloatArray, found: Fit, without: Fit, observed: np.ndarray[Any, np.dtype[np.bool_]]
-) -> float:
+def _share(noise: FloatArray, found: Fit, without: Fit, observed: BoolArray) -> float:
     """The largest share of a channel's excess over noise that the term takes away."""
     excess = np.maximum(without.variance - noise**2, 1e-300)
     share = (without.variance - np.maximum(found.variance, noise**2)) / excess
@@ -145,8 +144,8 @@ def _share(
 
 
 def _in_other_words(
-    question: Question, found: Fit, term: Term, parameters: Mapping[str, dict[str, Any]]
-) -> dict[str, dict[str, Any]]:
+    question: Question, found: Fit, term: Term, parameters: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
     """Coefficient for force and force for coefficient, where the simulator knows the normal force."""
     problem = question.everything
     if "coefficient" not in term.effect.variants or len(parameters) != 1:
@@ -156,15 +155,12 @@ def _in_other_words(
         return {}
     unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == term.on), "N")
     ((name, given),) = parameters.items()
-    other = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}.get(name)
-    if other is None:
+    others = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}
+    if name not in others:
         return {}
-    return {
-        other[0]: {
-            key: None if given[key] is None else given[key] * other[1] for key in ("value", "low", "high")
-        }
-        | {"unit": other[2], "at_bound": given["at_bound"]}
-    }
+    other, times, unit = others[name]
+    low, high = (None if edge is None else edge * times for edge in (given.low, given.high))
+    return {other: Estimate(given.value * times, low, high, unit, given.at_bound)}
 
 
 def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str) -> float | None:

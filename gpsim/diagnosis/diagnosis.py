@@ -1,11 +1,10 @@
-"""Recording x simulator -> Diagnosis."""
+"""Recording x simulator -> Outcome, which holds the Diagnosis."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from gpsim.diagnosis.account import account
 from gpsim.diagnosis.assessment import Comparison, compare
 from gpsim.diagnosis.fitting import Fit, begin, spent
 from gpsim.diagnosis.judgement import Judgement, judge
+from gpsim.diagnosis.report import Diagnosis
 from gpsim.diagnosis.selection import Found, Note, lean, search, simplest_on_fine_grid
 from gpsim.diagnosis.setup import Question, candidates, prepare, settled_question
 from gpsim.effects import Scheme, effect_of
@@ -24,10 +24,10 @@ USUAL_EFFORT = 1.5e8  # simulated rows that a judgement takes: a scale for its p
 
 
 @dataclass(frozen=True)
-class Diagnosis:
-    """What was found. report: the contract's diagnosis.json; plant: the corrected simulator, without its GP."""
+class Outcome:
+    """What was found, and what it rests on. plant: the corrected simulator, without its Gaussian process."""
 
-    report: dict[str, Any]
+    diagnosis: Diagnosis
     plant: EffectsPlant
     judgement: Judgement
     comparison: Comparison
@@ -40,7 +40,7 @@ def diagnose(
     parameters: Mapping[str, float],
     rng: np.random.Generator,
     note: Note = lambda done, total, text: None,
-) -> Diagnosis:
+) -> Outcome:
     """Locate, name, model and judge; raises UsageError where nothing can be said."""
     begin()
     note(0, 100, "cutting windows")
@@ -60,7 +60,7 @@ def diagnose(
     judgement = judge(question, found, offers, _by_effort(note, 40, 90))
     note(90, 100, "comparing on held-out data")
     comparison = compare(question, judgement, offers, rng)
-    report = account(question, judgement, comparison)
+    diagnosis = account(question, judgement, comparison)
     leader = judgement.leader.hypothesis
     plant = EffectsPlant(
         simulator,
@@ -71,7 +71,7 @@ def diagnose(
         recording.dt,
     )
     note(100, 100, "done")
-    return Diagnosis(report, plant, judgement, comparison, question)
+    return Outcome(diagnosis, plant, judgement, comparison, question)
 
 
 def _by_effort(note: Note, first: int, last: int) -> Callable[[str], None]:

@@ -12,6 +12,7 @@ from gpsim.diagnosis.data.split import held_out_names
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement.verdict import Judgement
+from gpsim.diagnosis.report import OverBefore, Ratio, StepErrors
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.recordings import Episode, HeldOut
@@ -97,14 +98,16 @@ def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recordin
 @pytest.mark.parametrize(
     ("left", "said"),
     [
-        ({"value": 0.5, "low": 0.41, "high": 0.6}, "50 (41 to 60)"),
-        ({"value": 0.5, "low": None, "high": None}, "50"),
-        ({"value": None, "low": None, "high": None}, ""),
+        (Ratio(0.5, 0.41, 0.6), "50 (41 to 60)"),
+        (Ratio(0.5, None, None), "50"),
+        (Ratio(None, None, None), ""),
     ],
 )
 def test_the_page_gives_every_models_share_of_the_bases_error(left, said):
-    assert diagnosis_page._share({"over_before": {"gp": left}}, "gp") == said
-    assert diagnosis_page._share({"over_before": {"gp": left}}, "noise_floor") == ""
+    errors = StepErrors(before=1.0, after=0.5, unit="m", over_before=OverBefore(left, left, left, left))
+    assert diagnosis_page._share(errors, "gp") == said
+    assert diagnosis_page._share(errors, "noise_floor") == ""
+    assert diagnosis_page._share(replace(errors, over_before=None), "gp") == ""
 
 
 def test_progress_never_stands_still_nor_goes_back(monkeypatch):
