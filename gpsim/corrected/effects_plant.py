@@ -16,7 +16,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.simulators import INTEGRATORS, Memory, Simulator, part_of, restart
 
-SCHEMA = "gpsim.corrected.gp_plant/1"
+SCHEMA = "gpsim.corrected/1"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from gpsim.tasks import Actions
 
 Weights = Mapping[str, NDArray[np.float32]]
 Activation = Literal["tanh", "relu"]
-FORMAT = "gpsim.policies.policy/1"
+FORMAT = "gpsim.policy/1"
 LOG_STD_RANGE = (-20.0, 2.0)
 """Where stable-baselines3's SAC clips the logarithm of the spread."""
 _ACTIVATIONS: Mapping[str, Callable[[NDArray[Any]], NDArray[Any]]] = {
