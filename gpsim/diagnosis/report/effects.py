@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
@@ -84,4 +85,4 @@ class RankedHypothesis:
     effects: Claims
     gates: tuple[str, ...] | None = None
     scheme: str
-    windows: str = "search"
+    windows: Literal["all", "search"] = "search"
