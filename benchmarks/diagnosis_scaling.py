@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from gpsim.channels import Channels
+from gpsim.diagnosis import Diagnosis
 from gpsim.recordings import Episode, Recording, write_recording
 from gpsim.simulators import make_simulator
 from gpsim.targets import FrictionCartPole
@@ -119,16 +120,14 @@ def main() -> None:
             words += ["--simulator", f"{own}:Slider"] if arguments.hidden else []
             subprocess.run(words, check=True, capture_output=True)
             wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
-            report = json.loads((out / "diagnosis.json").read_text())
+            found = Diagnosis.from_dict(json.loads((out / "diagnosis.json").read_text(encoding="utf-8")))
         spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         said = [
-            f"{e['family']} on {e['on']} "
-            + ", ".join(
-                f"{k} {v['value']:.4g} [{v['low']:.4g}, {v['high']:.4g}]" for k, v in e["parameters"].items()
-            )
-            for e in report["effects"]
+            f"{e.family} on {e.place} "
+            + ", ".join(f"{k} {v.value:.4g} [{v.low:.4g}, {v.high:.4g}]" for k, v in e.parameters.items())
+            for e in found.effects
         ]
-        peak, told = after.ru_maxrss / 1024, f"{report['verdict']}: {'; '.join(said)}"
+        peak, told = after.ru_maxrss / 1024, f"{found.verdict}: {'; '.join(said)}"
         print(f"| {transitions} | {wall:.1f} | {spent:.1f} | {peak:.0f} | {told} |", flush=True)
 
 

@@ -16,10 +16,12 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.report import Estimate, NamedEffect
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(os.environ.get("GPSIM_RECORDINGS", ROOT.parent / "shared" / "recordings"))
@@ -58,7 +60,7 @@ class Outcome:
 
     set: Set
     seconds: tuple[float, float]
-    report: Mapping[str, Any] | None
+    diagnosis: Diagnosis | None
     refusal: str
 
 
@@ -89,7 +91,10 @@ def diagnosed(which: Set, out: Path) -> Outcome:
     seconds, code, said = run(["diagnose", str(recording), *own, "--out", str(folder)])
     if code:
         return Outcome(which, seconds, None, said)
-    return Outcome(which, seconds, json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")), "")
+    path = folder / "diagnosis.json"
+    return Outcome(
+        which, seconds, Diagnosis.from_dict(json.loads(path.read_text(encoding="utf-8")), str(path)), ""
+    )
 
 
 def told(outcomes: Sequence[Outcome]) -> list[str]:
@@ -97,37 +102,37 @@ def told(outcomes: Sequence[Outcome]) -> list[str]:
     lines = ["| set | verdict | what was left out, with 90 % intervals | processor s | s |", "|---" * 5 + "|"]
     for outcome in outcomes:
         seconds = " | ".join(f"{value:.0f}" for value in outcome.seconds)
-        if outcome.report is None:
+        found = outcome.diagnosis
+        if found is None:
             lines.append(f"| {outcome.set.name} | refused | {outcome.refusal} | {seconds} |")
             continue
-        report = outcome.report
-        said = spoken(report["effects"]) or "nothing"
-        for rival in report["alternatives"]:
-            said += f"; or ({rival['probability']:.2f}): {spoken(rival['effects'])}"
-        lines.append(f"| {outcome.set.name} | {report['verdict']} | {said} | {seconds} |")
+        said = spoken(found.effects) or "nothing"
+        for rival in found.alternatives:
+            said += f"; or ({rival.probability:.2f}): {spoken(rival.effects)}"
+        lines.append(f"| {outcome.set.name} | {found.verdict} | {said} | {seconds} |")
     return lines
 
 
-def spoken(effects: Sequence[Mapping[str, Any]]) -> str:
+def spoken(effects: Sequence[NamedEffect]) -> str:
     """Effects with their numbers."""
     return " + ".join(
-        f"{e['family']} on {e['on']} ("
-        + ", ".join(
-            f"{name} {p['value']:.3g} [{p['low']:.3g}, {p['high']:.3g}] {p['unit']}".removesuffix(" 1")
-            + (" AT ITS BOUND" if p["at_bound"] else "")
-            for name, p in e["parameters"].items()
-        )
-        + ")"
-        + gate(e)
+        f"{e.family} on {e.place} ({', '.join(f'{n} {number(p)}' for n, p in e.parameters.items())}){gate(e)}"
         for e in effects
     )
 
 
-def gate(effect: Mapping[str, Any]) -> str:
+def number(estimate: Estimate) -> str:
+    """A value with its interval."""
+    low, high = ("?" if edge is None else f"{edge:.3g}" for edge in (estimate.low, estimate.high))
+    told = f"{estimate.value:.3g} [{low}, {high}] {estimate.unit}".removesuffix(" 1")
+    return told + (" AT ITS BOUND" if estimate.at_bound else "")
+
+
+def gate(effect: NamedEffect) -> str:
     """Where and since when it acts, if not always and everywhere."""
-    words = [f"for {name} in [{low:.3g}, {high:.3g}]" for name, (low, high) in effect["region"].items()]
-    if effect["since"] is not None:
-        words.append(f"since {effect['since']:.3g} s")
+    words = [f"for {name} in [{low:.3g}, {high:.3g}]" for name, (low, high) in effect.region.items()]
+    if effect.since is not None:
+        words.append(f"since {effect.since:.3g} s")
     return "".join(f" {word}" for word in words)
 
 
@@ -136,16 +141,13 @@ def errors(outcomes: Sequence[Outcome]) -> list[str]:
     head = " | ".join(KINDS.values())
     lines = [f"| set | error of | {head} | unit |", "|---" * (len(KINDS) + 3) + "|"]
     for outcome in outcomes:
-        if outcome.report is None:
+        if outcome.diagnosis is None:
             continue
-        fit = outcome.report["fit"]
-        horizon = fit["rollout"].get("horizon_s", 0.0)
-        runs = {
-            f"{name} after {horizon:.3g} s": e for name, e in fit["rollout"].items() if name != "horizon_s"
-        }
-        for name, e in {**fit["one_step"], **runs}.items():
-            values = " | ".join(f"{e[kind]:.3g}" for kind in KINDS)
-            lines.append(f"| {outcome.set.name} | {name} | {values} | {e['unit']} |")
+        fit = outcome.diagnosis.fit
+        runs = {f"{name} after {fit.rollout.horizon_s:.3g} s": e for name, e in fit.rollout.channels.items()}
+        for name, e in {**fit.one_step, **runs}.items():
+            values = " | ".join(f"{e.of(kind):.3g}" for kind in KINDS)
+            lines.append(f"| {outcome.set.name} | {name} | {values} | {e.unit} |")
     return lines
 
 

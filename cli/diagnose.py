@@ -69,13 +69,13 @@ def diagnose_command(
             config, shown_words(settings, config_dir), progress, out, cores=cores or os.cpu_count() or 1
         )
         artifact, existed = stage.make(request)
-    report = read_diagnosis(artifact.path)
-    typer.echo(f"Verdict: {report['verdict']}\n")
-    for text in paragraphs(report):
+    found = read_diagnosis(artifact.path)
+    typer.echo(f"Verdict: {found.verdict}\n")
+    for text in paragraphs(found):
         typer.echo(textwrap.fill(text, 100) + "\n")
     if explain:
         typer.echo("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
-        for line in ranking(report):
+        for line in ranking(found):
             typer.echo(line)
     typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
 

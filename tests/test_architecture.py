@@ -20,7 +20,7 @@ LEVELS = [
     {"diagnosis.selection"},
     {"diagnosis.setup"},
     {"diagnosis.fitting"},
-    {"diagnosis.data", "diagnosis.run"},
+    {"diagnosis.data", "diagnosis.run", "diagnosis.report"},
     {"diagnosis.settings"},
     {"evaluation", "policies.training"},
     {"environments"},

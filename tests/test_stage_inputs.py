@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
+from made_diagnoses import made_diagnosis, made_remainder
 
 from gpsim.artifacts.artifact import Artifact, Recipe
 from gpsim.artifacts.store import Store
 from gpsim.corrected.effects_plant import EffectsPlant, describe
+from gpsim.diagnosis.report import RemainderGp
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.gp import FitOutcome, FitSettings
@@ -286,9 +288,12 @@ def test_where_a_diagnosis_left_the_gaussian_process_out_effects_alone_are_train
         make_simulator("cartpole"), make_simulator("cartpole").defaults({}), (), "euler", 1, 0.02
     )
 
+    process = RemainderGp(why is None, "base" if why is None else None, why)
+    found = made_diagnosis(remainder=made_remainder(gp=process))
+
     def write(folder: Path):
         (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=why is None)))
-        (folder / "diagnosis.json").write_text(json.dumps({"remainder": {"gp": {"why_not": why}}}))
+        (folder / "diagnosis.json").write_text(json.dumps(found.to_dict()))
         return {}
 
     given = Store(tmp_path, "any").publish(Recipe("diagnose", {}, {}, {}), write)

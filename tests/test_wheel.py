@@ -44,6 +44,7 @@ def test_every_config_and_template_travels(wheel):
         *(ROOT / "gpsim").rglob("*.py"),
         *(ROOT / "gpsim").rglob("*.jinja"),
         *(ROOT / "gpsim").rglob("*.css"),
+        *(ROOT / "gpsim").rglob("*.json"),
     ]:
         assert path.relative_to(ROOT).as_posix() in names
     assert not [name for name in names if name.startswith(("tests", "runs", "docs"))]

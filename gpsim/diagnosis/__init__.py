@@ -1,8 +1,12 @@
 """Diagnosis: where simulator and recording differ, which physics was left out, and how sure that is."""
 
-from gpsim.diagnosis.diagnosis import Diagnosis, diagnose
+from gpsim.diagnosis.diagnosis import Outcome, diagnose
+from gpsim.diagnosis.report import SCHEMA, Diagnosis, schema
 
 __all__ = [
+    "SCHEMA",
     "Diagnosis",
+    "Outcome",
     "diagnose",
+    "schema",
 ]

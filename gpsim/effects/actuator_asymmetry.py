@@ -37,8 +37,3 @@ class ActuatorAsymmetry(ActuatorEffect):
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
         """One gain for both directions."""
         return {"actuator_gain": ((values["gain_positive"] + values["gain_negative"]) / 2,)}
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        forth, back = values["gain_positive"], values["gain_negative"]
-        return f"{on} acts with {forth} times a positive command and {back} times a negative one"

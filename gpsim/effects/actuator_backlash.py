@@ -5,7 +5,6 @@ Krasnoselskii and Pokrovskii (1989), Systems with Hysteresis, section 2.1.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -50,7 +49,3 @@ class ActuatorBacklash(ActuatorEffect):
             level = now
         memory["level"][:] = level
         return np.ascontiguousarray(levels.T)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} has a backlash of half width {values['half_width']}"

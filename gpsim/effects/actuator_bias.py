@@ -5,7 +5,6 @@ Definition: a sum.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -31,7 +30,3 @@ class ActuatorBias(ActuatorEffect):
     ) -> FloatArray:
         """Command + bias."""
         return np.asarray(commands + values["bias"])
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} acts with an offset of {values['bias']}"

@@ -37,7 +37,3 @@ class ActuatorDeadZone(ActuatorEffect):
     def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
         """Beyond the width."""
         return values["width"], np.inf
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} does nothing below {values['width']}"

@@ -6,7 +6,6 @@ delay): a delay of a part of a step makes two neighbouring commands act in one s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -88,10 +87,6 @@ class ActuatorDelay(ActuatorEffect):
         place = np.arange(depth, depth + count) + (depth + count) * np.arange(rows)[:, None] - whole
         past[:] = line[:, count:]
         return line.take(place - 1), line.take(place), back - whole
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} acts {values['delay']} late"
 
 
 def _uneven(memory: Memory, step: FloatArray) -> bool:

@@ -5,7 +5,6 @@ Definition: a product.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -30,7 +29,3 @@ class ActuatorGain(ActuatorEffect):
     ) -> FloatArray:
         """Gain * commands."""
         return np.asarray(values["gain"] * commands)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} acts with {values['gain']} times its commanded size"

@@ -5,7 +5,6 @@ Ogata (2010), Modern Control Engineering, 5th ed., section 5-2 (first-order syst
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -50,7 +49,3 @@ class ActuatorLag(ActuatorEffect):
             np.multiply(gap, kept, out=level)
             level += command
         return np.asarray(commands + np.ascontiguousarray(behind.T) * share)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} follows its command with a lag of {values['time_constant']}"

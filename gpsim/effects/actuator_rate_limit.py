@@ -6,7 +6,6 @@ Control, and Dynamics 20(3).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -59,7 +58,3 @@ class ActuatorRateLimit(ActuatorEffect):
         memory["level"][:] = level
         moved = levels - before
         return np.ascontiguousarray((levels - moved * np.abs(moved) / np.maximum(2 * reach, 1e-300)).T)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} changes no faster than {values['rate']}"

@@ -45,7 +45,3 @@ class ActuatorSaturation(ActuatorEffect):
     def follows(self, values: Mapping[str, float]) -> tuple[float, float]:
         """Up to the limit."""
         return 0.0, values["limit"]
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} saturates at {values['limit']}"

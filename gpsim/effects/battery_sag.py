@@ -7,7 +7,6 @@ the clock began.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -35,7 +34,3 @@ class BatterySag(ActuatorEffect):
     ) -> FloatArray:
         """The commands times what is left at time t."""
         return np.asarray(commands * np.maximum(1.0 - values["loss_per_second"] * t, 0.0))
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} loses {values['loss_per_second']} of its strength (battery sag)"

@@ -5,7 +5,6 @@ Definition: m g sin(angle) of a tilt, for one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -25,7 +24,3 @@ class ConstantForce(ForceEffect):
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """The same everywhere."""
         return values["force"] + 0.0 * speed
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"a constant force of {values['force']} on {on} was left out"

@@ -18,6 +18,7 @@ class CoulombFriction(ForceEffect):
     """Coulomb friction: -Fc sgn(q'), holding a body at rest up to Fc; Fc = mu N where the normal force N is known."""
 
     family: ClassVar[str] = "coulomb_friction"
+    noun: ClassVar[str] = "Coulomb friction"
     variants: ClassVar[tuple[str, ...]] = ("", "coefficient")
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
@@ -47,7 +48,3 @@ class CoulombFriction(ForceEffect):
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
         """Of the same size in a region only; of the coefficient nothing is known there."""
         return {"local_friction_patch": (values["force"],)} if "force" in values else {}
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"Coulomb friction on {on} ({', '.join(f'{k} {v}' for k, v in values.items())}) was left out"

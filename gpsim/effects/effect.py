@@ -88,6 +88,7 @@ class Effect(ABC):
     """
 
     family: ClassVar[str]
+    noun: ClassVar[str] = ""  # what people call it, where that is not the family's name with spaces
     site: ClassVar[Site]
     variants: ClassVar[tuple[str, ...]] = ("",)
     gated: ClassVar[bool] = True  # may a region or an onset limit it?
@@ -103,10 +104,6 @@ class Effect(ABC):
     @abstractmethod
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """What has to be known about it at a place."""
-
-    @abstractmethod
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """What a person would say of it; `values` are formatted numbers with units."""
 
     def offers(self, place: Place, variant: str) -> bool:
         """Whether a variant of the law makes sense there."""

@@ -6,7 +6,6 @@ motion).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -30,7 +29,3 @@ class FrameRotation(PoseEffect):
         """The yaw that is read."""
         yaw = columns[2]
         return changed(measured, yaw, measured[:, yaw] + values["angle"])
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the measured yaw is turned by {values['angle']}"

@@ -6,7 +6,6 @@ section 2.3) makes the slip angle, not the sideways speed, proportional to the l
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -28,7 +27,3 @@ class LateralSlip(VehicleEffect):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A sideways speed proportional to v w."""
         return v, lateral - values["slip"] * v * w, w
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the vehicle slips sideways by {values['slip']} times its lateral acceleration"

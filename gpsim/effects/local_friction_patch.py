@@ -5,7 +5,6 @@ Coulomb (1785); the interval is the effect's region.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -30,7 +29,3 @@ class LocalFrictionPatch(ForceEffect):
     ) -> FloatArray | None:
         """The sliding force, which is also the most it can hold."""
         return values["force"] + 0.0 * speed
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"a patch of {on} brakes with a friction of {values['force']}"

@@ -6,7 +6,6 @@ motion).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -38,7 +37,3 @@ class MarkerOffset(PoseEffect):
         forward, left = values["forward"], values["left"]
         moved = changed(measured, x, measured[:, x] + cos * forward - sin * left)
         return changed(moved, y, measured[:, y] + sin * forward + cos * left)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the marker sits {values['forward']} ahead and {values['left']} left of the vehicle's reference point"

@@ -6,7 +6,6 @@ Mathematics 79(3); LaValle (2006), Planning Algorithms, section 13.1.2.1 (a simp
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -31,7 +30,3 @@ class MinimumTurningRadius(VehicleEffect):
         """w, no larger than the circle of the radius allows."""
         most = np.abs(v) / values["radius"]
         return v, lateral, np.clip(w, -most, most)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the vehicle turns no tighter than a radius of {values['radius']}"

@@ -5,7 +5,6 @@ Definition: a ratio.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -29,7 +28,3 @@ class ParameterOffset(ParameterEffect):
     def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
         """The believed value times the ratio."""
         return np.asarray(believed * values["ratio"])
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"{on} is {values['ratio']} times what the simulator believes"

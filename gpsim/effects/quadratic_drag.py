@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -25,7 +24,3 @@ class QuadraticDrag(ForceEffect):
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """-drag * |speed| * speed."""
         return -values["drag"] * np.abs(speed) * speed
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"quadratic drag on {on} of {values['drag']} was left out"

@@ -7,7 +7,6 @@ Definition: a shift; between samples, Lagrange's interpolation (Laakso, Valimaki
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -78,10 +77,6 @@ class SensorDelay(SensorEffect):
                     weight *= (back - first - j) / (i - j)
             late += weight * past[rows, (newest - first - i) % depth, column]
         return changed(measured, column, measured[:, column] - past[rows, newest, column] + late)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the sensor of {on} is {values['delay']} late"
 
 
 def _change(delay: FloatArray, column: int, memory: Memory) -> FloatArray:

@@ -5,7 +5,6 @@ Definition: a product.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -29,7 +28,3 @@ class SensorScale(SensorEffect):
         """A factor on one channel."""
         (column,) = columns
         return changed(measured, column, measured[:, column] * values["scale"])
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the sensor of {on} reads {values['scale']} times the truth"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -35,7 +34,3 @@ class Spring(ForceEffect):
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """-stiffness * (position - rest_position)."""
         return -values["stiffness"] * (position - values["rest_position"])
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"a spring on {on} of {values['stiffness']} resting at {values['rest_position']} was left out"

@@ -5,7 +5,6 @@ Definition: a constant added to the curvature w / v.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -27,7 +26,3 @@ class SteeringBias(VehicleEffect):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Going straight becomes a circle."""
         return v, lateral, w + values["curvature"] * v
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the steering is off by a curvature of {values['curvature']}"

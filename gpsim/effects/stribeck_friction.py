@@ -18,6 +18,7 @@ class StribeckFriction(ForceEffect):
     """Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q')."""
 
     family: ClassVar[str] = "stribeck_friction"
+    noun: ClassVar[str] = "Stribeck friction"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force (sliding), static_force [the coordinate's] and stribeck_velocity [speed]."""
@@ -41,10 +42,3 @@ class StribeckFriction(ForceEffect):
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
         """Coulomb friction; in a region of its own coordinate that is a patch."""
         return {"coulomb_friction": (values["force"],), "local_friction_patch": (values["force"],)}
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return (
-            f"Stribeck friction on {on} ({values['static_force']} at rest, {values['force']} sliding, "
-            f"falling over {values['stribeck_velocity']}) was left out"
-        )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -26,7 +25,3 @@ class Understeer(VehicleEffect):
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The yaw rate falls with the speed squared."""
         return v, lateral, w / np.maximum(1.0 + values["gradient"] * v**2, 0.05)
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"the vehicle understeers with a gradient of {values['gradient']}"

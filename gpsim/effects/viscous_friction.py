@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
@@ -23,7 +22,3 @@ class ViscousFriction(ForceEffect):
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """-damping * speed."""
         return -values["damping"] * speed
-
-    def sentence(self, on: str, values: Mapping[str, str]) -> str:
-        """One sentence."""
-        return f"viscous friction on {on} with damping {values['damping']} was left out"

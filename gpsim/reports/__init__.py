@@ -4,6 +4,7 @@ __all__ = [
     "canvas",
     "diagnosis_page",
     "diagnosis_text",
+    "effect_text",
     "import_figure",
     "loop_report",
     "page",
@@ -13,4 +14,5 @@ __all__ = [
     "slices",
     "tables",
     "trip_figures",
+    "wording",
 ]

@@ -6,13 +6,13 @@ import base64
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
 
-from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
+from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
 from gpsim.reports.canvas import legend_above, panels, png, style
 from gpsim.reports.diagnosis_text import in_percent, number, paragraphs, ranking
 from gpsim.reports.palette import FAINT
@@ -29,15 +29,16 @@ td:first-child, th:first-child { text-align: left; } tr { border-bottom: 1px sol
 img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: auto; }
 </style></head><body>
 <h1>Diagnosis of {{ name }}</h1>
-<p class="verdict">Verdict: {{ report.verdict }}</p>
+<p class="verdict">Verdict: {{ verdict }}</p>
 {% for text in paragraphs %}<p>{{ text }}</p>
 {% endfor %}
 {% for title, rows in tables.items() %}<h2>{{ title }}</h2>
 <table><tr><th>error (RMS)</th>{% for kind in kinds.values() %}<th>{{ kind }}</th>{% endfor %}<th>unit</th></tr>
 {% for name, errors in rows.items() %}<tr><td>{{ name }}</td>
-{% for kind in kinds %}<td>{{ number(errors[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
-<tr class="typical"><td>typical (from the median)</td>
-{% for kind in kinds %}<td>{{ number(errors.typical[kind]) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% for kind in kinds %}<td>{{ number(errors.of(kind)) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% if errors.typical %}<tr class="typical"><td>typical (from the median)</td>
+{% for kind in kinds %}<td>{{ number(errors.typical.of(kind)) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{%- endif %}
 <tr class="typical"><td>of the base's, 90 % interval</td>
 {% for kind in kinds %}<td>{{ share(errors, kind) }}</td>{% endfor %}<td>%</td></tr>
 {% endfor %}</table>
@@ -49,7 +50,7 @@ img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: 
 <h2>diagnosis.json</h2><pre>{{ text }}</pre>
 </body></html>
 """
-KINDS = {
+KINDS: Mapping[Kind, str] = {
     "before": "base",
     "tuned": "base tuned",
     "gp": "base + GP",
@@ -75,44 +76,44 @@ class Picture:
         return f"data:image/png;base64,{base64.b64encode(self.png).decode()}"
 
 
-def page(report: Mapping[str, Any], pictures: Mapping[str, Picture], name: str) -> str:
+def page(diagnosis: Diagnosis, pictures: Mapping[str, Picture], name: str) -> str:
     """One self-contained HTML page: no network, no scripts, no dates."""
     environment = Environment(autoescape=True, undefined=StrictUndefined)
-    short = {k: v for k, v in report.items() if k != "ranking"}
+    short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
     return environment.from_string(PAGE).render(
         name=name,
-        report=report,
-        paragraphs=paragraphs(report),
+        verdict=diagnosis.verdict,
+        paragraphs=paragraphs(diagnosis),
         kinds=KINDS,
         number=number,
         share=_share,
-        tables=_tables(report["fit"]),
+        tables=_tables(diagnosis.fit),
         pictures=list(pictures.values()),
-        ranking="\n".join(ranking(report)),
+        ranking="\n".join(ranking(diagnosis)),
         text=json.dumps(short, indent=2),
     )
 
 
-def _share(errors: Mapping[str, Any], kind: str) -> str:
+def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:
     """What is left of the base's error, in per cent, with its paired interval where there are enough samples."""
-    left = errors.get("over_before", {}).get(kind)
-    if left is None or left["value"] is None:
+    left = None if errors.over_before is None else errors.over_before.of(kind)
+    if left is None or left.value is None:
         return ""
-    text = in_percent(left["value"])
-    known = left["low"] is not None and left["high"] is not None
-    return f"{text} ({in_percent(left['low'])} to {in_percent(left['high'])})" if known else text
+    text = in_percent(left.value)
+    if left.low is None or left.high is None:
+        return text
+    return f"{text} ({in_percent(left.low)} to {in_percent(left.high)})"
 
 
-def _tables(fit: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def _tables(fit: HeldOutFit) -> dict[str, Mapping[str, StepErrors] | Mapping[str, RolloutErrors]]:
     """Title -> rows of errors."""
-    rollout = {name: errors for name, errors in fit["rollout"].items() if name != "horizon_s"}
-    tables = {"One step ahead on held-out data": fit["one_step"]}
-    return tables | (
-        {f"After {fit['rollout']['horizon_s']:.3g} s on held-out data": rollout} if rollout else {}
-    )
+    steps, runs = fit.one_step, fit.rollout.channels
+    tables: dict[str, Mapping[str, StepErrors] | Mapping[str, RolloutErrors]]
+    tables = {"One step ahead on held-out data": steps}
+    return tables | ({f"After {fit.rollout.horizon_s:.3g} s on held-out data": runs} if runs else {})
 
 
-def figures(found: Diagnosis, traces: Traces, course: Course) -> dict[str, Picture]:
+def figures(found: Outcome, traces: Traces, course: Course) -> dict[str, Picture]:
     """Name -> picture; what is drawn comes computed."""
     with style():
         pictures = {}
@@ -150,12 +151,12 @@ def _traces_caption(traces: Traces) -> str:
     )
 
 
-def _inputs(found: Diagnosis) -> bytes:
+def _inputs(found: Outcome) -> bytes:
     """The rate that stands out most against the two inputs that tell most of it, before and after."""
     comparison, simulator = found.comparison, found.question.everything.simulator
     channels = (*simulator.state, *simulator.action)
     names = [channel.name for channel in channels]
-    ratio = {n: e["before"] / max(e["noise_floor"], 1e-300) for n, e in comparison.one_step.items()}
+    ratio = {n: e.before / max(e.noise_floor, 1e-300) for n, e in comparison.one_step.items()}
     rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
     telling = most_telling(simulator, comparison, rate)
     before, after = comparison.left_before[:, rate], comparison.left_after[:, rate]
@@ -187,7 +188,7 @@ def _inputs(found: Diagnosis) -> bytes:
     return png(figure)
 
 
-def _over_time(found: Diagnosis, course: Course) -> bytes:
+def _over_time(found: Outcome, course: Course) -> bytes:
     channel = found.question.everything.simulator.state.items[course.channel]
     figure, axes = panels(1, 1, (9.0, 3.2))
     at = course.t if course.session else np.arange(len(course.t))
@@ -199,7 +200,7 @@ def _over_time(found: Diagnosis, course: Course) -> bytes:
     return png(figure)
 
 
-def _traces(found: Diagnosis, traces: Traces) -> bytes:
+def _traces(found: Outcome, traces: Traces) -> bytes:
     """One column a stretch, one row a channel."""
     channels = [found.question.everything.simulator.state.items[i] for i in traces.shown]
     rows, columns = len(channels), max(len(traces.traces), 1)
@@ -254,5 +255,5 @@ def _limits(trace: Trace, column: int) -> tuple[float, float]:
     return bottom - margin, top + margin
 
 
-def _clock(found: Diagnosis) -> str:
+def _clock(found: Outcome) -> str:
     return "t since the recording's start [s]" if found.question.origin else "t [s]"

@@ -10,16 +10,17 @@ from pathlib import Path
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
-from gpsim.diagnosis import diagnose
+from gpsim.diagnosis import Diagnosis, diagnose
 from gpsim.diagnosis.assessment import course, traces
 from gpsim.diagnosis.data import first_held_out
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
 from gpsim.diagnosis.setup import guessed, hidden_channels
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest, plain, write_json
+from gpsim.files import Json, file_digest, unreadable, write_json
 from gpsim.recordings import HeldOut, Recording, read_bare_table, read_recording
 from gpsim.reports.diagnosis_page import figures, page
+from gpsim.reports.wording import worded
 from gpsim.residuals import check_match, check_rates, first_test_episode
 from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
@@ -60,19 +61,22 @@ def stage_for(task: Task) -> Stage:
     )
 
 
-def read_diagnosis(folder: Path) -> Json:
-    """diagnosis.json of a finished diagnosis; raises UsageError."""
-    artifact = read_artifact(folder, "diagnose")
-    content: Json = json.loads((artifact.path / "diagnosis.json").read_text(encoding="utf-8"))
-    return content
+def read_diagnosis(folder: Path) -> Diagnosis:
+    """What a finished diagnosis found; raises UsageError where its diagnosis.json is none."""
+    path = read_artifact(folder, "diagnose").path / "diagnosis.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except ValueError as error:
+        raise UsageError(f"{path}: not JSON ({error}); diagnose the recording again") from error
+    return Diagnosis.from_dict(content, str(path))
 
 
 def why_no_gp(folder: Path) -> str | None:
     """Why a finished diagnosis has no Gaussian process on the remainder; None if it has one."""
-    left_out = read_diagnosis(folder)["remainder"].get(
-        "gp", {"why_not": None}
-    )  # earlier versions always had one
-    return None if left_out["why_not"] is None else str(left_out["why_not"])
+    gp = read_diagnosis(folder).remainder.gp
+    return None if gp is None else gp.why_not  # earlier versions always had one
 
 
 def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
@@ -212,21 +216,21 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
         found = diagnose(
             recording, simulator, parameters, rng, request.progress, Run(workers, _settings(request))
         )
-    report = plain(found.report)
-    write_json(folder / "diagnosis.json", report)
+    diagnosis = worded(found.diagnosis)
+    write_json(folder / "diagnosis.json", diagnosis.to_dict())
     plant = replace(found.plant, ages=ages_of(found.question.recording))
-    gp = report["remainder"]["gp"]
-    described = _described(plant, simulator.state, gp=gp["used"])
-    if gp["beside"] == "base":
+    gp = diagnosis.remainder.gp
+    described = _described(plant, simulator.state, gp=gp is not None and gp.used)
+    if gp is not None and gp.beside == "base":
         described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
     write_json(folder / "corrected.json", described)
     if found.comparison.corrected is not None:
         learnt = found.comparison.corrected.learnt
         write_gp(folder, learnt.predictor, learnt.features.names)
     (folder / "figures").mkdir()
-    leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]
+    leader, horizon = found.judgement.leader.hypothesis, diagnosis.fit.rollout.horizon_s
     pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))
     for name, picture in pictures.items():
         (folder / "figures" / f"{name}.png").write_bytes(picture.png)
-    (folder / "report.html").write_text(page(report, pictures, _title(recording)), encoding="utf-8")
+    (folder / "report.html").write_text(page(diagnosis, pictures, _title(recording)), encoding="utf-8")
     return {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
@@ -38,8 +37,8 @@ def find_diagnosis(request: Request) -> Artifact:
 
 def sentences(artifact: Artifact) -> list[str]:
     """What was found, in plain words: a sentence an effect, or the verdict alone."""
-    report = json.loads((artifact.path / "diagnosis.json").read_text(encoding="utf-8"))
-    return [str(effect["sentence"]) for effect in report["effects"]] or [f"verdict: {report['verdict']}"]
+    found = diagnose.read_diagnosis(artifact.path)
+    return [effect.sentence for effect in found.effects] or [f"verdict: {found.verdict}"]
 
 
 STAGE = Stage(

@@ -22,13 +22,13 @@ def test_a_bias_is_found_to_the_digit_though_its_own_channel_does_not_show_it(se
     recording = record(truth.world, seed=seed, episodes=6, steps=155, noise=0.0)
     simulator = make_simulator(recording.system)
     known = simulator.defaults(recording.parameters)
-    report = diagnose(recording, simulator, known, np.random.default_rng(0)).report
-    assert report["verdict"] == "named"
-    (effect,) = report["effects"]
-    assert (effect["family"], effect["on"]) == ("sensor_bias", "q_dot")
-    offset = effect["parameters"]["offset"]
-    assert offset["value"] == pytest.approx(truth.values["offset"], rel=1e-6)
-    assert offset["low"] <= truth.values["offset"] <= offset["high"]
+    report = diagnose(recording, simulator, known, np.random.default_rng(0)).diagnosis
+    assert report.verdict == "named"
+    (effect,) = report.effects
+    assert (effect.family, effect.on) == ("sensor_bias", "q_dot")
+    offset = effect.parameters["offset"]
+    assert offset.value == pytest.approx(truth.values["offset"], rel=1e-6)
+    assert offset.low <= truth.values["offset"] <= offset.high
 
 
 @pytest.mark.parametrize(("back", "noise", "times"), [(1.48, 0.0, 1), (1.487, 0.1, 2)])

@@ -72,12 +72,12 @@ def test_physics_outside_the_catalogue_is_located():
     recording = record(World("slider", forces={0: magnet}), seed=2, episodes=6, steps=300)
     report = diagnose(
         recording, make_simulator("slider"), recording.parameters, np.random.default_rng(0)
-    ).report
-    place = report["location"]["concentrated"]
-    assert (place["channel"], place["where"]) == ("q", "inside")
-    low, high = place["interval"]
+    ).diagnosis
+    place = report.location.concentrated
+    assert (place.channel, place.where) == ("q", "inside")
+    low, high = place.interval
     assert low == pytest.approx(0.05, abs=0.1)
     assert high > 0.15  # the last bin, where few samples lie, reaches far
-    assert place["share_of_samples"] <= 0.35
-    if not report["location"]["region"]:
+    assert place.share_of_samples <= 0.35
+    if not report.location.region:
         assert "lies inside q" in paragraphs(report)[0]

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import yaml
 from gpsim.cli.main import app
+from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
+from gpsim.diagnosis import Diagnosis, schema
 from gpsim.errors import UsageError
 from gpsim.recordings.files import write_recording
-from gpsim.stages.diagnose import read_corrected
+from gpsim.stages.diagnose import read_corrected, read_diagnosis
 
 from .worlds import World, record
 
@@ -106,6 +108,16 @@ def test_the_files_keep_the_contract(diagnosed):
         "traces.png",
     }
     assert "Verdict: ambiguous" in (out / "report.html").read_text()
+
+
+def test_the_file_is_what_the_schema_and_the_object_say(diagnosed):
+    text = (diagnosed[0] / "diagnosis.json").read_text(encoding="utf-8")
+    report, told = json.loads(text), schema()
+    Draft202012Validator(told).validate(report)
+    assert list(report) == list(told["properties"])
+    assert list(report["effects"][0]) == list(told["$defs"]["NamedEffect"]["properties"])
+    assert json.dumps(Diagnosis.from_dict(report).to_dict(), indent=2) + "\n" == text
+    assert read_diagnosis(diagnosed[0]) == Diagnosis.from_dict(report)
 
 
 def test_white_noise_gets_no_gaussian_process(diagnosed):

@@ -1,10 +1,12 @@
 """Moments and regions in words: as many digits as say something."""
 
+from dataclasses import replace
+
 import pytest
+from made_diagnoses import made_diagnosis, made_effect, made_location
 
+from gpsim.diagnosis.report import Concentration, StepErrors
 from gpsim.reports.diagnosis_text import _between, _moment, _part, in_percent, paragraphs
-
-from .test_gate_edges import _report
 
 
 @pytest.mark.parametrize(
@@ -36,14 +38,10 @@ def test_an_interval_is_told_to_a_part_of_its_width(low, high, said):
 
 
 def test_the_first_paragraph_says_when_and_where():
-    location = {
-        "channels": {"q_acc": 0.9},
-        "region": {"q": [100.123, 100.987]},
-        "since": 1234.5,
-        "depends_on": [],
-    }
-    effect = {"family": "spring", "on": "q", "sentence": "a spring", "parameters": {}, "evidence_gain": 9.0}
-    told = paragraphs(_report(verdict="named", effects=[effect], location=location, dt=0.02))[0]
+    location = made_location(channels={"q_acc": 0.9}, region={"q": (100.123, 100.987)}, since=1234.5)
+    told = paragraphs(made_diagnosis(verdict="named", effects=(made_effect(),), location=location, dt=0.02))[
+        0
+    ]
     assert "q in [100.12, 100.99]; since t = 1234.50 s" in told
 
 
@@ -52,11 +50,9 @@ def test_the_first_paragraph_says_when_and_where():
     [(0.36, "integrated finely, 0.36 of q_acc's 3.4 m is left"), (3.0, None), (None, None)],
 )
 def test_a_coarse_step_of_the_simulators_own_is_told_where_nothing_is_missing(finely, said):
-    report = _report()
-    report["fit"]["one_step"] = {
-        "q_acc": {**report["fit"]["one_step"]["q_acc"], "before": 3.4, "finely": finely}
-    }
-    told = paragraphs(report)[0]
+    nothing = made_diagnosis()
+    errors = StepErrors(before=3.4, after=3.4, unit="m", finely=finely)
+    told = paragraphs(replace(nothing, fit=replace(nothing.fit, one_step={"q_acc": errors})))[0]
     assert ("own step" in told) == (said is not None)
     assert said is None or said in told
 
@@ -72,12 +68,11 @@ def test_shares_are_told_without_exponents(share, said):
 @pytest.mark.parametrize(
     ("channel", "interval", "said"),
     [
-        ("q", [0.1, 0.3], "lies inside q = [0.1, 0.3], in 20 % of the samples"),
-        ("since_reversal:force", [0.0, 0.06], "lies within 0.06 s of a reversal of force, in 20 %"),
-        ("since_reversal:force", [0.0, 0.0], "lies where force turns round, in 20 %"),
+        ("q", (0.1, 0.3), "lies inside q = [0.1, 0.3], in 20 % of the samples"),
+        ("since_reversal:force", (0.0, 0.06), "lies within 0.06 s of a reversal of force, in 20 %"),
+        ("since_reversal:force", (0.0, 0.0), "lies where force turns round, in 20 %"),
     ],
 )
 def test_where_a_mismatch_is_concentrated_is_told_in_words(channel, interval, said):
-    part = {"rate": "q_acc", "channel": channel, "where": "inside", "interval": interval}
-    part |= {"share_of_mismatch": 0.95, "share_of_samples": 0.2}
-    assert said in _part({"location": {"concentrated": part, "region": {}, "since": None}})
+    part = Concentration("q_acc", channel, "inside", interval, share_of_mismatch=0.95, share_of_samples=0.2)
+    assert said in _part(made_diagnosis(location=made_location(concentrated=part)))

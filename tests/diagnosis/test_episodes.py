@@ -49,12 +49,12 @@ def test_it_is_named_since_the_episode(world, family, value):
     recording = changed(world)
     report = diagnose(
         recording, SLIDER, SLIDER.defaults(recording.parameters), np.random.default_rng(0)
-    ).report
-    assert report["verdict"] == "named"
-    (effect,) = report["effects"]
-    assert (effect["family"], effect["since"], effect["since_episode"]) == (family, None, str(FIRST))
-    assert effect["parameters"][value[0]]["value"] == pytest.approx(value[1], rel=0.01)
-    assert report["location"]["since_episode"] == str(FIRST)
+    ).diagnosis
+    assert report.verdict == "named"
+    (effect,) = report.effects
+    assert (effect.family, effect.since, effect.since_episode) == (family, None, str(FIRST))
+    assert effect.parameters[value[0]].value == pytest.approx(value[1], rel=0.01)
+    assert report.location.since_episode == str(FIRST)
     assert f"; since episode {FIRST}." in paragraphs(report)[0]
 
 
@@ -62,11 +62,11 @@ def test_a_session_says_when_and_not_which_episode():
     recording = changed(DRAGGED, session=True)
     report = diagnose(
         recording, SLIDER, SLIDER.defaults(recording.parameters), np.random.default_rng(0)
-    ).report
-    (effect,) = report["effects"]
+    ).diagnosis
+    (effect,) = report.effects
     began = recording.episodes[FIRST].t[0]
-    assert effect["since_episode"] is None
-    assert effect["since"] == pytest.approx(began, abs=1.0)
+    assert effect.since_episode is None
+    assert effect.since == pytest.approx(began, abs=1.0)
 
 
 @pytest.mark.parametrize("near", [FIRST - 2, FIRST - 1, FIRST, FIRST + 1])

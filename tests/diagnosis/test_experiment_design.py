@@ -58,5 +58,8 @@ def test_every_rival_that_is_reported_is_told_apart(problem):
     )
     noise = np.array([0.001, 0.01])
     judgement = SimpleNamespace(verdict="ambiguous", leader=leader, rivals=rivals, noise=noise)
-    said = tell_apart(problem, judgement)
-    assert all(family in said for family, _ in laws)
+    found = tell_apart(problem, judgement)
+    told = [claims for recording in found.recordings for claims in recording.explanations]
+    told += [claims for pair in found.inseparable for claims in pair]
+    assert set(told) == {((family, on.get(family, "q")),) for family, _ in laws}
+    assert all(recording.difference >= 1.0 for recording in found.recordings)

@@ -47,18 +47,18 @@ def test_friction_is_named_from_a_recording_at_1_khz():
     recording = record(FRICTION.world, seed=4, episodes=6, steps=2500, dt=0.001, hold=120)
     simulator = make_simulator("slider")
     found = diagnose(recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0))
-    report = found.report
-    assert report["thinned"] == 10
+    report = found.diagnosis
+    assert report.thinned == 10
     assert "every 10th sample" in paragraphs(report)[0]
     assert found.plant.dt == pytest.approx(0.001)  # the corrected simulator keeps the command's pace
     assert (
         found.plant.substeps == 1
     )  # and steps no finer than it was found with: 2 substeps of 10 ms, 1 of 1 ms
-    assert report["verdict"] == "named"
-    (effect,) = report["effects"]
-    assert (effect["family"], effect["on"]) == ("coulomb_friction", "q")
-    got = effect["parameters"]["force"]
+    assert report.verdict == "named"
+    (effect,) = report.effects
+    assert (effect.family, effect.on) == ("coulomb_friction", "q")
+    got = effect.parameters["force"]
     assert not got["at_bound"]
-    assert abs(got["value"] - FRICTION.values["force"]) < 0.03 * FRICTION.values["force"]
-    held_out = report["fit"]["rollout"]["q"]
-    assert held_out["after"] < 0.2 * held_out["before"]
+    assert abs(got.value - FRICTION.values["force"]) < 0.03 * FRICTION.values["force"]
+    held_out = report.fit.rollout.channels["q"]
+    assert held_out.after < 0.2 * held_out.before

@@ -1,5 +1,6 @@
 """Edges of gates, and the limits of a search: what it may spend, and what passes for a law patched together."""
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
@@ -7,12 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from made_diagnoses import made_diagnosis, made_effect, made_remainder
 
 from gpsim.channels import wrap_angle
 from gpsim.diagnosis.fitting.batch import Order, fit_all
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.fitting.score_test import Directions
+from gpsim.diagnosis.report import Estimate, RemainderGp
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
@@ -175,36 +178,12 @@ def test_an_edge_that_stays_is_not_looked_at_and_a_fit_that_stands_is_looked_fro
     assert len({id(parent) for parent in seen}) == len(seen)
 
 
-def _report(**changes):
-    errors = dict.fromkeys(("before", "tuned", "gp", "after", "after_gp", "noise_floor"))
-    errors = {**errors, "unit": "m", "typical": dict.fromkeys(("before", "after"))}
-    return {
-        "verdict": "none",
-        "location": {"channels": {}, "region": {}, "since": None, "depends_on": []},
-        "effects": [],
-        "alternatives": [],
-        "tell_apart": None,
-        "fit": {"held_out": [], "one_step": {"q_acc": errors}, "rollout": {"horizon_s": 1.0, "q": errors}},
-        "remainder": {
-            "structured": False,
-            "depends_on": [],
-            "p_value": 1.0,
-            "gp": {"used": False, "beside": None, "why_not": "it has no structure"},
-        },
-        "thinned": 1,
-        "not_measured": [],
-        **changes,
-    }
-
-
 def test_a_rollout_that_ran_away_is_told_in_words():
-    assert "diverged" in "\n".join(paragraphs(_report()))
+    assert "diverged" in "\n".join(paragraphs(made_diagnosis()))
 
 
 def test_what_could_not_be_computed_is_told_in_words():
-    force = {"value": 1.0, "low": None, "high": None, "unit": "N", "at_bound": False}
-    effect = {"family": "spring", "on": "q", "sentence": "a spring", "parameters": {"stiffness": force}}
-    modelled = {"used": True, "beside": "effects", "why_not": None}
-    unknown = {"structured": True, "depends_on": [], "p_value": None, "gp": modelled}
-    told = "\n".join(paragraphs(_report(verdict="unknown", effects=[effect], remainder=unknown)))
+    effect = made_effect(parameters={"stiffness": Estimate(1.0, None, None, "N")})
+    remainder = made_remainder(structured=True, p_value=math.nan, gp=RemainderGp(True, "effects", None))
+    told = "\n".join(paragraphs(made_diagnosis(verdict="unknown", effects=(effect,), remainder=remainder)))
     assert "no interval" in told

@@ -6,6 +6,7 @@ import numpy as np
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.location import _concentrated, depends_on, most_telling
+from gpsim.diagnosis.report import StepErrors
 from gpsim.simulators import make_simulator
 from gpsim.simulators.wrapping import wrapping
 
@@ -40,7 +41,10 @@ def concentrated(acts, *, clock="session", since_reversal=None, inputs=INPUTS, s
     """Where it lies if x_acc has a mismatch in the samples (N,) in which something `acts`."""
     left = np.random.default_rng(1).normal(size=(4000, 2))
     left[:, 0] += 4.0 * acts * np.sign(INPUTS[:, 1])
-    errors = {"x_acc": {"before": 3.2, "noise_floor": 1.0}, "theta_acc": {"before": 1.0, "noise_floor": 1.0}}
+    errors = {
+        name: StepErrors(before=before, after=before, noise_floor=1.0, unit="m/s^2")
+        for name, before in {"x_acc": 3.2, "theta_acc": 1.0}.items()
+    }
     comparison = SimpleNamespace(
         inputs=inputs,
         times=np.tile(0.02 * np.arange(200), 20),
@@ -59,18 +63,18 @@ def concentrated(acts, *, clock="session", since_reversal=None, inputs=INPUTS, s
 
 def test_what_began_between_two_episodes_is_located_where_each_has_a_clock_of_its_own():
     found = concentrated(EPISODE >= 8, clock="episode")
-    assert (found["rate"], found["channel"], found["where"]) == ("x_acc", "episode", "inside")
-    assert 7.0 < found["interval"][0] <= 8.0
-    assert found["interval"][1] == 19.0
+    assert (found.rate, found.channel, found.where) == ("x_acc", "episode", "inside")
+    assert 7.0 < found.interval[0] <= 8.0
+    assert found.interval[1] == 19.0
     assert concentrated(EPISODE >= 8) is None
 
 
 def test_what_follows_a_reversal_is_located_there_and_what_comes_long_after_one_is_not():
     age = 0.02 * RNG.integers(0, 12, 4000)
     soon = concentrated(age < 0.05, since_reversal={"force": age})
-    assert (soon["channel"], soon["where"]) == ("since_reversal:force", "inside")
-    assert soon["interval"][0] == 0.0
-    assert 0.04 <= soon["interval"][1] <= 0.07
+    assert (soon.channel, soon.where) == ("since_reversal:force", "inside")
+    assert soon.interval[0] == 0.0
+    assert 0.04 <= soon.interval[1] <= 0.07
     assert concentrated(age > 0.18, since_reversal={"force": age}) is None
 
 
@@ -81,5 +85,5 @@ def test_an_angle_that_wraps_is_looked_at_as_a_place_on_the_circle():
     inputs[:, 2] = RNG.uniform(-20.0, 20.0, 4000)
     behind = np.cos(inputs[:, 2]) < -0.8
     found = concentrated(behind, inputs=inputs, simulator=turning)
-    assert (found["channel"], found["where"]) == ("theta", "outside")
-    np.testing.assert_allclose(np.abs(found["interval"]), np.arccos(-0.8), atol=0.2)
+    assert (found.channel, found.where) == ("theta", "outside")
+    np.testing.assert_allclose(np.abs(found.interval), np.arccos(-0.8), atol=0.2)

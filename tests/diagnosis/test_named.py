@@ -36,11 +36,11 @@ def run(recording):
     simulator = make_simulator(recording.system)
     return diagnose(
         recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0)
-    ).report
+    ).diagnosis
 
 
 def claims(effects):
-    return {(effect["family"], effect["on"]) for effect in effects}
+    return {(effect.family, effect.on) for effect in effects}
 
 
 @pytest.mark.parametrize(
@@ -51,21 +51,21 @@ def claims(effects):
 def test_the_plain_case_is_named(truth):
     report = run(record(truth.world, seed=3, episodes=6, steps=155))
     key = (truth.family, truth.on)
-    options = [report["effects"], *(a["effects"] for a in report["alternatives"])]
+    options = [report.effects, *(a.effects for a in report.alternatives)]
     right = [effects for effects in options if claims(effects) == {key}]
-    assert right, (report["verdict"], [claims(o) for o in options])
+    assert right, (report.verdict, [claims(o) for o in options])
     if key in TWINS and truth.world.system == "slider":
-        assert report["verdict"] == "ambiguous"
+        assert report.verdict == "ambiguous"
         assert TWINS[key] & set().union(*(claims(o) for o in options))
-        assert report["tell_apart"]
+        assert report.discrimination
     elif key not in TWINS:
-        assert report["verdict"] == "named"
+        assert report.verdict == "named"
     (effect,) = right[0]
     for name, value in truth.values.items():
-        got = effect["parameters"][name]
-        width = got["high"] - got["low"]
-        assert got["low"] <= got["value"] <= got["high"]
-        assert abs(got["value"] - value) < 2.5 * width / 2 + 1e-3 * abs(value), (name, value, got)
+        got = effect.parameters[name]
+        width = got.high - got.low
+        assert got.low <= got.value <= got.high
+        assert abs(got.value - value) < 2.5 * width / 2 + 1e-3 * abs(value), (name, value, got)
 
 
 NULLS = [
@@ -86,8 +86,8 @@ NULLS = [
 @pytest.mark.parametrize(("system", "how"), NULLS, ids=str)
 def test_nothing_is_claimed_where_nothing_is_missing(system, how):
     report = run(record(World(system), seed=5, episodes=6, steps=155, **how))
-    assert report["verdict"] == "none"
-    assert report["effects"] == []
+    assert report.verdict == "none"
+    assert report.effects == ()
 
 
 @pytest.mark.slow
@@ -96,20 +96,20 @@ def test_a_vehicles_shifted_origin_is_nothing(on):
     """No rate depends on where the vehicle is: the rest of the world would have to be shifted, too."""
     (truth,) = (t for t in vehicle_sensors("unicycle") if (t.family, t.on) == ("sensor_bias", on))
     report = run(record(truth.world, seed=3, episodes=6, steps=155))
-    assert report["verdict"] == "none"
-    assert report["effects"] == []
+    assert report.verdict == "none"
+    assert report.effects == ()
 
 
 @pytest.mark.parametrize("strength", [0.6, 1.2])
 def test_physics_outside_the_catalogue_is_unknown(strength):
     world = World("pendulum", forces={0: lambda q, v, t: strength * np.sin(6 * q)})
     report = run(record(world, seed=5, episodes=6, steps=155))
-    assert report["verdict"] == "unknown"
-    assert report["remainder"]["structured"]
-    assert "theta" in report["location"]["depends_on"]
-    assert report["remainder"]["gp"]["used"]
-    for errors in (report["fit"]["one_step"]["theta_acc"], report["fit"]["rollout"]["theta"]):
-        beyond = {kind: errors[kind] ** 2 - errors["noise_floor"] ** 2 for kind in ("after", "after_gp")}
+    assert report.verdict == "unknown"
+    assert report.remainder.structured
+    assert "theta" in report.location.depends_on
+    assert report.remainder.gp.used
+    for errors in (report.fit.one_step["theta_acc"], report.fit.rollout.channels["theta"]):
+        beyond = {kind: errors.of(kind) ** 2 - errors.noise_floor**2 for kind in ("after", "after_gp")}
         assert beyond["after_gp"] < 0.75 * beyond["after"]
 
 
@@ -123,11 +123,11 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
 )
 def test_unknown_physics_of_a_velocity_or_a_command_is_said_to_depend_on_it(world, on):
     report = run(record(world, seed=5, episodes=6, steps=155))
-    assert report["verdict"] == "unknown"
-    assert on in report["location"]["depends_on"]
-    assert on in report["remainder"]["lack_of_fit"]["on"]
-    errors = report["fit"]["one_step"]
-    assert all(e["after_gp"] < 0.97 * e["after"] for e in errors.values())
+    assert report.verdict == "unknown"
+    assert on in report.location.depends_on
+    assert on in report.remainder.lack_of_fit.on
+    errors = report.fit.one_step
+    assert all(e.after_gp < 0.97 * e.after for e in errors.values())
 
 
 def _idle_after_reversals(u, t, h, memory):
@@ -142,9 +142,9 @@ def _idle_after_reversals(u, t, h, memory):
 def test_unknown_physics_that_acts_on_reversal_only_is_located_there():
     world = World("pendulum", filters=[_idle_after_reversals])
     report = run(record(world, seed=5, episodes=8, steps=155, noise=0.2))
-    assert report["verdict"] == "unknown"
-    assert report["location"]["concentrated"]["channel"] == "since_reversal:torque"
-    low, high = report["location"]["concentrated"]["interval"]
+    assert report.verdict == "unknown"
+    assert report.location.concentrated.channel == "since_reversal:torque"
+    low, high = report.location.concentrated.interval
     assert low == 0.0
     assert 0.05 < high < 0.09
 
@@ -158,14 +158,14 @@ def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
     report = run(
         record(World("slider", sensors=[sensor(0, readings)]), seed=8, noise=noise, known_noise=False)
     )
-    assert report["verdict"] == "unknown"
-    assert report["remainder"]["structured"]
+    assert report.verdict == "unknown"
+    assert report.remainder.structured
 
 
 def test_a_pair_is_taken_apart():
     world = World("slider", forces={0: lambda q, v, t: -1.0 * v - 4.0 * (q - 0.1)})
     report = run(record(world, seed=6, episodes=6, steps=155))
-    assert claims(report["effects"]) == {("viscous_friction", "q"), ("spring", "q")}
+    assert claims(report.effects) == {("viscous_friction", "q"), ("spring", "q")}
 
 
 GATED = [
@@ -197,14 +197,14 @@ GATED = [
 )
 def test_where_and_since_when_is_said(family, world, region, since):
     report = run(record(world, seed=7, episodes=8, steps=200))
-    assert report["verdict"] == "named"
-    (effect,) = report["effects"]
-    assert effect["family"] == family
-    assert effect["since"] == (None if since is None else pytest.approx(since, abs=0.05))
-    assert set(effect["region"]) == set(region)
+    assert report.verdict == "named"
+    (effect,) = report.effects
+    assert effect.family == family
+    assert effect.since == (None if since is None else pytest.approx(since, abs=0.05))
+    assert set(effect.region) == set(region)
     for channel, edges in region.items():
-        np.testing.assert_allclose(effect["region"][channel], edges, atol=0.02)
-    assert report["location"]["since"] == effect["since"]
+        np.testing.assert_allclose(effect.region[channel], edges, atol=0.02)
+    assert report.location.since == effect.since
 
 
 def test_a_triple_is_taken_apart():
@@ -214,7 +214,7 @@ def test_a_triple_is_taken_apart():
         filters=[channel_filter(0, lambda u, t, h, m: np.clip(u, -4, 4))],
     )
     report = run(record(world, seed=7, episodes=8, steps=200))
-    assert claims(report["effects"]) == {
+    assert claims(report.effects) == {
         ("viscous_friction", "q"), ("spring", "q"), ("actuator_saturation", "force"),
     }  # fmt: skip
 
@@ -225,7 +225,7 @@ def test_the_simpler_of_two_nested_laws_is_named_in_a_pair():
         "cartpole", grips={0: lambda q, v, n: 2.0 + 0 * v}, filters=[channel_filter(0, delayed(0.04))]
     )
     report = run(record(world, seed=7, episodes=8, steps=200))
-    assert claims(report["effects"]) == {("coulomb_friction", "x"), ("actuator_delay", "force")}
+    assert claims(report.effects) == {("coulomb_friction", "x"), ("actuator_delay", "force")}
 
 
 def test_the_thesiss_chattering_target_is_coulomb_friction_of_its_coefficient():
@@ -247,11 +247,11 @@ def test_the_thesiss_chattering_target_is_coulomb_friction_of_its_coefficient():
         "cartpole", base.state, base.action, tuple(episodes), 0.02, base.parameters, velocities="measured"
     )
     report = run(recording)
-    assert report["verdict"] == "named"
-    assert claims(report["effects"]) == {("coulomb_friction", "x")}
-    assert report["effects"][0]["parameters"]["coefficient"]["value"] == pytest.approx(0.9, rel=0.01)
-    for errors in report["fit"]["one_step"].values():
-        assert errors["nrmse"]["after"] < 0.002
+    assert report.verdict == "named"
+    assert claims(report.effects) == {("coulomb_friction", "x")}
+    assert report.effects[0].parameters["coefficient"].value == pytest.approx(0.9, rel=0.01)
+    for errors in report.fit.one_step.values():
+        assert errors.nrmse.after < 0.002
 
 
 UNSEEN = {
@@ -283,8 +283,8 @@ def test_grid_over_systems_noise_and_strengths(system, noise, size):
     truths, missed = every_truth(system, size), []
     for truth in truths:
         report = run(record(truth.world, seed=11, episodes=8, steps=200, noise=noise))
-        options = [report["effects"], *(a["effects"] for a in report["alternatives"])]
+        options = [report.effects, *(a.effects for a in report.alternatives)]
         if all(claims(o) != {(truth.family, truth.on)} for o in options):
-            missed.append((truth.family, truth.on, report["verdict"], [claims(o) for o in options]))
+            missed.append((truth.family, truth.on, report.verdict, [claims(o) for o in options]))
     print(f"{system}, noise {noise}, size {size}: {len(missed)} of {len(truths)} missed: {missed}")
     assert len(missed) <= 1, missed

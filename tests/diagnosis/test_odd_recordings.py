@@ -49,16 +49,16 @@ def test_positions_alone_are_diagnosed_to_the_end(tmp_path: Path):
         noise={"q": full.noise["q"]},
     )
     found = diagnose(recording, simulator, simulator.defaults(), np.random.default_rng(0))
-    (effect,) = found.report["effects"]
-    assert (effect["family"], effect["on"]) == ("coulomb_friction", "q")
-    assert effect["parameters"]["force"]["value"] == pytest.approx(FRICTION.values["force"], rel=0.05)
-    assert found.report["fit"]["one_step"] == {}
-    assert "no rate follows" in paragraphs(found.report)[3]
+    (effect,) = found.diagnosis.effects
+    assert (effect.family, effect.on) == ("coulomb_friction", "q")
+    assert effect.parameters["force"].value == pytest.approx(FRICTION.values["force"], rel=0.05)
+    assert found.diagnosis.fit.one_step == {}
+    assert "no rate follows" in paragraphs(found.diagnosis)[3]
     leader = found.judgement.leader.hypothesis
-    shown = traces(found.question, leader, found.comparison.rollout["horizon_s"])
+    shown = traces(found.question, leader, found.comparison.rollout.horizon_s)
     pictures = figures(found, shown, course(found.question, leader))
     assert set(pictures) == {"residual_time", "traces"}
-    assert "coulomb_friction" in page(found.report, pictures, "log")
+    assert "coulomb_friction" in page(found.diagnosis, pictures, "log")
 
 
 def test_the_time_of_day_is_no_age():
@@ -81,10 +81,12 @@ def test_an_onset_is_told_on_the_recordings_own_clock():
     recording = record(world, seed=1, episodes=5, steps=120, session=True)
     noon = replace(recording, episodes=tuple(replace(e, t=e.t + 1e5) for e in recording.episodes))
     simulator = make_simulator("slider")
-    report = diagnose(noon, simulator, simulator.defaults(noon.parameters), np.random.default_rng(0)).report
-    (effect,) = report["effects"]
-    assert effect["since"] == pytest.approx(1e5 + 6.0, abs=0.05)
-    assert report["location"]["since"] == effect["since"]
+    report = diagnose(
+        noon, simulator, simulator.defaults(noon.parameters), np.random.default_rng(0)
+    ).diagnosis
+    (effect,) = report.effects
+    assert effect.since == pytest.approx(1e5 + 6.0, abs=0.05)
+    assert report.location.since == effect.since
 
 
 def test_a_late_sensor_is_late_after_a_gap_too():

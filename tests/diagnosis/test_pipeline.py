@@ -51,7 +51,7 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     assert judgement.leader.hypothesis.claims == before  # it adds nothing
     comparison = compare(question, judgement, offers, np.random.default_rng(0))
     errors = comparison.one_step["q_acc"]
-    assert errors["after"] < errors["before"]
+    assert errors.after < errors.before
 
 
 def answer(recording, run=None):
@@ -59,7 +59,7 @@ def answer(recording, run=None):
     found = diagnose(
         recording, make_simulator("slider"), recording.parameters, np.random.default_rng(0), run=run
     )
-    return json.dumps(plain(found.report)), run.trace.decisions
+    return json.dumps(plain(found.diagnosis.to_dict())), run.trace.decisions
 
 
 def test_two_diagnoses_in_threads_say_what_each_says_alone(braked):

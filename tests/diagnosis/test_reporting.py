@@ -6,12 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import diagnosis
+from gpsim.diagnosis import account, diagnosis
+from gpsim.diagnosis.account import _without
 from gpsim.diagnosis.data.split import held_out_names
-from gpsim.diagnosis.diagnosis import _without
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement import verdict as verdict_module
+from gpsim.diagnosis.report import OverBefore, Ratio, StepErrors
 from gpsim.diagnosis.run import Budget, Run
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
@@ -71,7 +72,7 @@ def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recordin
         asked.append((grid.substeps, len(hypothesis.terms)))
         return null
 
-    monkeypatch.setattr(diagnosis, "fit", noted)
+    monkeypatch.setattr(account, "fit", noted)
     judgement = SimpleNamespace(null=null)
 
     def without(*terms, scheme="fine"):
@@ -95,14 +96,16 @@ def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recordin
 @pytest.mark.parametrize(
     ("left", "said"),
     [
-        ({"value": 0.5, "low": 0.41, "high": 0.6}, "50 (41 to 60)"),
-        ({"value": 0.5, "low": None, "high": None}, "50"),
-        ({"value": None, "low": None, "high": None}, ""),
+        (Ratio(0.5, 0.41, 0.6), "50 (41 to 60)"),
+        (Ratio(0.5, None, None), "50"),
+        (Ratio(None, None, None), ""),
     ],
 )
 def test_the_page_gives_every_models_share_of_the_bases_error(left, said):
-    assert diagnosis_page._share({"over_before": {"gp": left}}, "gp") == said
-    assert diagnosis_page._share({"over_before": {"gp": left}}, "noise_floor") == ""
+    errors = StepErrors(before=1.0, after=0.5, unit="m", over_before=OverBefore(left, left, left, left))
+    assert diagnosis_page._share(errors, "gp") == said
+    assert diagnosis_page._share(errors, "noise_floor") == ""
+    assert diagnosis_page._share(replace(errors, over_before=None), "gp") == ""
 
 
 def test_progress_never_stands_still_nor_goes_back():

@@ -22,9 +22,9 @@ from .worlds import World, record
 def test_a_long_delay_on_a_fast_clock_is_named(delay):
     recording = record(World("slider", filters=[delayed(delay)]), seed=3, episodes=6, steps=400, dt=0.01)
     simulator = make_simulator("slider")
-    report = diagnose(recording, simulator, recording.parameters, np.random.default_rng(0)).report
-    assert [(e["family"], e["on"]) for e in report["effects"]] == [("actuator_delay", "force")]
-    assert report["effects"][0]["parameters"]["delay"]["value"] == pytest.approx(delay, rel=0.01)
+    report = diagnose(recording, simulator, recording.parameters, np.random.default_rng(0)).diagnosis
+    assert [(e.family, e.on) for e in report.effects] == [("actuator_delay", "force")]
+    assert report.effects[0].parameters["delay"].value == pytest.approx(delay, rel=0.01)
 
 
 def test_a_command_that_is_seldom_given_has_a_size():

@@ -55,17 +55,15 @@ def without_upper(recording: Recording) -> Recording:
 
 def weak_pump(report) -> list[float]:
     """The sizes that the leading explanation or one of its rivals gives the pump."""
-    options = [report["effects"], *(a["effects"] for a in report["alternatives"])]
-    named = {
-        (e["family"], e["on"]): e["parameters"] for effects in options for e in effects if len(effects) == 1
-    }
-    gains = [p["gain"]["value"] for key, p in named.items() if key == ("actuator_gain", "pump")]
-    return gains + [p["ratio"]["value"] for key, p in named.items() if key == ("parameter_offset", "inflow")]
+    options = [report.effects, *(a.effects for a in report.alternatives)]
+    named = {(e.family, e.on): e.parameters for effects in options for e in effects if len(effects) == 1}
+    gains = [p["gain"].value for key, p in named.items() if key == ("actuator_gain", "pump")]
+    return gains + [p["ratio"].value for key, p in named.items() if key == ("parameter_offset", "inflow")]
 
 
 def test_a_weak_pump_of_the_cascaded_tanks_is_found():
     tanks = make_simulator(REFERENCE)
-    report = diagnose(drive(), tanks, tanks.defaults(), np.random.default_rng(0)).report
+    report = diagnose(drive(), tanks, tanks.defaults(), np.random.default_rng(0)).diagnosis
     found = weak_pump(report)
     assert found
     np.testing.assert_allclose(found, 0.8, atol=0.02)
@@ -94,18 +92,18 @@ def blind():
 
 
 def test_what_a_hidden_state_does_to_the_report(blind):
-    report = blind.report
+    report = blind.diagnosis
     found = weak_pump(report)
     assert found
     np.testing.assert_allclose(found, 0.8, atol=0.05)
-    assert report["not_measured"] == ["upper"]
-    assert set(report["fit"]["one_step"]) == {"lower_rate"}
-    assert set(report["fit"]["rollout"]) == {"horizon_s", "lower"}
-    errors = report["fit"]["rollout"]["lower"]
-    assert errors["after"] < 0.5 * errors["before"]
+    assert report.not_measured == ("upper",)
+    assert set(report.fit.one_step) == {"lower_rate"}
+    assert set(report.fit.rollout.channels) == {"lower"}
+    errors = report.fit.rollout.channels["lower"]
+    assert errors.after < 0.5 * errors.before
     assert not any(
-        e["on"] == "upper" and e["site"] == "sensor"
-        for effects in [report["effects"], *(a["effects"] for a in report["alternatives"])]
+        e.on == "upper" and e.site == "sensor"
+        for effects in [report.effects, *(a.effects for a in report.alternatives)]
         for e in effects
     )
     assert "Nobody measured upper" in paragraphs(report)[0]

@@ -30,10 +30,10 @@ def chattering(episodes, seed):
 
 def test_chattering_friction_is_found_in_two_short_episodes():
     """A fit in coarse steps gets stuck; a third of such recordings were once given other names."""
-    report = diagnose(chattering(2, seed=3), CARTPOLE, P, np.random.default_rng(0)).report
-    (effect,) = report["effects"]
-    assert (report["verdict"], effect["family"], effect["on"]) == ("named", "coulomb_friction", "x")
-    assert effect["parameters"]["coefficient"]["value"] == pytest.approx(0.9, abs=1e-4)
+    report = diagnose(chattering(2, seed=3), CARTPOLE, P, np.random.default_rng(0)).diagnosis
+    (effect,) = report.effects
+    assert (report.verdict, effect.family, effect.on) == ("named", "coulomb_friction", "x")
+    assert effect.parameters["coefficient"].value == pytest.approx(0.9, abs=1e-4)
 
 
 @pytest.mark.parametrize(

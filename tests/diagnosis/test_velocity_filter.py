@@ -98,12 +98,10 @@ def test_the_fit_shows_what_was_named_and_not_what_the_filter_did(name):
     simulator = make_simulator("slider")
     report = diagnose(
         recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0)
-    ).report
-    errors = report["fit"]["one_step"]["q_acc"]
-    assert (
-        errors["after"] < (0.2 if name == "backward" else 0.1) * errors["before"]
-    )  # that one doubles the noise
-    assert errors["after"] < 1.5 * errors["noise_floor"]
+    ).diagnosis
+    errors = report.fit.one_step["q_acc"]
+    assert errors.after < (0.2 if name == "backward" else 0.1) * errors.before  # that one doubles the noise
+    assert errors.after < 1.5 * errors.noise_floor
 
 
 def test_a_finer_step_is_judged_by_its_own_motion():
@@ -112,7 +110,7 @@ def test_a_finer_step_is_judged_by_its_own_motion():
     simulator = make_simulator("pendulum")
     report = diagnose(
         recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0)
-    ).report
-    assert report["verdict"] == "none"
-    errors = report["fit"]["one_step"]["theta_acc"]
-    assert errors["finely"] < 0.01 * errors["before"]
+    ).diagnosis
+    assert report.verdict == "none"
+    errors = report.fit.one_step["theta_acc"]
+    assert errors.finely < 0.01 * errors.before

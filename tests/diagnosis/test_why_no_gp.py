@@ -9,6 +9,7 @@ from gpsim.diagnosis.assessment.remainder_gp import Corrected, best, learn, why_
 from gpsim.diagnosis.assessment.rollouts import whole_windows
 from gpsim.diagnosis.data.windows import cut, held_out_mask
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.report import NoGp
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.effects.term import Gate
@@ -58,22 +59,21 @@ def test_one_that_has_learnt_the_law_is_kept(question, learnt):
 
 
 def test_one_that_explains_nothing_is_left_out(question, learnt):
-    assert "explain nothing" in verdict(question, learnt, lambda mean, features: 0.0 * mean)
+    assert verdict(question, learnt, lambda mean, features: 0.0 * mean) == NoGp("explains nothing")
 
 
 def test_one_that_is_wrong_by_a_sign_is_left_out(question, learnt):
     said = verdict(question, learnt, lambda mean, features: -mean)
-    assert "it would make the error in theta_acc one step ahead" in said or "after a rollout" in said
+    assert said.reason == "harms"
+    assert said.rollout or said.channel == "theta_acc"
 
 
 def test_one_that_drives_rollouts_astray_is_left_out(question):
     """Better one step ahead does not make up for it."""
     before = np.array([1.0, 0.1, 0.2])  # theta_acc one step ahead, theta and theta_dot after a rollout
-    for astray, said in (
-        (0.2, "theta_dot after a rollout 2 times"),
-        (np.inf, "theta_dot after a rollout inf times"),
-    ):
-        assert said in why_not(question.everything, before, np.array([0.5, 0.1, astray + 0.2]))
+    for astray, times in ((0.2, 2.0), (np.inf, np.inf)):
+        said = why_not(question.everything, before, np.array([0.5, 0.1, astray + 0.2]))
+        assert said == NoGp("harms", "theta_dot", rollout=True, times=times)
     assert why_not(question.everything, before, np.array([0.5, 0.1, 0.2])) is None
 
 

@@ -205,8 +205,6 @@ def test_every_family_says_what_it_needs_on_every_simulator():
                     assert declared
                     for p in declared:
                         assert p.low <= min(p.starts) <= max(p.starts) <= p.high, (effect.family, p)
-                    spoken = effect.sentence(on, {p.name: "1" for p in declared})
-                    assert "\n" not in spoken
 
 
 @pytest.mark.parametrize(

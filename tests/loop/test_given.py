@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
+from made_diagnoses import made_diagnosis
 
 from gpsim.artifacts.artifact import Artifact, Recipe
 from gpsim.artifacts.store import Store
@@ -53,7 +54,7 @@ def diagnosis(tmp_path):
 
     def write(folder: Path):
         (folder / "corrected.json").write_text(json.dumps(describe(plant, gp=False)))
-        (folder / "diagnosis.json").write_text('{"verdict": "none", "effects": []}')
+        (folder / "diagnosis.json").write_text(json.dumps(made_diagnosis().to_dict()))
         return {}
 
     return Store(tmp_path, "").publish(Recipe("diagnose", {}, {}, {}), write, out=tmp_path / "known").path

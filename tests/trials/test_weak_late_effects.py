@@ -12,7 +12,7 @@ def test_a_spring_that_begins_late_under_heavy_noise_is_named():
     """Trial 341 of the blind test of seed 2027, which missed it: four times a decent sensor's noise, since 38 of 61 s."""
     recording = conceal(2027, 341).recording
     simulator = make_simulator(recording.system)
-    report = diagnose(recording, simulator, recording.parameters, np.random.default_rng(0)).report
-    (effect,) = report["effects"]
-    assert (report["verdict"], effect["family"], effect["on"]) == ("named", "spring", "q")
-    assert effect["since"] == pytest.approx(38.1, abs=0.5)
+    report = diagnose(recording, simulator, recording.parameters, np.random.default_rng(0)).diagnosis
+    (effect,) = report.effects
+    assert (report.verdict, effect.family, effect.on) == ("named", "spring", "q")
+    assert effect.since == pytest.approx(38.1, abs=0.5)

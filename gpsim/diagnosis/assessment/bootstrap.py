@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.report import Kind, OverBefore, Ratio
 
-MODELS = ("before", "tuned", "gp", "after", "after_gp")
+MODELS: tuple[Kind, ...] = ("before", "tuned", "gp", "after", "after_gp")
 BLOCK, FEWEST_BLOCKS, DRAWS = (
     25,
     8,
@@ -30,25 +30,24 @@ def typical(errors: FloatArray) -> float:
 
 def over_before(
     errors: Mapping[str, FloatArray], rng: np.random.Generator, *, correlated: bool = True
-) -> dict[str, Any]:
-    """`over_before`: each model's root mean square over the base's, with its 90 % interval; `after_over_before`: one.
+) -> OverBefore:
+    """Each model's root mean square over the base's, with its 90 % interval.
 
     A paired bootstrap over blocks of neighbouring samples (Kuensch 1989), or over samples if they are not `correlated`.
-    Errors: (N,) each; the interval is null where there are too few.
+    Errors: (N,) each; the interval is None where there are too few.
     """
     count = len(errors["before"])
     block = max(1, min(BLOCK, count // FEWEST_BLOCKS)) if correlated else 1
     which = np.arange(count) // block
     sums = {kind: np.bincount(which, weights=e**2) for kind, e in errors.items()}
     drawn = rng.integers(0, len(sums["before"]), (DRAWS, len(sums["before"])))
-    base, out = sums["before"], {}
-    for kind in MODELS[1:]:
+    base = sums["before"]
+
+    def ratio(kind: Kind) -> Ratio:
         ratios = np.sqrt(sums[kind][drawn].sum(axis=1) / np.maximum(base[drawn].sum(axis=1), 1e-300))
         low, high = np.quantile(ratios, [0.05, 0.95])
         known = len(base) >= FEWEST_BLOCKS and bool(np.isfinite(high))
-        out[kind] = {
-            "value": rms(errors[kind]) / max(rms(errors["before"]), 1e-300),
-            "low": float(low) if known else None,
-            "high": float(high) if known else None,
-        }
-    return {"over_before": out, "after_over_before": out["after"]}
+        value = rms(errors[kind]) / max(rms(errors["before"]), 1e-300)
+        return Ratio(value, float(low) if known else None, float(high) if known else None)
+
+    return OverBefore(**{kind: ratio(kind) for kind in MODELS[1:]})

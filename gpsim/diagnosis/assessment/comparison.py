@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -26,13 +25,14 @@ from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted, traced
 from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, StepErrors
 from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
 from gpsim.recordings import Recording, evenly
 
 MOST = 3000
 LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
-KINDS = (*MODELS, "noise_floor")
+KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,11 @@ class Comparison:
     left_before, left_after: (N, R) their residual rates under the base and under the effects.
     """
 
-    one_step: dict[str, dict[str, Any]]
-    rollout: dict[str, Any]
+    one_step: dict[str, StepErrors]
+    rollout: Rollout
     tuned: dict[str, float]
     corrected: Corrected | None
-    why_no_gp: str | None
+    why_no_gp: NoGp | None
     inputs: FloatArray
     times: FloatArray
     episodes: IntArray
@@ -122,14 +122,14 @@ def _remainder(
     completions: Completions,
     alone: Learnt,
     rng: np.random.Generator,
-) -> tuple[Corrected | None, str | None]:
+) -> tuple[Corrected | None, NoGp | None]:
     """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
 
     Of physics that nobody knows the effects are a partial account: their gates may cut what is left to pieces, and a
     process that is `alone` with the base simulator models it better.
     """
     if not judgement.structured:
-        return None, "it has no structure"
+        return None, NoGp("no structure")
     problem = question.everything
 
     def corrected(kind: str, learnt: Learnt) -> Corrected:
@@ -238,27 +238,28 @@ def _noise_rates(
 
 def _one_step(
     question: Question, rates: Mapping[str, FloatArray], measured: FloatArray, rng: np.random.Generator
-) -> dict[str, dict[str, Any]]:
-    """The contract's `one_step` of every rate that was measured; `typical` from the median beside the RMS.
+) -> dict[str, StepErrors]:
+    """Errors of every rate that was measured; `typical` from the median beside the RMS.
 
     `finely` where nothing is missing but a finer step: the base simulator's error with that.
     """
-    out: dict[str, dict[str, Any]] = {}
+    out: dict[str, StepErrors] = {}
     shown = _shown_rates(question)
     for i, channel in enumerate(question.everything.simulator.rate):
         if not shown[i]:
             continue
         spread = max(float(measured[:, i].std()), 1e-300)
         errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
-        out[channel.name] = {
+        over = over_before({kind: rates[kind][:, i] for kind in MODELS}, rng)
+        out[channel.name] = StepErrors(
             **errors,
-            "unit": channel.unit,
-            "nrmse": {kind: value / spread for kind, value in errors.items()},
-            "typical": {kind: typical(rates[kind][:, i]) for kind in KINDS},
-            **over_before({kind: rates[kind][:, i] for kind in MODELS}, rng),
-        }
-        if "finely" in rates:
-            out[channel.name]["finely"] = rms(rates["finely"][:, i])
+            unit=channel.unit,
+            nrmse=ModelErrors(**{kind: value / spread for kind, value in errors.items()}),
+            typical=ModelErrors(**{kind: typical(rates[kind][:, i]) for kind in KINDS}),
+            over_before=over,
+            after_over_before=over.after,
+            finely=rms(rates["finely"][:, i]) if "finely" in rates else None,
+        )
     return out
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.report import Concentration
 
 BINS = 40  # of equal numbers of samples
 MOST_OF_IT = 0.9  # share of the squares beyond noise that a part must hold
@@ -33,16 +33,16 @@ class Part:
     share: float
     samples: float
 
-    @property
-    def entry(self) -> dict[str, Any]:
-        """For diagnosis.json."""
-        return {
-            "channel": self.channel,
-            "where": "inside" if self.inside else "outside",
-            "interval": [self.low, self.high],
-            "share_of_mismatch": round(min(self.share, 1.0), 3),  # noise left the rest below nothing
-            "share_of_samples": round(self.samples, 3),
-        }
+    def of(self, rate: str) -> Concentration:
+        """As the mismatch of this rate is reported."""
+        return Concentration(
+            rate,
+            self.channel,
+            "inside" if self.inside else "outside",
+            (self.low, self.high),
+            share_of_mismatch=round(min(self.share, 1.0), 3),  # noise left the rest below nothing
+            share_of_samples=round(self.samples, 3),
+        )
 
 
 def concentrated(

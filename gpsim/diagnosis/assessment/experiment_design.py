@@ -11,6 +11,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.report import Claims, Discrimination, Excitation, Separation, Shape
 from gpsim.effects import PRE_ROLL
 
 AFTERWARDS = 2**31  # an episode that comes after all others
@@ -21,73 +22,72 @@ RESTS = 0.01  # unless it is no more than this share of the largest one
 VISIBLE = 1.0  # standard deviations below which nobody could see a difference
 
 
-def tell_apart(problem: Problem, judgement: Judgement) -> str | None:
-    """One sentence, or None when nothing has to be told apart."""
+def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
+    """Which recordings separate the rivals; None when nothing has to be told apart."""
     if judgement.verdict != "ambiguous":
         return None
     hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
-    names, actions = _excitations(problem)
+    excitations, actions = _excitations(problem)
     windows = _windows(problem, actions, _latest(hypotheses))
     said = [_said(problem, windows, h) for h in hypotheses]
     noise = np.maximum(judgement.noise, 1e-300)
     pairs = list(combinations(range(len(said)), 2))
     gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
-    spoken = [_spoken(h) for h in hypotheses]
-    return "; ".join(_advice(problem, names, pairs, gaps, spoken))
+    claims = [tuple((t.family, t.on) for t in h.terms) for h in hypotheses]
+    return _advice(problem.simulator.state.names, excitations, pairs, gaps, claims)
 
 
 def _advice(
-    problem: Problem, names: list[str], pairs: list[tuple[int, int]], gaps: FloatArray, spoken: list[str]
-) -> list[str]:
-    """The fewest recordings that separate every pair which any of them separates, then the pairs that none does."""
-    reach, left, out = gaps.max(axis=2), list(range(len(pairs))), []
+    channels: Sequence[str],
+    excitations: Sequence[Excitation],
+    pairs: Sequence[tuple[int, int]],
+    gaps: FloatArray,
+    claims: Sequence[Claims],
+) -> Discrimination:
+    """The fewest recordings that separate every pair which any of them separates, and the pairs that none does.
+
+    gaps: (pairs, E, S) between what two explanations predict, in standard deviations of the noise.
+    """
+    reach, left, recordings = gaps.max(axis=2), list(range(len(pairs))), []
     while left and reach[left].max() >= VISIBLE:
         seen = reach[left] >= VISIBLE
         best = max(
-            range(len(names)),
+            range(len(excitations)),
             key=lambda e: (seen[:, e].sum(), reach[left, e][seen[:, e]].min(initial=np.inf)),
         )
         told = [p for p in left if reach[p, best] >= VISIBLE]
         weakest = min(told, key=lambda p: reach[p, best])
-        channel = problem.simulator.state.names[int(np.argmax(gaps[weakest, best]))]
-        who = " and ".join(spoken[i] for i in sorted({i for p in told for i in pairs[p]}))
-        out.append(
-            f"record {names[best]}: {who} then differ by up to {reach[weakest, best]:.1f} standard deviations of the "
-            f"noise in {channel}"
-        )
+        channel = channels[int(np.argmax(gaps[weakest, best]))]
+        who = tuple(claims[i] for i in sorted({i for p in told for i in pairs[p]}))
+        recordings.append(Separation(excitations[best], who, channel, float(reach[weakest, best])))
         left = [p for p in left if p not in told]
-    if left:
-        who = ", ".join(" and ".join(spoken[i] for i in pairs[p]) for p in left)
-        out.append(
-            f"{who} predict the same for every excitation that was tried: no recording of these channels separates "
-            "them; measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
-        )
-    return out
+    inseparable = tuple((claims[first], claims[second]) for first, second in (pairs[p] for p in left))
+    return Discrimination(tuple(recordings), inseparable)
 
 
-def _excitations(problem: Problem) -> tuple[list[str], FloatArray]:
-    """Names, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
+def _excitations(problem: Problem) -> tuple[list[Excitation], FloatArray]:
+    """What they are, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
     steps = int(np.clip(SECONDS / problem.dt, FEWEST, MOST))
     t = problem.dt * np.arange(steps)
     span = _amplitudes(problem.windows)
     offset = np.median(problem.windows.actions, axis=(0, 1))
     rng = np.random.default_rng(0)
-    shapes = {
-        "a constant {a} of {v:.3g}": np.ones(steps),
-        "a constant {a} of -{v:.3g}": -np.ones(steps),
-        "a slow wave of {a} with amplitude {v:.3g}": np.sin(2 * np.pi * t / t[-1]),
-        "a fast wave of {a} with amplitude {v:.3g}": np.sin(2 * np.pi * t / (10 * problem.dt)),
-        "random levels of {a} up to {v:.3g}": np.repeat(rng.uniform(-1, 1, steps // 5 + 1), 5)[:steps],
-    }
-    names, out = [], []
+    shapes: list[tuple[Shape, float, FloatArray]] = [  # sign of the size that is told, course
+        ("constant", 1.0, np.ones(steps)),
+        ("constant", -1.0, -np.ones(steps)),
+        ("slow wave", 1.0, np.sin(2 * np.pi * t / t[-1])),
+        ("fast wave", 1.0, np.sin(2 * np.pi * t / (10 * problem.dt))),
+        ("random levels", 1.0, np.repeat(rng.uniform(-1, 1, steps // 5 + 1), 5)[:steps]),
+    ]
+    excitations, out = [], []
     for i, action in enumerate(problem.simulator.action.names):
         for level in LEVELS:
-            for text, shape in shapes.items():
-                names.append(text.format(a=action, v=level * span[i]))
+            for shape, sign, course in shapes:
+                excitations.append(Excitation(action, shape, float(sign * level * span[i])))
                 actions = np.tile(offset, (steps, 1))
-                actions[:, i] = level * span[i] * shape
+                actions[:, i] = level * span[i] * course
                 out.append(actions)
-    return names, np.stack(out)
+    return excitations, np.stack(out)
 
 
 def _amplitudes(windows: Windows) -> FloatArray:
@@ -137,7 +137,3 @@ def _apart(problem: Problem, first: FloatArray, second: FloatArray, noise: Float
     """(E, S) largest difference within the run, less its start (a start state can hide that), in noise units."""
     gap = np.abs((first - first[:, :1]) - (second - second[:, :1])) / noise
     return np.asarray(np.where(problem.observed, gap.max(axis=1), 0.0))
-
-
-def _spoken(hypothesis: Hypothesis) -> str:
-    return " with ".join(f"{t.family} on {t.on}" for t in hypothesis.terms)

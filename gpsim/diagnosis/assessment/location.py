@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.report import Concentration, Location
 from gpsim.diagnosis.setup import Question
 from gpsim.simulators import Simulator
 
@@ -18,33 +17,33 @@ SINCE_REVERSAL = "since_reversal:"  # before the name of what turned round, [s]
 GLITCH = 8.0  # times the typical residual: more is taken for a leap of the sensor
 
 
-def locate(question: Question, judgement: Judgement, comparison: Comparison) -> dict[str, Any]:
-    """The contract's `location`."""
+def locate(question: Question, judgement: Judgement, comparison: Comparison) -> Location:
+    """Which rates, where, since when, and on what it depends."""
     simulator = question.everything.simulator
     channels = _shares(simulator, judgement, comparison)
     gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
-    region = {k: list(v) for gate in gates for k, v in gate.region.items()}
+    region = {k: v for gate in gates for k, v in gate.region.items()}
     since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
     episode = next((gate.since_episode for gate in gates if gate.since_episode is not None), None)
     differs = judgement.verdict != "none"
-    return {
-        "channels": channels,
-        "region": region,
-        "since": since,
-        "since_episode": question.episode_name(episode),
-        "depends_on": depends_on(simulator, comparison, comparison.left_before) if differs else [],
-        "concentrated": _concentrated(question, comparison) if differs else None,
-    }
+    return Location(
+        channels=channels,
+        region=region,
+        since=since,
+        since_episode=question.episode_name(episode),
+        depends_on=tuple(depends_on(simulator, comparison, comparison.left_before)) if differs else (),
+        concentrated=_concentrated(question, comparison) if differs else None,
+    )
 
 
-def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] | None:
+def _concentrated(question: Question, comparison: Comparison) -> Concentration | None:
     """In which part of state, action or time nearly all of the mismatch lies, in the rate where it is plainest.
 
     Or how soon after a command or a velocity has turned round.
     """
     simulator = question.everything.simulator
     rates = [
-        (errors["noise_floor"] / max(errors["before"], 1e-300), name)
+        (errors.noise_floor / max(errors.before, 1e-300), name)
         for name, errors in comparison.one_step.items()
     ]
     if not rates:
@@ -59,8 +58,8 @@ def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] 
     if question.recording.clock == "episode":  # their times say nothing of what came first
         inputs["episode"] = comparison.episodes
     ages = {f"{SINCE_REVERSAL}{of}": age for of, age in comparison.since_reversal.items()}
-    part = concentrated(inputs, residual**2, comparison.one_step[name]["noise_floor"] ** 2, ages)
-    return None if part is None else {"rate": name} | part.entry
+    part = concentrated(inputs, residual**2, comparison.one_step[name].noise_floor ** 2, ages)
+    return None if part is None else part.of(name)
 
 
 def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, float]:
@@ -72,7 +71,7 @@ def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) 
     said = np.mean((base - comparison.left_after) ** 2, axis=0) / np.maximum(np.mean(base**2, axis=0), 1e-300)
     channels = {}
     for name, errors in comparison.one_step.items():
-        before, floor = errors["before"] ** 2, errors["noise_floor"] ** 2
+        before, floor = errors.before**2, errors.noise_floor**2
         share = float(said[simulator.rate.index(name)]) if judgement.leader.hypothesis.terms else 0.0
         if judgement.verdict == "unknown":
             share = max(share, 1.0 - floor / before if before > 0 else 0.0)

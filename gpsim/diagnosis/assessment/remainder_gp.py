@@ -22,6 +22,7 @@ from gpsim.diagnosis.fitting import (
     predicted,
     without_sensors,
 )
+from gpsim.diagnosis.report import NoGp
 from gpsim.diagnosis.setup import Question
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
@@ -112,18 +113,14 @@ def best(problem: Problem, choices: Sequence[Corrected]) -> tuple[Corrected, Flo
     return choices[chosen], errors[chosen]
 
 
-def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> str | None:
+def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> NoGp | None:
     """Why simulations are no better with a Gaussian process, None if they are; `errors` (R + S,) of both."""
     names = [*problem.simulator.rate.names, *problem.simulator.state.names]
     ratios = with_it / np.maximum(without, TINY)
     worst = int(np.argmax(ratios))
     if ratios[worst] > HARMS:
-        what = "one step ahead" if worst < len(problem.simulator.rate) else "after a rollout"
-        return (
-            f"it would make the error in {names[worst]} {what} {ratios[worst]:.2g} times as large on training data "
-            "that it had not seen"
-        )
-    return None if ratios.min() < HELPS else "it would explain nothing of training data that it had not seen"
+        return NoGp("harms", names[worst], worst >= len(problem.simulator.rate), float(ratios[worst]))
+    return None if ratios.min() < HELPS else NoGp("explains nothing")
 
 
 def _of_columns(errors: FloatArray) -> FloatArray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
 from gpsim.diagnosis.data import LENGTH, Windows, cut, first_held_out, held_out_mask, stretches
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
+from gpsim.diagnosis.report import Rollout, RolloutErrors, RolloutModelErrors
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
 
@@ -32,8 +32,8 @@ def rollouts(
     noise: FloatArray,
     rng: np.random.Generator,
     completions: Completions,
-) -> dict[str, Any]:
-    """The contract's `rollout`: root mean square error of every measured channel after the horizon.
+) -> Rollout:
+    """Root mean square errors of every measured channel after the horizon.
 
     noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
     `typical` holds the same from the median, which rare glitches of a sensor do not move.
@@ -44,7 +44,7 @@ def rollouts(
         if question.hidden or not calls:  # what is hidden each model guesses for itself
             windows = whole_windows(question, completions.by(model.hypothesis))
         if not len(windows):
-            return {"horizon_s": length * dt}
+            return Rollout(length * dt)
         calls.append((problem, windows, model.hypothesis, model.extra))
     ends = question.everything.run.side_by_side(_ends, calls)
     errors = {
@@ -56,15 +56,19 @@ def rollouts(
     noisy = replace(windows, measured=windows.measured + start[:, None])
     disturbed = _ends(problem, noisy, hypothesis, extra)
     errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
-    out: dict[str, Any] = {"horizon_s": length * dt}
+    out: dict[str, RolloutErrors] = {}
     for i, channel in enumerate(problem.simulator.state):
         if channel.name not in question.hidden:
-            out[channel.name] = {kind: rms(e[:, i]) for kind, e in errors.items()} | {
-                "unit": channel.unit,
-                "typical": {kind: typical(e[:, i]) for kind, e in errors.items()},
-                **over_before({kind: errors[kind][:, i] for kind in MODELS}, rng, correlated=False),
-            }
-    return out
+            own = {kind: e[:, i] for kind, e in errors.items()}
+            over = over_before({kind: own[kind] for kind in MODELS}, rng, correlated=False)
+            out[channel.name] = RolloutErrors(
+                **{kind: rms(e) for kind, e in own.items()},
+                unit=channel.unit,
+                typical=RolloutModelErrors(**{kind: typical(e) for kind, e in own.items()}),
+                over_before=over,
+                after_over_before=over.after,
+            )
+    return Rollout(length * dt, out)
 
 
 def _ends(problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None) -> FloatArray:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.ranking import Ranked
+from gpsim.diagnosis.report import Odds
 
 
-def odds_against(ranking: Sequence[Ranked], leader: Hypothesis, claim: tuple[str, str]) -> dict[str, Any]:
-    """For diagnosis.json: `nats`, the log posterior odds of the leader, and `against`, the best without the claim.
+def odds_against(ranking: Sequence[Ranked], leader: Hypothesis, claim: tuple[str, str]) -> Odds:
+    """The log posterior odds of the leader against the best without the claim, and which that is.
 
     Hypotheses that the search gave up count with its own, fewer windows: their odds are understated. Where the leader
     steps finely the rivals do, too: in coarse steps many a law passes for another. What is ahead
@@ -23,11 +23,11 @@ def odds_against(ranking: Sequence[Ranked], leader: Hypothesis, claim: tuple[str
     rivals = [r for r in ranking if claim not in r.hypothesis.claims and _as_fine(r.hypothesis, leader)]
     rivals = [r for r in rivals if not r.mends]
     if not rivals:
-        return {"nats": None, "against": []}
+        return Odds(None, ())
     nats = [r.behind - (own if r.everything else 0.0) for r in rivals]
     best = int(np.argmin(nats))
-    against = [[t.family, t.on] for t in rivals[best].hypothesis.terms]
-    return {"nats": round(nats[best], 2), "against": against}
+    against = tuple((t.family, t.on) for t in rivals[best].hypothesis.terms)
+    return Odds(round(nats[best], 2), against)
 
 
 def _as_fine(rival: Hypothesis, leader: Hypothesis) -> bool:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, scores
+from gpsim.diagnosis.report import RankedHypothesis
 from gpsim.effects import Gate
 
 
@@ -23,16 +23,16 @@ class Ranked:
     mends: bool = False
 
     @property
-    def entry(self) -> dict[str, Any]:
-        """For diagnosis.json. gates: for each effect `time`, the channel of its region, or nothing."""
+    def entry(self) -> RankedHypothesis:
+        """As it is reported. gates: for each effect `time`, the channel of its region, or nothing."""
         terms = self.hypothesis.terms
-        return {
-            "nats_behind": round(self.behind, 2),
-            "effects": [[t.family, t.on] for t in terms],
-            "gates": [_limited_in(t.gate) for t in terms],
-            "scheme": self.hypothesis.scheme,
-            "windows": "all" if self.everything else "search",
-        }
+        return RankedHypothesis(
+            nats_behind=round(self.behind, 2),
+            effects=tuple((t.family, t.on) for t in terms),
+            gates=tuple(_limited_in(t.gate) for t in terms),
+            scheme=self.hypothesis.scheme,
+            windows="all" if self.everything else "search",
+        )
 
 
 def ranked(

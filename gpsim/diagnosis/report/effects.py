@@ -1,0 +1,88 @@
+"""The effects that a diagnosis names, with their numbers, and the explanations that they were compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Claims = tuple[tuple[str, str], ...]
+"""An explanation: of each of its effects the family and what it acts on."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter's value in its `unit` ("1": a plain ratio), with its 90 % interval [low, high].
+
+    low, high: None where the data do not determine it. at_bound: the value stopped at the bound of the search: it is no
+    measurement.
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+    unit: str
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class Odds:
+    """The natural logarithm of the odds against the best explanation without an effect, and which that is.
+
+    nats: None where no explanation without it was fitted.
+    """
+
+    nats: float | None
+    against: Claims
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedEffect:
+    """One effect of an explanation.
+
+    family, site: docs/effects.md; on: the coordinate, action, channel or parameter it acts on; parameters: by name;
+    region: channel -> [low, high] in the channel's unit, where it acts; since: seconds on the recording's clock;
+    since_episode: the name of the first episode in which it acts; probability: of the whole explanation; evidence_gain:
+    nats; explains: the share of the residual beyond noise that goes with it; sentence: what a person would say.
+    """
+
+    family: str
+    on: str | tuple[str, ...]
+    site: str
+    parameters: Mapping[str, Estimate]
+    region: Mapping[str, tuple[float, float]]
+    since: float | None
+    since_episode: str | None = None
+    probability: float
+    odds: Odds | None = None
+    evidence_gain: float
+    explains: float
+    sentence: str = ""
+
+    @property
+    def place(self) -> str:
+        """What it acts on, in one word."""
+        return self.on if isinstance(self.on, str) else ",".join(self.on)
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """An explanation that the data cannot rule out, and its probability among all that were fitted."""
+
+    effects: tuple[NamedEffect, ...]
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankedHypothesis:
+    """An explanation that was fitted, and how many nats it is behind the best.
+
+    gates: of each effect `time`, the channel of its region, `episode`, or nothing; scheme: the step of its integration;
+    windows: on which it was fitted, all training windows or those of the search, which are fewer.
+    """
+
+    nats_behind: float
+    effects: Claims
+    gates: tuple[str, ...] | None = None
+    scheme: str
+    windows: Literal["all", "search"] = "search"

@@ -1,0 +1,113 @@
+"""The fit on held-out data: how far each model is off, one step ahead and after a rollout."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+from gpsim.diagnosis.report.codec import FLAT, OMITTED
+
+Kind = Literal["before", "tuned", "gp", "after", "after_gp", "noise_floor"]
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A ratio [1] with its 90 % interval, None where there are too few samples.
+
+    value: None where a simulation ran away.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelErrors:
+    """A figure of the error of each model; NaN where its simulation ran away.
+
+    before: the base simulator; tuned: with its own parameters fitted; gp: base + Gaussian process; after: base +
+    effects; after_gp: the corrected simulator with the Gaussian process of `Remainder.gp`, else as `after`;
+    noise_floor: what the sensors' noise alone makes.
+    """
+
+    before: float
+    tuned: float = math.nan
+    gp: float = math.nan
+    after: float
+    after_gp: float = math.nan
+    noise_floor: float = math.nan
+
+    def of(self, kind: Kind) -> float:
+        """The figure of a model by its name."""
+        return float(getattr(self, kind))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutModelErrors(ModelErrors):
+    """The same, as rollouts are written: `after_gp` before `after`."""
+
+    ORDER: ClassVar[tuple[str, ...]] = ("before", "tuned", "gp", "after_gp", "after", "noise_floor")
+
+
+@dataclass(frozen=True)
+class OverBefore:
+    """Each model's root mean square error over the base's, by a paired bootstrap."""
+
+    tuned: Ratio
+    gp: Ratio
+    after: Ratio
+    after_gp: Ratio
+
+    def of(self, kind: Kind) -> Ratio | None:
+        """A model's by its name; None of the base and of the noise floor."""
+        found: Ratio | None = getattr(self, kind, None)
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepErrors(ModelErrors):
+    """Root mean square errors of a rate [unit] in single held-out steps.
+
+    nrmse: over the standard deviation of the measured rate [1]; typical: from the median, which glitches do not move
+    [unit]; after_over_before: that of `after`; finely: the base's with fine steps [unit], where nothing else is amiss.
+    """
+
+    unit: str
+    nrmse: ModelErrors | None = None
+    typical: ModelErrors | None = None
+    over_before: OverBefore | None = None
+    after_over_before: Ratio | None = None
+    finely: float | None = field(default=None, metadata=OMITTED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutErrors(RolloutModelErrors):
+    """Root mean square errors of a measured channel [unit] at the end of held-out rollouts; see `StepErrors`."""
+
+    unit: str
+    typical: RolloutModelErrors | None = None
+    over_before: OverBefore | None = None
+    after_over_before: Ratio | None = None
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Errors by measured channel after `horizon_s` seconds from measured samples; none where no stretch is so long."""
+
+    horizon_s: float
+    channels: Mapping[str, RolloutErrors] = field(default_factory=dict, metadata=FLAT)
+
+
+@dataclass(frozen=True)
+class HeldOutFit:
+    """Errors on what nothing was learnt from. held_out: its episodes, whole ones or the last part of their time.
+
+    one_step: by rate, those that follow from what was measured; rollout: by channel.
+    """
+
+    held_out: tuple[str, ...]
+    one_step: Mapping[str, StepErrors]
+    rollout: Rollout

@@ -1,0 +1,92 @@
+"""A diagnosis with its words: sentences of its effects, what to record next, why no Gaussian process was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.report import (
+    Claims,
+    Discrimination,
+    Excitation,
+    NamedEffect,
+    NoGp,
+    Remainder,
+    Separation,
+)
+from gpsim.reports.effect_text import effect_sentence
+
+EXCITATIONS = {
+    "constant": "a constant {action} of {size:.3g}",
+    "slow wave": "a slow wave of {action} with amplitude {size:.3g}",
+    "fast wave": "a fast wave of {action} with amplitude {size:.3g}",
+    "random levels": "random levels of {action} up to {size:.3g}",
+}
+NOBODY_TELLS_APART = (
+    "{who} predict the same for every excitation that was tried: no recording of these channels separates them; "
+    "measure one of the quantities itself (weigh it, or measure the force or the command that acts)"
+)
+UNSEEN = "training data that it had not seen"
+
+
+def worded(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis with every sentence that diagnosis.json holds; those that it has already stay as they are."""
+    advice = diagnosis.discrimination
+    return replace(
+        diagnosis,
+        effects=_with_sentences(diagnosis.effects),
+        alternatives=tuple(
+            replace(rival, effects=_with_sentences(rival.effects)) for rival in diagnosis.alternatives
+        ),
+        tell_apart=tell_apart_text(advice) if advice and not diagnosis.tell_apart else diagnosis.tell_apart,
+        remainder=_with_reason(diagnosis.remainder),
+    )
+
+
+def tell_apart_text(advice: Discrimination) -> str:
+    """What to record next; of the rivals that no recording separates, what to do instead."""
+    said = [_separation(recording) for recording in advice.recordings]
+    if advice.inseparable:
+        who = ", ".join(_both(pair) for pair in advice.inseparable)
+        said.append(NOBODY_TELLS_APART.format(who=who))
+    return "; ".join(said)
+
+
+def no_gp_text(why: NoGp) -> str:
+    """Why no Gaussian process models what is left."""
+    if why.reason == "no structure":
+        return "it has no structure"
+    if why.reason == "explains nothing":
+        return f"it would explain nothing of {UNSEEN}"
+    when = "after a rollout" if why.rollout else "one step ahead"
+    return f"it would make the error in {why.channel} {when} {why.times:.2g} times as large on {UNSEEN}"
+
+
+def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
+    return tuple(e if e.sentence else replace(e, sentence=effect_sentence(e)) for e in effects)
+
+
+def _with_reason(remainder: Remainder) -> Remainder:
+    gp = remainder.gp
+    if gp is None or gp.refused is None or gp.why_not:
+        return remainder
+    return replace(remainder, gp=replace(gp, why_not=no_gp_text(gp.refused)))
+
+
+def _separation(found: Separation) -> str:
+    return (
+        f"record {excitation_text(found.excitation)}: {_both(found.explanations)} then differ by up to "
+        f"{found.difference:.1f} standard deviations of the noise in {found.channel}"
+    )
+
+
+def excitation_text(excitation: Excitation) -> str:
+    """What to drive an action with."""
+    return EXCITATIONS[excitation.shape].format(action=excitation.action, size=excitation.size)
+
+
+def _both(explanations: Sequence[Claims]) -> str:
+    return " and ".join(
+        " with ".join(f"{family} on {on}" for family, on in claims) for claims in explanations
+    )
