@@ -12,9 +12,9 @@ import yaml
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.files import unreadable
 from gpsim.recordings import values
 from gpsim.recordings.recording import Episode, HeldOut, Recording
+from gpsim.recordings.yaml_data import read_yaml
 
 TableFormat = Literal["csv", "parquet"]
 META_NAME = "recording.yaml"
@@ -112,12 +112,7 @@ def _read_metadata(path: Path) -> Mapping[str, Any]:
         raise UsageError(
             f"{path.parent}: no {META_NAME}; a recording is a folder with {META_NAME} and recording.csv"
         )
-    try:
-        meta = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from error
+    meta = read_yaml(path)
     if not isinstance(meta, dict):
         raise UsageError(f"{path}: expected a mapping with system, dt, state and action")
     lacking = [key for key in ("system", "dt", "state") if key not in meta]

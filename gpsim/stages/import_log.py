@@ -9,10 +9,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest
@@ -21,11 +17,14 @@ from gpsim.recordings.import_report import ImportReport, as_text
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
 from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.mapping_changes import changes_of_words, merged
 from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.names import one_line
 from gpsim.recordings.raw import RawLog
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, find_logs
+from gpsim.recordings.yaml_data import parse_yaml, read_yaml
 from gpsim.reports.import_figure import draw_channels
 from gpsim.settings import texts, truth
 from gpsim.simulators.registry import SIMULATORS
@@ -92,7 +91,7 @@ def read_logs(
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
     """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too."""
     opener = partial(open_log, salvage=salvage)
-    changes = _changes(words)
+    changes = changes_of_words(words)
     if mapping is None:
         first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
         systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
@@ -128,62 +127,40 @@ def mapping_names() -> list[str]:
 def read_mapping(name_or_file: str) -> dict[str, Any]:
     """A mapping as it is written: a file, or the name of one that comes with gpsim."""
     path = Path(name_or_file)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        if not path.is_file():
+    if path.suffix in (".yaml", ".yml") or _is_file(path):
+        if not _is_file(path):
             raise UsageError(
-                f"--mapping {path}: no such file; mappings by name are: {', '.join(mapping_names())}"
+                f"--mapping {one_line(path)}: no such file; mappings by name are: {', '.join(mapping_names())}"
             )
-        text, where = _text_of(path), str(path)
+        where = str(path)
+        raw = read_yaml(path, f"--mapping {where}")
     else:
         if name_or_file not in mapping_names():
             known = ", ".join(mapping_names())
-            raise UsageError(f"--mapping {name_or_file}: neither a file nor one of: {known}")
+            raise UsageError(f"--mapping {one_line(name_or_file)}: neither a file nor one of: {known}")
         text = files("gpsim.conf").joinpath("mapping", f"{name_or_file}.yaml").read_text(encoding="utf-8")
-        where = name_or_file
-    try:
-        raw = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        raise UsageError(
-            f"--mapping {where}: not readable as YAML: {' '.join(str(error).split())[:200]}"
-        ) from error
+        raw, where = parse_yaml(text), name_or_file
     if not isinstance(raw, dict):
         raise UsageError(f"--mapping {where}: expected keys and values (system, state, action, rate)")
     return raw
 
 
-def _text_of(path: Path) -> str:
+def _is_file(path: Path) -> bool:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"--mapping {path}: cannot be read: {error}") from error
-
-
-def _changes(words: Sequence[str]) -> dict[str, Any]:
-    for word in words:
-        if "=" not in word or word.startswith("="):
-            raise UsageError(f"'{word}' is neither a source nor a setting: write key=value, as rate=50")
-    try:
-        made = OmegaConf.to_container(OmegaConf.from_dotlist(list(words)))
-    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
-        raise UsageError(f"settings {' '.join(words)}: {' '.join(str(error).split())[:200]}") from error
-    assert isinstance(made, dict)
-    return {str(key): value for key, value in made.items()}
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     if "rate" in changes or "dt" in changes:  # two ways to say one thing: the last word counts
         raw = {key: value for key, value in raw.items() if key not in ("rate", "dt")}
-    try:
-        merged = OmegaConf.to_container(OmegaConf.merge(dict(raw), dict(changes)), resolve=True)
-    except OmegaConfBaseException as error:
-        raise UsageError(f"settings: {' '.join(str(error).split())[:200]}") from error
-    assert isinstance(merged, dict)
-    return {str(key): value for key, value in merged.items()}
+    return merged(raw, changes)
 
 
 def resolved_mapping(name_or_file: str, words: Sequence[str]) -> dict[str, Any]:
     """A mapping with the changes that `words` (key=value) make to it."""
-    return _merged(read_mapping(name_or_file), _changes(words))
+    return _merged(read_mapping(name_or_file), changes_of_words(words))
 
 
 def source_digests(
@@ -194,7 +171,7 @@ def source_digests(
     The same bytes give the same artifact, whatever else lies beside them in a folder.
     """
     layout: Literal["files", "folder"] = "files"
-    pattern = str(_changes(words).get("files", "*"))
+    pattern = str(changes_of_words(words).get("files", "*"))
     if mapping is not None:
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files

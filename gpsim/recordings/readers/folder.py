@@ -12,12 +12,11 @@ from pathlib import Path, PurePosixPath
 from tempfile import mkdtemp
 from typing import Any
 
-import yaml
-
 from gpsim.errors import UsageError
 from gpsim.recordings.readers.container import Container, Message, Stream
 from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.decompress import expand_file, expand_message
+from gpsim.recordings.yaml_data import YamlError, parse_yaml
 
 METADATA = "metadata.yaml"
 Opener = Callable[[Path], Container]
@@ -165,9 +164,9 @@ def _read_metadata(path: Path) -> Metadata:
     if path.stat().st_size > _MAX_METADATA:
         raise DamageError(f"{path.stat().st_size} bytes of metadata")
     try:
-        raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, OSError, ValueError, RecursionError, MemoryError) as error:
-        raise DamageError(f"not readable as YAML: {one_line(error, 120)}") from error
+        raw = parse_yaml(path.read_text(encoding="utf-8"))
+    except (YamlError, OSError, ValueError) as error:
+        raise DamageError(one_line(error, 160)) from error
     info = _mapping(raw, METADATA).get("rosbag2_bagfile_information")
     table = _mapping(info, "rosbag2_bagfile_information")
     version = table.get("version")
