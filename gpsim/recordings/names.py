@@ -47,11 +47,10 @@ def check_channels(names: Iterable[str], where: str) -> None:
 
 
 def check_columns(names: Sequence[str], where: str) -> None:
-    """Refuse a table with two columns of one name, or with a name that cannot be used; empty ones are left alone."""
-    for name in names:
-        if name:
-            check_name(name, f"{where}: column {names.index(name) + 1}")
-    twice = [name for name, count in Counter(names).items() if name and count > 1]
+    """Refuse a table with two columns of one name, or with a name that cannot be used."""
+    for number, name in enumerate(names):
+        check_name(name, f"{where}: column {number + 1}")
+    twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         named = ", ".join(
             f"'{name}' (columns {', '.join(str(i + 1) for i, other in enumerate(names) if other == name)})"
@@ -62,5 +61,8 @@ def check_columns(names: Sequence[str], where: str) -> None:
 
 def cells_of(line: str, separator: str) -> list[str]:
     """The cells of a line of a text table, without quotes; a separator inside quotes cuts nothing."""
-    made = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    try:
+        made = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:  # a cell of more than 128 KiB
+        made = line.split(separator)
     return [cell.strip() for cell in made]
