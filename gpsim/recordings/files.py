@@ -197,8 +197,8 @@ def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, t
     _check_finite(states, state.names, name, rows, table)
     _check_finite(actions, action.names, name, rows, table)
     samples = np.column_stack([t, states])
-    check_size(samples, ("t", *state.names), f"{table}: episode {name}", rows.index)
-    check_size(actions, action.names, f"{table}: episode {name}", rows.index)
+    check_size(samples, ("t", *state.names), f"{table}: episode {name}", list(rows.index))
+    check_size(actions, action.names, f"{table}: episode {name}", list(rows.index))
     backwards = np.flatnonzero(np.diff(t) <= 0)
     if backwards.size:
         row = int(rows.index[int(backwards[0]) + 1])

@@ -35,8 +35,14 @@ class FolderLog:
         return sum(self._lost.values(), Counter())
 
     def topics(self) -> Sequence[Topic]:
-        """One topic a file."""
-        return [replace(self._only(name, self.opener(path)), name=name) for name, path in self.files.items()]
+        """One topic a file; a file that cannot be read is at fault by itself."""
+        return [self._topic(name, path) for name, path in self.files.items()]
+
+    def _topic(self, name: str, path: Path) -> Topic:
+        try:
+            return replace(self._only(name, self.opener(path)), name=name)
+        except UsageError as error:
+            return Topic(name, "table", 0, (), None, None, has_header=False, fault=str(error))
 
     def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
         """Read the wanted files only."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import yaml
 
@@ -28,7 +28,7 @@ class YamlError(Exception):
 class _Loader(yaml.SafeLoader):
     """Dates stay as they are written, as text: nothing here is a date, and JSON knows none."""
 
-    yaml_implicit_resolvers: ClassVar = {
+    yaml_implicit_resolvers = {  # noqa: RUF012 (as the base class does)
         first: [(tag, pattern) for tag, pattern in found if not tag.endswith(":timestamp")]
         for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
@@ -68,7 +68,7 @@ def parse_yaml(text: str) -> Any:
             _Checks().size(node)
             return loader.construct_document(node)
         finally:
-            loader.dispose()  # type: ignore[no-untyped-call]
+            loader.dispose()
     except yaml.MarkedYAMLError as error:
         what = one_line(" ".join(filter(None, (error.context, error.problem))), 160)
         raise YamlError(f"{_line(error.problem_mark)}not readable as YAML: {what}") from error

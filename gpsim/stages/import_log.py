@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
@@ -11,8 +11,9 @@ from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest
+from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import Recording, write_recording
+from gpsim.recordings.fitting import finds_all
 from gpsim.recordings.import_report import ImportReport, as_text
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
@@ -23,7 +24,7 @@ from gpsim.recordings.names import one_line
 from gpsim.recordings.raw import RawLog
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.soundness import find_bad_rows
-from gpsim.recordings.sources import FolderLog, find_logs
+from gpsim.recordings.sources import FolderLog, Opener, find_logs
 from gpsim.recordings.yaml_data import parse_yaml, read_yaml
 from gpsim.reports.import_figure import draw_channels
 from gpsim.settings import texts, truth
@@ -31,6 +32,14 @@ from gpsim.simulators.registry import SIMULATORS
 from gpsim.store import Store
 
 STAGE_NAME = "import"
+NO_COMMANDS = (
+    "no commands: its action is empty, so the recording will not say what was asked of the system, and most "
+    "simulators need that; name the commands under action"
+)
+
+
+def quiet(line: str) -> None:
+    """Say nothing."""
 
 
 @dataclass(frozen=True)
@@ -48,15 +57,17 @@ def import_log(
     mapping: str | None = None,
     words: Sequence[str] = (),
     salvage: bool = False,
+    say: Callable[[str], None] = quiet,
 ) -> Imported:
     """Import `sources` into the new folder `out`, which is written whole or not at all.
 
     mapping: a name from conf/mapping or a YAML file; None for tables whose columns are the channels' names.
-    words: key=value changes of the mapping. salvage: go on past damage and count it.
+    words: key=value changes of the mapping. salvage: go on past damage and count it. say: is given what the person
+    should know before the logs are read, a line each.
     """
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
-    recording, report, raw = read_logs(sources, mapping, words, salvage)
+    recording, report, raw = read_logs(sources, mapping, words, salvage, say)
     config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources, mapping, words)}
 
     def write(folder: Path) -> Json:
@@ -87,7 +98,11 @@ def salvages(section: Mapping[str, Any]) -> bool:
 
 
 def read_logs(
-    sources: Sequence[Path], mapping: str | None = None, words: Sequence[str] = (), salvage: bool = False
+    sources: Sequence[Path],
+    mapping: str | None = None,
+    words: Sequence[str] = (),
+    salvage: bool = False,
+    say: Callable[[str], None] = quiet,
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
     """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too."""
     opener = partial(open_log, salvage=salvage)
@@ -100,6 +115,8 @@ def read_logs(
     else:
         raw, where = resolved_mapping(mapping, words), f"mapping {mapping}"
     plan = parse_mapping(raw, where)
+    if not plan.action:
+        say(f"{where}: {NO_COMMANDS}")
     logs = find_logs(sources, plan.layout, plan.files, opener)
     recording, report = import_logs(logs, plan, partial(find_bad_rows, salvage=salvage))
     return recording, report, raw
@@ -114,9 +131,38 @@ def write_import(recording: Recording, report: ImportReport, folder: Path) -> No
 
 
 def inspect_source(source: Path, salvage: bool = False) -> Inspection:
-    """What a log holds and the mapping it suggests; of a folder of logs, the first."""
-    logs: list[NamedLog] = find_logs([source], "files", "*", partial(open_log, salvage=salvage))
-    return inspect_log(logs[0], len(logs))
+    """What a log holds and the mapping it suggests; of a folder of logs, the first, which alone is opened."""
+    opener = partial(open_log, salvage=salvage)
+    paths: list[Path] = []
+    found = find_logs([source], "files", "*", _remembering(paths))
+    first = NamedLog(found[0].name, opener(paths[0]))
+    ready = tuple(name for name in mapping_names() if _serves(name, source, first, opener))
+    return inspect_log(first, len(found), ready)
+
+
+def _serves(name: str, source: Path, first: NamedLog, opener: Opener) -> bool:
+    """Whether a mapping that comes with gpsim finds all it wants."""
+    plan = parse_mapping(read_mapping(name), f"mapping {name}")
+    if plan.layout == "files":
+        return finds_all(plan, first.log.topics())
+    try:
+        return source.is_dir() and finds_all(
+            plan, find_logs([source], "folder", plan.files, opener)[0].log.topics()
+        )
+    except UsageError:  # no tables of these names
+        return False
+
+
+def write_mapping(text: str, path: Path) -> None:
+    """Write a proposed mapping into a new file; one that is there is left alone."""
+    with disk_errors(path, "--write-mapping"):
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError as error:
+            raise UsageError(
+                f"--write-mapping {path}: exists already; nothing is overwritten, choose another name"
+            ) from error
 
 
 def mapping_names() -> list[str]:
@@ -195,15 +241,20 @@ def _files_read(source: Path, layout: Literal["files", "folder"], pattern: str) 
 
 def _files_of_logs(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
     logs: list[Path] = []
-
-    def remember(path: Path) -> RawLog:
-        logs.append(path)
-        return FolderLog({}, remember)
-
-    for found in find_logs([source], layout, pattern, remember):
+    for found in find_logs([source], layout, pattern, _remembering(logs)):
         if isinstance(found.log, FolderLog):
             logs += found.log.files.values()
     return [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
+
+
+def _remembering(paths: list[Path]) -> Opener:
+    """An opener that opens nothing and notes what it was asked for."""
+
+    def remember(path: Path) -> RawLog:
+        paths.append(path)
+        return FolderLog({}, remember)
+
+    return remember
 
 
 def _storage_of(bag: Path) -> list[Path]:
