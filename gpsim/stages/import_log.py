@@ -163,6 +163,8 @@ def write_mapping(text: str, path: Path) -> None:
             raise UsageError(
                 f"--write-mapping {path}: exists already; nothing is overwritten, choose another name"
             ) from error
+        except FileNotFoundError as error:
+            raise UsageError(f"--write-mapping {path}: there is no such folder to write it in") from error
 
 
 def mapping_names() -> list[str]:
