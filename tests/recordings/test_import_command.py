@@ -6,9 +6,9 @@ import pandas as pd
 import pytest
 import typer
 import yaml
+from gpsim.cli.import_ import import_command
 from typer.testing import CliRunner
 
-from gpsim.cli.import_ import import_command
 from gpsim.errors import UsageError
 
 

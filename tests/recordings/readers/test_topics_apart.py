@@ -161,6 +161,22 @@ def recounted(folder: Path, topic: str, count: int) -> Path:
     return bag
 
 
+def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path: Path) -> None:
+    rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
+    bag = write_bag(
+        tmp_path / "a", "sqlite3", {n: Messages("std_msgs/msg/Float64", rows) for n in ("/good", STRANGE)}
+    )
+    (file,) = bag.glob("*.db3")
+    with sqlite3.connect(file) as base:
+        base.execute(
+            "UPDATE messages SET data = x'00' WHERE topic_id = (SELECT id FROM topics WHERE name = '/bad')"
+        )
+    found = inspect_source(bag)
+    assert list(found.paces) == ["/good"]
+    assert "not a std_msgs/msg/Float64" in found.faults[STRANGE]
+    assert inspect_source(bag, salvage=True).faults == {}
+
+
 @pytest.mark.parametrize(("topic", "count"), [(STRANGE, 2), (STRANGE, 7), ("/lost", 5)])
 def test_messages_that_metadata_count_wrongly_concern_their_topic(
     tmp_path: Path, topic: str, count: int
