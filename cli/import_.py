@@ -21,7 +21,12 @@ MappingName = Annotated[
     typer.Option("--mapping", help="A mapping's name or YAML file; none for columns named as channels."),
 ]
 Inspect = Annotated[
-    bool, typer.Option("--inspect", help="List topics, rates and gaps, and propose a mapping.")
+    bool,
+    typer.Option("--inspect", help="List topics, rates and gaps; a mapping to start from goes to stdout."),
+]
+WriteMapping = Annotated[
+    Path | None,
+    typer.Option("--write-mapping", help="With --inspect: write the proposed mapping into this new file."),
 ]
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Import what is readable of a damaged log, and count it.")
@@ -34,41 +39,80 @@ def import_command(
     mapping: MappingName = None,
     inspect: Inspect = False,
     salvage: Salvage = False,
+    write_mapping: WriteMapping = None,
 ) -> None:
     """Make a recording of ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
     paths, words = _sorted(sources)
     if inspect:
-        _inspect(paths, salvage)
+        _inspect(paths, words, salvage, write_mapping)
         return
+    if write_mapping is not None:
+        raise UsageError("import: --write-mapping goes with --inspect, which proposes the mapping")
     if out is None:
-        raise UsageError("import: --out DIR missing; it names the recording's folder")
+        raise UsageError(_what_is_missing(paths, mapping, words))
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
     from rich.console import Console
 
     from gpsim.recordings import render
     from gpsim.stages.import_log import import_log
 
-    made = import_log(paths, out, mapping, words, salvage)
+    made = import_log(paths, out, mapping, words, salvage, say=_aside)
     Console(highlight=False).print(render(made.report))
     typer.echo(f"import: {out}")
 
 
 def _sorted(words: list[str]) -> tuple[list[Path], list[str]]:
     """Sources and settings; a word with = is a setting unless a file of that name exists."""
-    paths = [Path(word) for word in words if "=" not in word or Path(word).exists()]
-    settings = [word for word in words if "=" in word and not Path(word).exists()]
+    paths = [Path(word) for word in words if "=" not in word or _exists(word)]
+    settings = [word for word in words if "=" in word and not _exists(word)]
     if not paths:
         raise UsageError("import: no SOURCE; name log files or folders")
     return paths, settings
 
 
-def _inspect(paths: list[Path], salvage: bool) -> None:
+def _exists(word: str) -> bool:
+    try:
+        return Path(word).exists()
+    except OSError:  # longer than any file's name
+        return False
+
+
+def _aside(line: str) -> None:
+    """To stderr: stdout is for what other programs read."""
+    typer.echo(line, err=True)
+
+
+def _what_is_missing(paths: list[Path], mapping: str | None, words: list[str]) -> str:
+    if mapping is not None or any(word.startswith("system=") for word in words):
+        return "import: --out DIR missing; it names the recording's folder"
+    return (
+        f"import: no --mapping and no --out; `gpsim import --inspect {paths[0]}` shows what is inside and proposes "
+        "a mapping (its system may be one of your own, as my_system.py:ClassName), then add --mapping FILE --out DIR"
+    )
+
+
+def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path | None) -> None:
+    """The tables to stderr, the proposal for the first source to stdout or into a file."""
     from rich.console import Console
 
     from gpsim.recordings import render_inspection
-    from gpsim.stages.import_log import inspect_source
+    from gpsim.stages.import_log import inspect_source, write_mapping
 
-    for path in paths:
-        found = inspect_source(path, salvage)
-        Console(highlight=False).print(render_inspection(found))
-        typer.echo(found.proposal)
+    if words:
+        raise UsageError(f"import --inspect: takes no settings ({', '.join(words)}); they go with an import")
+    if write_to is not None and write_to.exists():
+        raise UsageError(
+            f"--write-mapping {write_to}: exists already; nothing is overwritten, choose another name"
+        )
+    found = [inspect_source(path, salvage) for path in paths]
+    for one in found:
+        Console(highlight=False, stderr=True).print(render_inspection(one))
+    if len(found) > 1:
+        _aside(f"the proposed mapping is for {found[0].name}; one mapping imports all sources")
+    if write_to is None:
+        typer.echo(found[0].proposal, nl=False)
+    else:
+        write_mapping(found[0].proposal, write_to)
+        _aside(
+            f"mapping: {write_to}; fill in every '?', then: gpsim import ... --mapping {write_to} --out DIR"
+        )

@@ -3,19 +3,23 @@
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.recordings.export import Predictions, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
+from gpsim.recordings.fitting import finds_all
 from gpsim.recordings.gaps import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
 from gpsim.recordings.import_report import ImportReport, as_text, render
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log, render_inspection
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping import ChannelSource
+from gpsim.recordings.mapping_changes import changes_of_words, merged
 from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.names import one_line
 from gpsim.recordings.raw import RawLog
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions
 from gpsim.recordings.soundness import find_bad_rows
-from gpsim.recordings.sources import FolderLog, find_logs
+from gpsim.recordings.sources import FolderLog, Opener, find_logs
 from gpsim.recordings.subsample import evenly
+from gpsim.recordings.yaml_data import parse_yaml, read_yaml
 
 __all__ = [
     "LONGEST_STEP",
@@ -26,6 +30,7 @@ __all__ = [
     "ImportReport",
     "Inspection",
     "NamedLog",
+    "Opener",
     "OverGaps",
     "Predictions",
     "RawLog",
@@ -34,17 +39,23 @@ __all__ = [
     "as_text",
     "bag_writing",
     "bare_mapping",
+    "changes_of_words",
     "evenly",
     "find_bad_rows",
     "find_logs",
+    "finds_all",
     "gaps",
     "import_logs",
     "inspect_log",
+    "merged",
+    "one_line",
     "open_log",
     "parse_mapping",
+    "parse_yaml",
     "pieces",
     "read_bare_table",
     "read_recording",
+    "read_yaml",
     "render",
     "render_inspection",
     "steps_to_next",

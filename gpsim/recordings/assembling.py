@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
+from gpsim.errors import UsageError
 from gpsim.recordings import episodes as where
 from gpsim.recordings import resample, velocities
 from gpsim.recordings.episodes import Interval
@@ -15,6 +16,7 @@ from gpsim.recordings.import_report import TopicCount
 from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
 from gpsim.recordings.recording import Episode
 from gpsim.recordings.tracks import Track, at_times, samples
+from gpsim.recordings.velocities import MOST_SAMPLES
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ def assemble(
     action = {source_.track: tracks[source_.track] for source_ in mapping.action}
     stages = _stages(state, action, flag, mapping)
     reference = tracks[_measured(mapping)[0].track]
+    _refuse_too_many(source, stages[-1].intervals, mapping)
     built = [_episode(piece, reference, tracks, mapping) for piece in stages[-1].intervals]
     episodes = tuple(episode for episode in built if episode is not None)
     stages.append(
@@ -56,6 +59,19 @@ def assemble(
     held = {name for name in every if name not in state}
     counts = tuple(_count(source, track, stages, name in held) for name, track in every.items())
     return Assembled(episodes, counts, _longest_hold(action, episodes))
+
+
+def _refuse_too_many(source: str, pieces: Sequence[Interval], mapping: ImportMapping) -> None:
+    """Before anything is allocated: a rate that no computer could hold is a slip of the pen, or of the clock's unit."""
+    if mapping.rate is None:
+        return
+    seconds = sum(b - a for a, b in pieces)
+    if seconds * mapping.rate > MOST_SAMPLES:
+        raise UsageError(
+            f"{source}: rate {mapping.rate:g} Hz over {seconds:.6g} s would make {seconds * mapping.rate:.3g} samples, "
+            f"the limit is {MOST_SAMPLES:.0e}; choose a lower rate, or see whether the time column is in seconds "
+            "(time.scale=1e-3 takes it as milliseconds)"
+        )
 
 
 def _measured(mapping: ImportMapping) -> list[ChannelSource]:

@@ -8,9 +8,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import Channels
+from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
+from gpsim.recordings.names import check_name
 from gpsim.recordings.recording import Episode, Recording
+from gpsim.recordings.table_files import check_size, read_frame
+from gpsim.recordings.time_units import UNITS, dated, likely_unit
+
+MOVING = ("m", "rad", "deg", "m/s", "rad/s", "deg/s")  # units of what is looked at many times a second
 
 
 def read_bare_table(
@@ -27,7 +32,7 @@ def read_bare_table(
 
     Every fault is a UsageError that names file, episode, row and column.
     """
-    table = _read(path)
+    table = read_frame(path)
     held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
     needed = ("t", *held.names, *action.names)
     _check_columns(path, table, needed, system)
@@ -43,14 +48,21 @@ def read_bare_table(
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
         raise UsageError(f"{path}: too short: no episode has two rows")
+    _check_seconds(path, np.concatenate([e.t for e in episodes]), float(np.median(steps)), held + action)
     return Recording(system, held, action, episodes, float(np.median(steps)), parameters, integrator)
 
 
-def _read(path: Path) -> pd.DataFrame:
-    try:
-        return pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
-    except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
-        raise UsageError(f"{path}: cannot be read: {' '.join(str(error).split())[:160]}") from error
+def _check_seconds(path: Path, t: FloatArray, step: float, channels: Channels) -> None:
+    """Refuse a clock that counts something else than seconds: a date says so, or what moves and is seen so seldom."""
+    unit = likely_unit(t, step)
+    if unit is None or not (dated(t) or any(channel.unit in MOVING for channel in channels)):
+        return
+    count = round(1 / UNITS[unit])
+    raise UsageError(
+        f"{path}: t looks like {unit}: its usual step is {step:g}, and t is read in seconds; divide the column by "
+        f"{count}, or `gpsim import` the table with time.scale={UNITS[unit]:.0e}; if it is in seconds, say so in a "
+        f"recording.yaml beside it (dt: {step:g})"
+    )
 
 
 def _check_columns(path: Path, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:
@@ -66,6 +78,7 @@ def _check_columns(path: Path, table: pd.DataFrame, needed: Sequence[str], syste
 
 def _episode(path: Path, name: str, rows: pd.DataFrame, needed: Sequence[str], states: int) -> Episode:
     """One episode: the last row's action never acted, and may be empty."""
+    check_name(name, f"{path}: column episode")
     try:
         values = rows[list(needed)].to_numpy(dtype=np.float64)
     except ValueError as error:
@@ -78,7 +91,13 @@ def _episode(path: Path, name: str, rows: pd.DataFrame, needed: Sequence[str], s
         raise UsageError(
             f"{path}: episode {name}, row {row}: {needed[column]} is not a finite number; repair it"
         )
+    check_size(values, needed, f"{path}: episode {name}", range(len(values)))
     t = values[:, 0]
-    if (np.diff(t) <= 0).any():
-        raise UsageError(f"{path}: episode {name}: t does not increase; sort the rows")
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise UsageError(
+            f"{path}: episode {name}: t does not increase at row {row} ({t[row - 1]:g}, then {t[row]:g}); sort the "
+            "rows, or give every run an episode of its own"
+        )
     return Episode(name, t, values[:, 1 : 1 + states], values[:-1, 1 + states :])

@@ -12,9 +12,11 @@ import yaml
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.files import unreadable
 from gpsim.recordings import values
+from gpsim.recordings.names import check_channels, check_name, one_line
 from gpsim.recordings.recording import Episode, HeldOut, Recording
+from gpsim.recordings.table_files import check_size, read_frame
+from gpsim.recordings.yaml_data import read_yaml
 
 TableFormat = Literal["csv", "parquet"]
 META_NAME = "recording.yaml"
@@ -103,7 +105,7 @@ def read_recording(path: Path) -> Recording:
         clock=values.choice(meta.get("clock", "episode"), ("session", "episode"), f"{where}: clock"),
         noise=_noise(meta, state + action, where),
         held_out=_held_out(meta, where),
-        provenance=meta.get("provenance") or {},
+        provenance=_provenance(meta.get("provenance"), where),
     )
 
 
@@ -112,12 +114,7 @@ def _read_metadata(path: Path) -> Mapping[str, Any]:
         raise UsageError(
             f"{path.parent}: no {META_NAME}; a recording is a folder with {META_NAME} and recording.csv"
         )
-    try:
-        meta = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from error
+    meta = read_yaml(path)
     if not isinstance(meta, dict):
         raise UsageError(f"{path}: expected a mapping with system, dt, state and action")
     lacking = [key for key in ("system", "dt", "state") if key not in meta]
@@ -134,7 +131,14 @@ def _read_metadata(path: Path) -> Mapping[str, Any]:
 def _units(raw: object, where: str) -> dict[str, str]:
     if not isinstance(raw, Mapping):
         raise UsageError(f"{where}: expected channels with units, as {{x: m, x_dot: m/s}}, got {raw!r}")
+    check_channels(raw, where)
     return {str(name): str(unit) for name, unit in raw.items()}
+
+
+def _provenance(raw: object, where: str) -> Mapping[str, Any]:
+    if not isinstance(raw, Mapping | None):
+        raise UsageError(f"{where}: provenance: expected keys and values, got {one_line(repr(raw), 60)}")
+    return raw or {}
 
 
 def _wraps(meta: Mapping[str, Any], where: str) -> tuple[str, ...]:
@@ -175,19 +179,14 @@ def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
     table = parquet if parquet.is_file() else csv
     if not table.is_file():
         raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
-    try:
-        if table == parquet:
-            frame = pd.read_parquet(table)
-        else:
-            frame = pd.read_csv(table, dtype={"episode": str}, float_precision="round_trip")
-    except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
-        raise UsageError(f"{table}: cannot be read: {' '.join(str(error).split())[:200]}") from error
+    frame = read_frame(table, "round_trip")
     if frame.empty:
         raise UsageError(f"{table}: no rows")
     return frame, table
 
 
 def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, table: Path) -> Episode:
+    check_name(name, f"{table}: column episode")
     try:
         t = rows["t"].to_numpy(dtype=np.float64)
         states = rows[list(state.names)].to_numpy(dtype=np.float64)
@@ -197,6 +196,9 @@ def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, t
     _check_finite(t[:, None], ("t",), name, rows, table)
     _check_finite(states, state.names, name, rows, table)
     _check_finite(actions, action.names, name, rows, table)
+    samples = np.column_stack([t, states])
+    check_size(samples, ("t", *state.names), f"{table}: episode {name}", list(rows.index))
+    check_size(actions, action.names, f"{table}: episode {name}", list(rows.index))
     backwards = np.flatnonzero(np.diff(t) <= 0)
     if backwards.size:
         row = int(rows.index[int(backwards[0]) + 1])

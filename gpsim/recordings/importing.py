@@ -17,7 +17,9 @@ from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.log_parts import Inspector, NamedLog, Part, read_parts
 from gpsim.recordings.mapping import ImportMapping
 from gpsim.recordings.recording import Episode, Recording
+from gpsim.recordings.time_units import unit_hint
 from gpsim.recordings.turns import unmarked_wraps
+from gpsim.recordings.values import LARGEST
 
 
 def import_logs(
@@ -41,7 +43,8 @@ def import_logs(
         built, _ = _assemble_all(parts, shifts)
     episodes, counts, session = _numbered(parts, built, mapping)
     if not episodes:
-        raise UsageError(_nothing_left(built))
+        raise UsageError(_nothing_left(built, parts))
+    _check_values(mapping, episodes)
     recording = _recording(mapping, episodes, session)
     report = ImportReport(
         topics=tuple(count for one in built for count in one.counts),
@@ -62,6 +65,19 @@ def import_logs(
         "sources": import_notes.origins(counts),
     }
     return replace(recording, provenance=provenance), report
+
+
+def _check_values(mapping: ImportMapping, episodes: Sequence[Episode]) -> None:
+    """Scales and offsets act after the readers' checks of what was measured."""
+    channels = (*mapping.state_channels, *mapping.action_channels)
+    for episode in episodes:
+        columns = (*episode.states.T, *episode.actions.T)
+        for channel, column in zip(channels, columns, strict=True):
+            if len(column) and not np.abs(column).max() <= LARGEST:
+                raise UsageError(
+                    f"channel {channel.name} reaches {column[np.abs(column).argmax()]:g} {channel.unit}, no channel is "
+                    f"larger than {LARGEST:g}; see its scale and offset in the mapping, and its values in the log"
+                )
 
 
 def _check_clock(mapping: ImportMapping, parts: Sequence[Part]) -> None:
@@ -143,7 +159,7 @@ def _numbered(
     return tuple(episodes), tuple(counts), session
 
 
-def _nothing_left(built: Sequence[Assembled]) -> str:
+def _nothing_left(built: Sequence[Assembled], parts: Sequence[Part]) -> str:
     reasons: dict[str, int] = {}
     for one in built:
         for count in one.counts:
@@ -151,7 +167,8 @@ def _nothing_left(built: Sequence[Assembled]) -> str:
                 reasons[f"{count.name}: {reason}"] = reasons.get(f"{count.name}: {reason}", 0) + number
     worst = sorted(reasons.items(), key=lambda item: -item[1])[:3]
     why = "; ".join(f"{number} rows of {reason}" for reason, number in worst) or "the topics are empty"
-    return f"no episode is left ({why}); see gpsim import --inspect, gap_limit and episodes"
+    hint = unit_hint(parts) or "see gpsim import --inspect, gap_limit and episodes"
+    return f"no episode is left ({why}); {hint}"
 
 
 def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: bool) -> Recording:

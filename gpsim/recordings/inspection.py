@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from rich.text import Text
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings.log_parts import NamedLog
-from gpsim.recordings.raw import Topic
+from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 
 MOST_FIELDS = 16
@@ -46,20 +46,29 @@ _TIMES = ("t", "time", "timestamp", "Time", "time [s]")
 
 @dataclass(frozen=True)
 class Inspection:
-    """The topics of a log, how they come, and a mapping as YAML; others: further logs in the same folder."""
+    """The topics of a log, how they come, and a mapping as YAML; others: further logs in the same folder.
+
+    faults: why a topic cannot be read, by its name; ready: mappings that come with gpsim and find all they want here.
+    """
 
     name: str
     topics: tuple[Topic, ...]
     paces: Mapping[str, Statistics]
     proposal: str
     others: int
+    faults: Mapping[str, str] = field(default_factory=dict)
+    ready: tuple[str, ...] = ()
 
 
-def inspect_log(named: NamedLog, count: int = 1) -> Inspection:
-    """Read one field of every topic (of a table: what looks like its time), to see how the rows come."""
+def inspect_log(named: NamedLog, count: int = 1, ready: tuple[str, ...] = ()) -> Inspection:
+    """Read one field of every topic (of a table: what looks like its time), to see how the rows come.
+
+    A topic that cannot be read has its reason listed, and the rest goes on.
+    """
     topics = tuple(named.log.topics())
     wanted = {topic.name: [_telling(topic)] for topic in topics if topic.fields and topic.count}
-    series = named.log.series(wanted) if wanted else {}
+    series, found = _read(named.log, wanted)
+    faults = {topic.name: topic.fault for topic in topics if topic.fault} | found
     paces: dict[str, Statistics] = {}
     for name, one in series.items():
         column = one.fields[wanted[name][0]]
@@ -68,7 +77,24 @@ def inspect_log(named: NamedLog, count: int = 1) -> Inspection:
             paces[name] = statistics(one, gap_factor=GAP)
         elif wanted[name][0] in _TIMES:
             paces[name] = of_stamps(column, "receive", GAP)
-    return Inspection(named.name, topics, paces, proposal(topics, paces), count - 1)
+    sound = tuple(topic for topic in topics if topic.name not in faults)
+    text = proposal(sound, paces)
+    return Inspection(named.name, topics, paces, text, count - 1, faults, ready)
+
+
+def _read(log: RawLog, wanted: Mapping[str, Sequence[str]]) -> tuple[dict[str, Series], dict[str, str]]:
+    """(what can be read, why the rest cannot): all at once, else half by half, down to the topic that is at fault."""
+    if not wanted:
+        return {}, {}
+    try:
+        return dict(log.series(wanted)), {}
+    except UsageError as error:
+        names = list(wanted)
+        if len(names) == 1:
+            return {}, {names[0]: str(error)}
+        halves = names[: len(names) // 2], names[len(names) // 2 :]
+        (first, lost), (second, more) = (_read(log, {n: wanted[n] for n in half}) for half in halves)
+        return first | second, lost | more
 
 
 def _telling(topic: Topic) -> str:
@@ -76,7 +102,7 @@ def _telling(topic: Topic) -> str:
 
 
 def render_inspection(found: Inspection) -> RenderableType:
-    """The inspection for a terminal."""
+    """The inspection for a terminal: a table of the topics, their fields, and what cannot be read."""
     table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
     for name in ("topic", "type"):
         table.add_column(name, overflow="fold")
@@ -88,7 +114,17 @@ def render_inspection(found: Inspection) -> RenderableType:
         table.add_row(*cells, *(Text(cell) for cell in _pace_cells(found.paces.get(topic.name))))
     fields = [Text(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
     more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
-    return Group(table, *more, Text(""), Text("numeric fields"), *fields, Text(""))
+    more += [Text(""), *(Text(line, style="yellow") for line in _fault_lines(found.faults))]
+    ready = [f"--mapping {name} comes with gpsim and finds all it wants here" for name in found.ready]
+    return Group(table, *more, Text("numeric fields"), *fields, Text(""), *(Text(line) for line in ready))
+
+
+def _fault_lines(faults: Mapping[str, str]) -> list[str]:
+    """One line a reason, with the topics that it keeps from being read."""
+    topics: dict[str, list[str]] = {}
+    for name, reason in faults.items():
+        topics.setdefault(reason, []).append(name)
+    return [f"cannot be read: {', '.join(names)} ({reason})" for reason, names in topics.items()]
 
 
 def _pace_cells(pace: Statistics | None) -> list[str]:
@@ -133,7 +169,7 @@ def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
             f"\n# commands could be among: {', '.join(near[:10])}" if near else "; no command topic found"
         )
     text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None, width=110)
-    return f"# proposed mapping: save it, {advice}\n{text}"
+    return f"# proposed mapping: fill in every '?', {advice}\n{text}"
 
 
 def _first(topics: tuple[Topic, ...], known: Mapping[str, Any]) -> Topic | None:
@@ -167,14 +203,18 @@ def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
 
 
 def _table(topic: Topic) -> dict[str, Any]:
-    columns = [name for name in topic.fields if name not in _TIMES]
+    columns = [name for name in topic.fields if name not in (*_TIMES, "episode")]
     raw: dict[str, Any] = {"system": "?", "rate": "source"}
+    if "episode" in (*topic.fields, *topic.texts):
+        raw["episodes"] = {"by": "column", "field": "episode"}
     time = next((name for name in _TIMES if name in topic.fields), None)
     if time is not None:
         raw["time"] = {"field": time}
     elif {"s", "ns"} <= set(columns):
         raw["time"] = {"seconds": "s", "nanoseconds": "ns"}
         columns = [name for name in columns if name not in ("s", "ns")]
+    else:
+        raw["time"] = {"field": "?"}
     raw["state"] = {name: {"field": name, "unit": "?"} for name in columns}
     return raw | {"action": {}}
 
@@ -192,8 +232,9 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) ->
         )
     if not system:
         raise UsageError(
-            f"{named.name}: no --mapping; give one, or system=NAME where the columns are the channels of "
-            f"{', '.join(systems)}"
+            f"{named.name}: no --mapping; `gpsim import --inspect` shows what is inside and proposes one (its system "
+            "may be one of your own, as my_system.py:ClassName); or say system=NAME where the columns are called as "
+            f"the channels of {', '.join(systems)}"
         )
     if system not in systems:
         raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")

@@ -15,6 +15,7 @@ from gpsim.recordings.mapping import ImportMapping
 from gpsim.recordings.tracks import Track, samples
 
 STEP = 0.01  # finest grid of the correlation [s]
+MOST = 20_000_000  # samples of a piece; one that is far longer than its pace lets expect tells nothing
 
 
 class Pieces:
@@ -31,6 +32,8 @@ class Pieces:
         if self.step is None:
             self.step = max([STEP, *pace])
         for a, b in intervals:
+            if (b - a) / self.step > MOST:
+                continue
             at = np.arange(a, b, self.step)
             if len(at) < 20:
                 continue

@@ -101,6 +101,8 @@ def _unbroken(
         finite = np.flatnonzero(np.isfinite(t))
         sound = np.delete(finite, clock.jumping(t[finite], mapping.checks.jump))
         sound = sound[_first_time(one, sound)]
+        if mapping.time is not None:
+            _refuse_descending(name, one.topic, t, sound)
         cuts = sorted({*sound[clock.restarts(t[sound])].tolist(), *_new_episodes(one, t, mapping.episodes)})
         if not cuts:
             continue
@@ -112,6 +114,17 @@ def _unbroken(
         edges = [0, *cuts, len(t)]
         return [{track: _rows(one, a, b)} for a, b in itertools.pairwise(edges)]
     return [series]
+
+
+def _refuse_descending(name: str, topic: str, t: FloatArray, rows: IntArray) -> None:
+    """A table that is sorted the wrong way, or not at all, is no row of runs whose clocks begin anew."""
+    back = np.flatnonzero(np.diff(t[rows]) < 0)
+    if 2 * len(back) > len(rows) > 2:
+        row, before = int(rows[back[0] + 1]), int(rows[back[0]])
+        raise UsageError(
+            f"{name}: {topic}, row {row}: time goes back, to {t[row]:.6g} s behind {t[before]:.6g} s "
+            f"({len(back)} of {len(rows)} rows do); sort the table by its time"
+        )
 
 
 def _new_episodes(series: Series, t: FloatArray, rule: EpisodeRule) -> list[int]:

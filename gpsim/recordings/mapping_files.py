@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any, TypeVar, get_args
+from typing import Any, get_args
 
 from gpsim.channels import Channel
 from gpsim.errors import UsageError
@@ -21,8 +21,12 @@ from gpsim.recordings.mapping import (
     StampChoice,
     TimeColumns,
 )
+from gpsim.recordings.names import check_channels
+from gpsim.recordings.values import LARGEST
 
-T = TypeVar("T")
+OPEN = "?"  # what a proposal leaves for the person to fill in
+APART = 1e10  # s; the most that two clocks may differ by, some 300 years
+WIDEST = 10_001  # samples of a smoothing window
 _CHANNEL_KEYS = (
     "topic", "field", "quaternion", "angle", "derivative_of", "unit", "wraps", "scale", "sign", "offset",
 )  # fmt: skip
@@ -32,8 +36,9 @@ _TOP_KEYS = (*(f.name for f in fields(ImportMapping)), "dt")
 def parse_mapping(raw: object, where: str = "mapping") -> ImportMapping:
     """Check a plain dictionary and build the mapping; every fault is one line with the alternatives."""
     table = values.table(raw, where, _TOP_KEYS)
+    _refuse_open_questions(table, where)
     for key in ("system", "state"):
-        if key not in table:
+        if table.get(key) is None:
             raise UsageError(f"{where}: {key} missing; a mapping needs system, state, action and rate")
     wanted: dict[str, Any] = {"system": str(table["system"]), "rate": _rate(table, where)}
     wanted["state"] = _channels(table["state"], f"{where}: state")
@@ -44,22 +49,42 @@ def parse_mapping(raw: object, where: str = "mapping") -> ImportMapping:
     return ImportMapping(**wanted)
 
 
+def _refuse_open_questions(table: Mapping[str, Any], where: str) -> None:
+    """`gpsim import --inspect` proposes '?' where only a person can tell."""
+    found = ["system"] if table.get("system") == OPEN else []
+    for section in ("time", "state", "action"):
+        entries = table.get(section)
+        for name, entry in entries.items() if isinstance(entries, Mapping) else ():
+            if section == "time":
+                found += [f"time.{name}"] if entry == OPEN else []
+            elif isinstance(entry, Mapping):
+                found += [f"{section}.{name}.{key}" for key, value in entry.items() if value == OPEN]
+    if found:
+        more = f" and {len(found) - 8} more" if len(found) > 8 else ""
+        raise UsageError(
+            f"{where}: still '{OPEN}' at {', '.join(found[:8])}{more}; fill in what the log cannot tell "
+            "(a system, units), and take away the channels that you do not need"
+        )
+
+
 def _rate(table: Mapping[str, Any], where: str) -> float | None:
     if table.get("dt") is not None and table.get("rate") is not None:
         raise UsageError(f"{where}: give rate [Hz] or dt [s], not both")
     if table.get("dt") is not None:
-        step = values.number(table["dt"], f"{where}: dt")
-        if not step > 0:
-            raise UsageError(f"{where}: dt must be positive [s], got {step}")
-        return 1.0 / step
+        return 1.0 / values.within(
+            values.positive(table["dt"], f"{where}: dt"), f"{where}: dt", 1e-9, 1e6, "s"
+        )
     if table.get("rate") is None:
         raise UsageError(f"{where}: rate missing; a number [Hz], or 'source' to keep the state's own stamps")
-    return None if table["rate"] == "source" else values.number(table["rate"], f"{where}: rate")
+    if table["rate"] == "source":
+        return None
+    return values.positive(table["rate"], f"{where}: rate", LARGEST, "Hz, or 'source'")
 
 
 def _channels(raw: object, where: str) -> tuple[ChannelSource, ...]:
     if not isinstance(raw, Mapping):
         raise UsageError(f"{where}: expected channel names, each with its field and unit")
+    check_channels(raw, where)
     return tuple(_channel(str(name), entry, f"{where}.{name}") for name, entry in raw.items())
 
 
@@ -69,7 +94,7 @@ def _channel(name: str, raw: object, where: str) -> ChannelSource:
     if len(origins) != 1:
         got = " and ".join(origins) or "none"
         raise UsageError(f"{where}: needs exactly one of field, quaternion, derivative_of; got {got}")
-    if "unit" not in table:
+    if table.get("unit") is None:
         raise UsageError(f"{where}: unit missing, as in {{field: pose.position.x, unit: m}}")
     sign = values.number(table.get("sign", 1), f"{where}.sign")
     if sign not in (1.0, -1.0):
@@ -81,9 +106,9 @@ def _channel(name: str, raw: object, where: str) -> ChannelSource:
         quaternion=values.text(table.get("quaternion")),
         angle=values.choice(table.get("angle", "yaw"), get_args(AngleName), f"{where}.angle"),
         derivative_of=values.text(table.get("derivative_of")),
-        scale=values.number(table.get("scale", 1.0), f"{where}.scale"),
+        scale=values.within(table.get("scale", 1.0), f"{where}.scale", -LARGEST, LARGEST),
         sign=sign,
-        offset=values.number(table.get("offset", 0.0), f"{where}.offset"),
+        offset=values.within(table.get("offset", 0.0), f"{where}.offset", -LARGEST, LARGEST),
     )
 
 
@@ -91,15 +116,13 @@ def _time(raw: object, where: str) -> TimeColumns:
     table = values.table(raw, where, ("field", "scale", "seconds", "nanoseconds", "step"))
     time = TimeColumns(
         field=values.text(table.get("field")),
-        scale=values.number(table.get("scale", 1.0), f"{where}.scale"),
+        scale=values.positive(table.get("scale", 1.0), f"{where}.scale", unit="s per count"),
         seconds=values.text(table.get("seconds")),
         nanoseconds=values.text(table.get("nanoseconds")),
-        step=None if table.get("step") is None else values.number(table["step"], f"{where}.step"),
+        step=None if table.get("step") is None else values.positive(table["step"], f"{where}.step"),
     )
     if sum(x is not None for x in (time.field, time.seconds, time.step)) != 1:
         raise UsageError(f"{where}: give one of field, seconds (with nanoseconds) and step")
-    if time.step is not None and not time.step > 0:
-        raise UsageError(f"{where}.step: must be positive [s], got {time.step}")
     return time
 
 
@@ -116,8 +139,13 @@ def _clock(raw: object, where: str) -> ClockChoice:
             str(name): values.choice(value, stamps, f"{where}.topics.{name}")
             for name, value in topics.items()
         },
-        offsets=values.numbers(table.get("offsets") or {}, f"{where}.offsets"),
-        apply_offset=apply if isinstance(apply, bool) else values.number(apply, f"{where}.apply_offset"),
+        offsets={
+            name: values.within(value, f"{where}.offsets.{name}", -APART, APART, "s")
+            for name, value in values.numbers(table.get("offsets") or {}, f"{where}.offsets").items()
+        },
+        apply_offset=apply
+        if isinstance(apply, bool)
+        else values.within(apply, f"{where}.apply_offset", -APART, APART, "s"),
         kind=values.choice(table.get("kind", "auto"), ("auto", "session", "episode"), f"{where}.kind"),
     )
 
@@ -131,9 +159,9 @@ def _smoothing(raw: object, where: str) -> Smoothing:
         method=values.choice(
             table.get("method", "gaussian"), ("gaussian", "savgol", "none"), f"{where}.method"
         ),
-        sigma=values.number(table.get("sigma", 2.0), f"{where}.sigma"),
-        window=int(values.number(table.get("window", 9), f"{where}.window")),
-        order=int(values.number(table.get("order", 3), f"{where}.order")),
+        sigma=values.positive(table.get("sigma", 2.0), f"{where}.sigma", WIDEST, "samples"),
+        window=values.whole(table.get("window", 9), f"{where}.window", 1, WIDEST),
+        order=values.whole(table.get("order", 3), f"{where}.order", 1, 10),
         edges=values.choice(table.get("edges", "trim"), ("trim", "local"), f"{where}.edges"),
         channels=tuple(str(name) for name in names),
     )
@@ -150,7 +178,9 @@ def _episodes(raw: object, where: str) -> EpisodeRule:
         topic=values.text(table.get("topic")),
         field=values.text(table.get("field")),
         equals=values.number(table.get("equals", 1.0), f"{where}.equals"),
-        min_duration=values.number(table.get("min_duration", 0.0), f"{where}.min_duration"),
+        min_duration=values.within(
+            table.get("min_duration", 0.0), f"{where}.min_duration", 0.0, values.SECONDS, "s"
+        ),
         variants={str(k): {str(c): str(f) for c, f in v.items()} for k, v in variants.items()},
     )
 
@@ -165,7 +195,7 @@ def _held_out(raw: object, where: str) -> HeldOutRule:
     number, moment = table.get("episodes_from"), table.get("time_from")
     return HeldOutRule(
         share=share,
-        episodes_from=None if number is None else int(values.number(number, f"{where}.episodes_from")),
+        episodes_from=None if number is None else values.whole(number, f"{where}.episodes_from", 0, 10**9),
         time_from=None if moment is None else values.number(moment, f"{where}.time_from"),
     )
 
@@ -173,11 +203,21 @@ def _held_out(raw: object, where: str) -> HeldOutRule:
 def _checks(raw: object, where: str) -> Checks:
     table = values.table(raw, where, tuple(f.name for f in fields(Checks)))
     return Checks(
-        jump=values.number(table.get("jump", 1.0), f"{where}.jump"),
-        quaternion=values.number(table.get("quaternion", 0.01), f"{where}.quaternion"),
-        outlier=values.number(table.get("outlier", 50.0), f"{where}.outlier"),
-        max_rate=values.numbers(table.get("max_rate") or {}, f"{where}.max_rate"),
+        jump=values.positive(table.get("jump", 1.0), f"{where}.jump"),
+        quaternion=values.positive(table.get("quaternion", 0.01), f"{where}.quaternion", 1.0, ""),
+        outlier=values.positive(table.get("outlier", 50.0), f"{where}.outlier", LARGEST, ""),
+        max_rate={
+            name: values.positive(value, f"{where}.max_rate.{name}", LARGEST, "per s")
+            for name, value in values.numbers(table.get("max_rate") or {}, f"{where}.max_rate").items()
+        },
     )
+
+
+def _noise(raw: object, where: str) -> dict[str, float]:
+    return {
+        name: values.within(value, f"{where}.{name}", 0.0, LARGEST)
+        for name, value in values.numbers(raw, where).items()
+    }
 
 
 def _word(known: tuple[str, ...]) -> Callable[[object, str], Any]:
@@ -187,12 +227,12 @@ def _word(known: tuple[str, ...]) -> Callable[[object, str], Any]:
 _READERS: dict[str, Callable[[object, str], Any]] = {
     "parameters": values.numbers,
     "integrator": _word(("euler", "semi_implicit", "rk4")),
-    "noise": values.numbers,
+    "noise": _noise,
     "layout": _word(("files", "folder")),
     "files": lambda value, _: str(value),
     "time": _time,
-    "gap_limit": values.number,
-    "hold_limit": values.number,
+    "gap_limit": values.positive,
+    "hold_limit": values.positive,
     "commands": _word(("hold", "mean")),
     "clock": _clock,
     "velocities": _smoothing,

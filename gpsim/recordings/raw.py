@@ -15,7 +15,8 @@ class Topic:
 
     fields: dotted paths of the numeric fields, as `pose.position.x`; count: messages or rows;
     start, end: receive time of the first and the last message [s], None when empty; has_header: stamps of its own;
-    texts: columns of text, read as 0, 1, 2 ... in the order in which their words first appear.
+    texts: columns of text, read as 0, 1, 2 ... in the order in which their words first appear; fault: why nothing of
+    it can be read, empty where it can.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Topic:
     end: float | None
     has_header: bool
     texts: tuple[str, ...] = ()
+    fault: str = ""
 
 
 @dataclass(frozen=True)

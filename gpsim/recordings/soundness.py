@@ -8,12 +8,13 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings import resample
+from gpsim.recordings import clock, resample
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers.checks import Limits, find_silent_damage
 
 TOO_FAST = "faster than checks.max_rate"
+GOES_BACK = "time goes back"
 # A stamp that leaps is the clock's affair: `clock.in_order` drops and counts it, salvage or not.
 _LEFT_TO_THE_CLOCK = "stamp leaps"
 
@@ -47,6 +48,16 @@ def find_bad_rows(
             raise UsageError(f"{name}: {finding.message}; --salvage leaves such rows out and counts them")
         rows.setdefault(finding.kind, []).append(finding.rows)
     out = {reason: np.unique(np.concatenate(parts)) for reason, parts in rows.items()}
+    back = _going_back(series, mapping)
+    if len(back):
+        if not salvage:
+            t = _clock(series, mapping)
+            raise UsageError(
+                f"{name}: {series.topic}, row {int(back[0])}: time goes back, to {t[back[0]]:.6g} s behind "
+                f"{np.nanmax(t[: back[0]]):.6g} s ({len(back)} such rows); sort the table by its time, or --salvage "
+                "leaves such rows out and counts them"
+            )
+        out[GOES_BACK] = back
     fast = _too_fast(series, mapping, out)
     if len(fast):
         if not salvage:
@@ -56,6 +67,19 @@ def find_bad_rows(
             )
         out[TOO_FAST] = fast
     return out
+
+
+def _going_back(series: Series, mapping: ImportMapping) -> IntArray:
+    """Rows of a table whose time lies behind that of an earlier row: nothing sent them late, as messages are.
+
+    A clock that begins anew has cut the table before; a lone stamp that leaps is left to `clock.in_order`.
+    """
+    if mapping.time is None or mapping.time.step is not None:
+        return np.zeros(0, dtype=np.int64)
+    t = _clock(series, mapping)
+    rows = np.flatnonzero(np.isfinite(t))
+    rows = np.delete(rows, clock.jumping(t[rows], mapping.checks.jump))
+    return rows[t[rows] < np.maximum.accumulate(t[rows])] if len(rows) else rows
 
 
 def _too_fast(series: Series, mapping: ImportMapping, known: Mapping[str, IntArray]) -> IntArray:

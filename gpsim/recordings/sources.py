@@ -12,6 +12,7 @@ from typing import Literal
 
 from gpsim.errors import UsageError
 from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.names import check_name, one_line
 from gpsim.recordings.raw import RawLog, Series, Topic
 
 SUFFIXES = (".bag", ".db3", ".mcap", ".csv", ".parquet", ".mat")
@@ -34,8 +35,14 @@ class FolderLog:
         return sum(self._lost.values(), Counter())
 
     def topics(self) -> Sequence[Topic]:
-        """One topic a file."""
-        return [replace(self._only(name, self.opener(path)), name=name) for name, path in self.files.items()]
+        """One topic a file; a file that cannot be read is at fault by itself."""
+        return [self._topic(name, path) for name, path in self.files.items()]
+
+    def _topic(self, name: str, path: Path) -> Topic:
+        try:
+            return replace(self._only(name, self.opener(path)), name=name)
+        except UsageError as error:
+            return Topic(name, "table", 0, (), None, None, has_header=False, fault=str(error))
 
     def series(self, wanted: Mapping[str, Sequence[str]]) -> Mapping[str, Series]:
         """Read the wanted files only."""
@@ -65,13 +72,21 @@ def find_logs(
     """
     found: list[NamedLog] = []
     for path in paths:
-        if not path.exists():
+        check_name(path.name or ".", f"{one_line(path.parent)}")
+        if not _exists(path):
             raise UsageError(f"{path}: does not exist")
         found += _folders(path, pattern, opener) if layout == "folder" else _files(path, pattern, opener)
     names = [log.name for log in found]
     if len(set(names)) != len(names):  # the same file name from two paths
         found = [NamedLog(f"{number + 1}: {log.name}", log.log) for number, log in enumerate(found)]
     return found
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def _files(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
@@ -125,6 +140,8 @@ def _walk(folder: Path) -> Iterator[Path]:
         if seen > MOST:
             raise UsageError(f"{folder}: more than {MOST} files below; name a folder of logs")
         for child in children:
+            if _is_log(child):
+                check_name(child.name, f"{one_line(here)}")
             if child.is_dir() and not is_bag_folder(child):
                 if not child.is_symlink():
                     waiting.append(child)

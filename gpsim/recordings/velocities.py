@@ -9,8 +9,10 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import savgol_coeffs
 
 from gpsim.channels import FloatArray
+from gpsim.errors import UsageError
 from gpsim.recordings.mapping import Smoothing
 
+MOST_SAMPLES = 20_000_000  # of one piece or one log: 1 kHz for five hours
 TRUNCATE = 4.0  # the Gaussian kernel ends at this many sigma
 
 
@@ -24,7 +26,13 @@ def reach(smoothing: Smoothing, derivative: bool) -> int:
 
 def even_grid(t: FloatArray) -> FloatArray:
     """Times (M,) from t[0] to t[-1] [s] in equal steps, as near as can be to the median interval of t."""
-    steps = max(1, round((t[-1] - t[0]) / float(np.median(np.diff(t)))))
+    usual = float(np.median(np.diff(t)))
+    if (t[-1] - t[0]) / usual > MOST_SAMPLES:
+        raise UsageError(
+            f"{t[-1] - t[0]:.6g} s without a gap at a usual step of {usual:.3g} s are more than {MOST_SAMPLES:.0e} "
+            "samples, too many to differentiate; a smaller gap_limit cuts them"
+        )
+    steps = max(1, round((t[-1] - t[0]) / usual))
     return np.linspace(t[0], t[-1], steps + 1)
 
 

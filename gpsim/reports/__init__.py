@@ -4,7 +4,6 @@ __all__ = [
     "canvas",
     "diagnosis_page",
     "diagnosis_text",
-    "effect_text",
     "import_figure",
     "loop_report",
     "page",

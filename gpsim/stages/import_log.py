@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-import yaml
-from omegaconf import OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
 from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest
+from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
     FolderLog,
     ImportReport,
     Inspection,
     NamedLog,
+    Opener,
     RawLog,
     Recording,
     as_text,
     bare_mapping,
+    changes_of_words,
     find_bad_rows,
     find_logs,
+    finds_all,
     import_logs,
     inspect_log,
+    merged,
+    one_line,
     open_log,
     parse_mapping,
+    parse_yaml,
+    read_yaml,
     write_recording,
 )
 from gpsim.reports.import_figure import draw_channels
@@ -38,6 +41,14 @@ from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
 
 STAGE_NAME = "import"
+NO_COMMANDS = (
+    "no commands: its action is empty, so the recording will not say what was asked of the system, and most "
+    "simulators need that; name the commands under action"
+)
+
+
+def quiet(line: str) -> None:
+    """Say nothing."""
 
 
 @dataclass(frozen=True)
@@ -55,15 +66,17 @@ def import_log(
     mapping: str | None = None,
     words: Sequence[str] = (),
     salvage: bool = False,
+    say: Callable[[str], None] = quiet,
 ) -> Imported:
     """Import `sources` into the new folder `out`, which is written whole or not at all.
 
     mapping: a name from conf/mapping or a YAML file; None for tables whose columns are the channels' names.
-    words: key=value changes of the mapping. salvage: go on past damage and count it.
+    words: key=value changes of the mapping. salvage: go on past damage and count it. say: is given what the person
+    should know before the logs are read, a line each.
     """
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
-    recording, report, raw = read_logs(sources, mapping, words, salvage)
+    recording, report, raw = read_logs(sources, mapping, words, salvage, say)
     config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources, mapping, words)}
 
     def write(folder: Path) -> Json:
@@ -94,11 +107,15 @@ def salvages(section: Mapping[str, Any]) -> bool:
 
 
 def read_logs(
-    sources: Sequence[Path], mapping: str | None = None, words: Sequence[str] = (), salvage: bool = False
+    sources: Sequence[Path],
+    mapping: str | None = None,
+    words: Sequence[str] = (),
+    salvage: bool = False,
+    say: Callable[[str], None] = quiet,
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
     """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too."""
     opener = partial(open_log, salvage=salvage)
-    changes = _changes(words)
+    changes = changes_of_words(words)
     if mapping is None:
         first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
         systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
@@ -107,6 +124,8 @@ def read_logs(
     else:
         raw, where = resolved_mapping(mapping, words), f"mapping {mapping}"
     plan = parse_mapping(raw, where)
+    if not plan.action:
+        say(f"{where}: {NO_COMMANDS}")
     logs = find_logs(sources, plan.layout, plan.files, opener)
     recording, report = import_logs(logs, plan, partial(find_bad_rows, salvage=salvage))
     return recording, report, raw
@@ -121,9 +140,40 @@ def write_import(recording: Recording, report: ImportReport, folder: Path) -> No
 
 
 def inspect_source(source: Path, salvage: bool = False) -> Inspection:
-    """What a log holds and the mapping it suggests; of a folder of logs, the first."""
-    logs: list[NamedLog] = find_logs([source], "files", "*", partial(open_log, salvage=salvage))
-    return inspect_log(logs[0], len(logs))
+    """What a log holds and the mapping it suggests; of a folder of logs, the first, which alone is opened."""
+    opener = partial(open_log, salvage=salvage)
+    paths: list[Path] = []
+    found = find_logs([source], "files", "*", _remembering(paths))
+    first = NamedLog(found[0].name, opener(paths[0]))
+    ready = tuple(name for name in mapping_names() if _serves(name, source, first, opener))
+    return inspect_log(first, len(found), ready)
+
+
+def _serves(name: str, source: Path, first: NamedLog, opener: Opener) -> bool:
+    """Whether a mapping that comes with gpsim finds all it wants."""
+    plan = parse_mapping(read_mapping(name), f"mapping {name}")
+    if plan.layout == "files":
+        return finds_all(plan, first.log.topics())
+    try:
+        return source.is_dir() and finds_all(
+            plan, find_logs([source], "folder", plan.files, opener)[0].log.topics()
+        )
+    except UsageError:  # no tables of these names
+        return False
+
+
+def write_mapping(text: str, path: Path) -> None:
+    """Write a proposed mapping into a new file; one that is there is left alone."""
+    with disk_errors(path, "--write-mapping"):
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError as error:
+            raise UsageError(
+                f"--write-mapping {path}: exists already; nothing is overwritten, choose another name"
+            ) from error
+        except FileNotFoundError as error:
+            raise UsageError(f"--write-mapping {path}: there is no such folder to write it in") from error
 
 
 def mapping_names() -> list[str]:
@@ -134,62 +184,40 @@ def mapping_names() -> list[str]:
 def read_mapping(name_or_file: str) -> dict[str, Any]:
     """A mapping as it is written: a file, or the name of one that comes with gpsim."""
     path = Path(name_or_file)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        if not path.is_file():
+    if path.suffix in (".yaml", ".yml") or _is_file(path):
+        if not _is_file(path):
             raise UsageError(
-                f"--mapping {path}: no such file; mappings by name are: {', '.join(mapping_names())}"
+                f"--mapping {one_line(path)}: no such file; mappings by name are: {', '.join(mapping_names())}"
             )
-        text, where = _text_of(path), str(path)
+        where = str(path)
+        raw = read_yaml(path, f"--mapping {where}")
     else:
         if name_or_file not in mapping_names():
             known = ", ".join(mapping_names())
-            raise UsageError(f"--mapping {name_or_file}: neither a file nor one of: {known}")
+            raise UsageError(f"--mapping {one_line(name_or_file)}: neither a file nor one of: {known}")
         text = files("gpsim.conf").joinpath("mapping", f"{name_or_file}.yaml").read_text(encoding="utf-8")
-        where = name_or_file
-    try:
-        raw = yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        raise UsageError(
-            f"--mapping {where}: not readable as YAML: {' '.join(str(error).split())[:200]}"
-        ) from error
+        raw, where = parse_yaml(text), name_or_file
     if not isinstance(raw, dict):
         raise UsageError(f"--mapping {where}: expected keys and values (system, state, action, rate)")
     return raw
 
 
-def _text_of(path: Path) -> str:
+def _is_file(path: Path) -> bool:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"--mapping {path}: cannot be read: {error}") from error
-
-
-def _changes(words: Sequence[str]) -> dict[str, Any]:
-    for word in words:
-        if "=" not in word or word.startswith("="):
-            raise UsageError(f"'{word}' is neither a source nor a setting: write key=value, as rate=50")
-    try:
-        made = OmegaConf.to_container(OmegaConf.from_dotlist(list(words)))
-    except (OmegaConfBaseException, yaml.YAMLError, ValueError) as error:
-        raise UsageError(f"settings {' '.join(words)}: {' '.join(str(error).split())[:200]}") from error
-    assert isinstance(made, dict)
-    return {str(key): value for key, value in made.items()}
+        return path.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     if "rate" in changes or "dt" in changes:  # two ways to say one thing: the last word counts
         raw = {key: value for key, value in raw.items() if key not in ("rate", "dt")}
-    try:
-        merged = OmegaConf.to_container(OmegaConf.merge(dict(raw), dict(changes)), resolve=True)
-    except OmegaConfBaseException as error:
-        raise UsageError(f"settings: {' '.join(str(error).split())[:200]}") from error
-    assert isinstance(merged, dict)
-    return {str(key): value for key, value in merged.items()}
+    return merged(raw, changes)
 
 
 def resolved_mapping(name_or_file: str, words: Sequence[str]) -> dict[str, Any]:
     """A mapping with the changes that `words` (key=value) make to it."""
-    return _merged(read_mapping(name_or_file), _changes(words))
+    return _merged(read_mapping(name_or_file), changes_of_words(words))
 
 
 def source_digests(
@@ -200,7 +228,7 @@ def source_digests(
     The same bytes give the same artifact, whatever else lies beside them in a folder.
     """
     layout: Literal["files", "folder"] = "files"
-    pattern = str(_changes(words).get("files", "*"))
+    pattern = str(changes_of_words(words).get("files", "*"))
     if mapping is not None:
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files
@@ -224,15 +252,20 @@ def _files_read(source: Path, layout: Literal["files", "folder"], pattern: str) 
 
 def _files_of_logs(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
     logs: list[Path] = []
-
-    def remember(path: Path) -> RawLog:
-        logs.append(path)
-        return FolderLog({}, remember)
-
-    for found in find_logs([source], layout, pattern, remember):
+    for found in find_logs([source], layout, pattern, _remembering(logs)):
         if isinstance(found.log, FolderLog):
             logs += found.log.files.values()
     return [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
+
+
+def _remembering(paths: list[Path]) -> Opener:
+    """An opener that opens nothing and notes what it was asked for."""
+
+    def remember(path: Path) -> RawLog:
+        paths.append(path)
+        return FolderLog({}, remember)
+
+    return remember
 
 
 def _storage_of(bag: Path) -> list[Path]:

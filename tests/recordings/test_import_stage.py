@@ -102,7 +102,7 @@ def test_an_episode_column_and_several_files_make_episodes(tmp_path):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "no --mapping; give one, or system=NAME"),
+        ([], "no --mapping; `gpsim import --inspect` .*my_system.py:ClassName.*or say system=NAME"),
         (["system=cartpol"], "no simulator 'cartpol'; there are: cartpole"),
         (["system=cartpole", "rat=3"], "unknown key 'rat'; did you mean rate"),
         (["system=cartpole", "velocities.methd=savgol"], "unknown key 'methd'; did you mean method"),

@@ -73,6 +73,36 @@ def changed(path, value):
         (["gap_limit"], "3", "expected a finite number"),
         (["parameters"], {"wheelbase": float("nan")}, "finite number"),
         (["state"], ["x"], "expected channel names"),
+        (["rate"], "1e-400", "rate must be positive"),
+        (["rate"], float("nan"), "expected a finite number"),
+        (["rate"], 10**400, "expected a finite number"),
+        (["hold_limit"], -1.0, r"hold_limit must be positive \[s\], got -1"),
+        (["gap_limit"], 1e30, r"gap_limit: must lie between 0 and 1e\+09 \[s\]"),
+        (["clock"], {"apply_offset": 1e300}, r"apply_offset: must lie between -1e\+10 and 1e\+10 \[s\]"),
+        (["clock"], {"offsets": {"/cmd": -1e300}}, r"offsets\./cmd: must lie between"),
+        (["time"], {"field": "t", "scale": 0}, "time.scale must be positive"),
+        (["time"], {"field": "t", "scale": -1e-3}, "time.scale must be positive"),
+        (["time"], {"step": 1e300}, "time.step: must lie between"),
+        (["velocities"], {"sigma": 1e12}, r"sigma: must lie between 0 and 10001 \[samples\]"),
+        (["velocities"], {"method": "savgol", "window": 1e9 + 1}, "window: must lie between"),
+        (["velocities"], {"method": "savgol", "window": 9.5}, "window: expected a whole number, got 9.5"),
+        (["episodes"], {"min_duration": -1}, "min_duration: must lie between 0"),
+        (["held_out"], {"episodes_from": 2.7}, "episodes_from: expected a whole number"),
+        (["held_out"], {"episodes_from": -1}, "episodes_from: must lie between 0"),
+        (["checks"], {"jump": 0}, "jump must be positive"),
+        (["checks"], {"max_rate": {"x": -1}}, "max_rate.x must be positive"),
+        (["noise"], {"x": -0.1}, "noise.x: must lie between 0"),
+        (["state", "x", "scale"], 1e200, r"state\.x\.scale: must lie between"),
+        (["state", "x", "unit"], None, r"state\.x: unit missing"),
+        (["system"], None, "system missing"),
+        (["system"], "?", r"still '\?' at system; fill in"),
+        (["state", "x", "unit"], "?", r"still '\?' at state\.x\.unit; fill in"),
+        (["time"], {"field": "?"}, r"still '\?' at time\.field"),
+        (["action"], {"t": {"field": "a", "unit": "N"}}, "action: no channel can be called 't'"),
+        (["action"], {"episode": {"field": "a", "unit": "N"}}, "no channel can be called 'episode'"),
+        (["action"], {"a\nb": {"field": "a", "unit": "N"}}, r"name 'a b' holds a line break .*\('\\n'\)"),
+        (["action"], {" ": {"field": "a", "unit": "N"}}, "is empty"),
+        (["action"], {"a" * 201: {"field": "a", "unit": "N"}}, "has 201 characters; the limit is 200"),
     ],
 )
 def test_wrong_mappings_end_in_one_line_with_the_alternatives(path, value, text):
@@ -89,9 +119,9 @@ def test_a_rate_cannot_be_limited_where_no_row_holds_the_channel():
 
 @pytest.mark.parametrize("text", ["1e-3", "2E-4", "+5e+2", "-.5e1"])
 def test_numbers_that_yaml_takes_for_text_are_numbers(text):
-    raw = yaml.safe_load(f"noise: {{x: {text}}}")
-    assert isinstance(raw["noise"]["x"], str)
-    assert parse_mapping({**UNICYCLE, **raw}).noise["x"] == float(text)
+    raw = yaml.safe_load(f"parameters: {{x: {text}}}")
+    assert isinstance(raw["parameters"]["x"], str)
+    assert parse_mapping({**UNICYCLE, **raw}).parameters["x"] == float(text)
 
 
 def test_a_mapping_that_is_no_mapping_is_refused():

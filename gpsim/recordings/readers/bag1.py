@@ -7,7 +7,7 @@ open a bag whose index is damaged; this walk holds one chunk, checks lengths aga
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gpsim.recordings.readers.bag1_chunk import messages_in
@@ -39,6 +39,7 @@ class Bag1:
     path: Path
     where: str = "byte 0"
     distro: str | None = None
+    _held: dict[int, frozenset[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
@@ -50,12 +51,18 @@ class Bag1:
             if source.read(0, min(len(MAGIC), self.size)) != MAGIC:
                 raise wrong_kind(self.path, "a ROS 1 bag", "it does not begin with #ROSBAG V2.0")
             try:
-                return read_index(source, len(MAGIC))
+                indexed = read_index(source, len(MAGIC))
+                self._held = indexed.chunks
+                streams = indexed.result()
+                faults = [stream.fault for stream in streams if stream.fault]
+                if not (faults and ledger.salvage):
+                    return streams
+                ledger.lost(faults[0], "index")  # the chunks hold the same descriptions once more
             except DamageError as error:
                 ledger.lost(error.reason, "index")
         quiet = ledger.silent()
         found = Catalogue()
-        for chunk in self._chunks(quiet, found.add):
+        for chunk, _ in self._chunks(quiet, found.add, None):
             for connection, stamp, _, _ in messages_in(chunk, quiet, self.where, found.add):
                 found.tally(connection).add(1, stamp, stamp)
         return found.result()
@@ -63,23 +70,32 @@ class Bag1:
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted connections in file order."""
         chosen = frozenset(wanted)
-        for chunk in self._chunks(ledger, None):
-            for connection, stamp, start, end in messages_in(chunk, ledger, self.where, None):
+        for chunk, own in self._chunks(ledger, None, chosen):
+            for connection, stamp, start, end in messages_in(chunk, own, self.where, None):
                 if connection in chosen:
                     yield connection, stamp, chunk[start:end]
 
-    def _chunks(self, ledger: Ledger, on_connection: OnConnection) -> Iterator[bytes]:
-        """Every chunk in file order, decompressed."""
+    def _chunks(
+        self, ledger: Ledger, on_connection: OnConnection, wanted: frozenset[int] | None
+    ) -> Iterator[tuple[bytes, Ledger]]:
+        """Every chunk in file order, decompressed, with the ledger that its damage belongs in.
+
+        Damage of a chunk that holds nothing wanted, as the index says, is nobody's loss.
+        """
+        quiet = ledger.silent()
         with self.path.open("rb") as file:
             source = Source(file, self.size)
             position: int | None = len(MAGIC)
             while position is not None and position < self.size and not ledger.exhausted:
                 self.where = f"byte {position}"
+                held = self._held.get(position)
+                own = quiet if wanted is not None and held is not None and not held & wanted else ledger
                 try:
                     record = read_record(source, position)
                     if record.op == CHUNK:
-                        chunk, position = self._chunk(source, record, ledger)
-                        yield chunk
+                        chunk, position = self._chunk(source, record, own)
+                        ledger.expanded(len(chunk), self.size)
+                        yield chunk, own
                         continue
                     if record.op == CONNECTION and on_connection is not None:
                         on_connection(stream_of(source, record))
@@ -89,7 +105,7 @@ class Bag1:
                         )
                     position = record.end
                 except DamageError as error:
-                    ledger.lost(error.reason, self.where)
+                    own.lost(error.reason, self.where)
                     position = next_record(source, position + 1, CHUNK)
 
     def _chunk(self, source: Source, record: Record, ledger: Ledger) -> tuple[bytes, int]:
@@ -105,7 +121,6 @@ class Bag1:
         if end - record.data > MAX_CHUNK:
             raise DamageError(f"a chunk declares {record.size} bytes; the limit is {MAX_CHUNK}")
         data, reason = expand(source.read(record.data, end - record.data), method, size)
-        ledger.expanded(len(data), self.size)
         if reason is not None:
             ledger.lost(reason, self.where)
         return data, end

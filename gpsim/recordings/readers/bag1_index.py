@@ -19,7 +19,6 @@ from gpsim.recordings.readers.bag1_records import (
     time,
 )
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import DamageError
 from gpsim.recordings.readers.source import Source
 
@@ -27,7 +26,7 @@ _PAIR = struct.Struct("<II")
 _TIMES = np.dtype([("seconds", "<u4"), ("nanoseconds", "<u4"), ("offset", "<u4")])
 
 
-def read_index(source: Source, start: int) -> list[Stream]:
+def read_index(source: Source, start: int) -> Catalogue:
     """Streams with counts and time ranges; `start` is the bag header's offset. DamageError where it is not sound."""
     head = read_record(source, start)
     if head.op != BAG_HEADER:
@@ -53,7 +52,7 @@ def read_index(source: Source, start: int) -> list[Stream]:
     unknown = sorted(set(found.tallies) - set(found.streams))
     if unknown:
         raise DamageError(f"the index counts messages of connection {unknown[0]}, which it does not list")
-    return found.result()
+    return found
 
 
 def _expect(source: Source, position: int, op: int) -> Record:
@@ -75,6 +74,7 @@ def _read_chunk_info(source: Source, record: Record, found: Catalogue) -> None:
         counts[connection] = counts.get(connection, 0) + messages
     ranges = _message_times(source, number(record.fields, b"chunk_pos", 8), count)
     whole = (time(record.fields, b"start_time"), time(record.fields, b"end_time")) if count else (0, 0)
+    found.chunks[number(record.fields, b"chunk_pos", 8)] = frozenset(counts)
     for connection, messages in counts.items():
         if messages:
             found.tally(connection).add(messages, *ranges.get(connection, whole))

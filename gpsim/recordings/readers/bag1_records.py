@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from gpsim.recordings.readers.container import Stream
+from gpsim.recordings.readers.container import Stream, topic_name
 from gpsim.recordings.readers.damage import MAX_HEADER, MAX_MESSAGE, DamageError, one_line
 from gpsim.recordings.readers.source import Source
 
@@ -124,17 +124,24 @@ def read_data(source: Source, record: Record) -> bytes:
 
 
 def stream_of(source: Source, record: Record) -> Stream:
-    """The stream a connection record describes; its type in ROS 2 spelling."""
+    """The stream a connection record describes; its type in ROS 2 spelling. What is wrong with it is its own fault."""
+    identity = number(record.fields, b"conn")
+    topic, fault = topic_name(record.fields.get(b"topic", b""))
+    try:
+        stream = _described(source, record, identity, topic)
+    except DamageError as error:
+        return Stream(identity, topic, "unknown", "", "none", "ros1", fault=fault or error.reason)
+    return replace(stream, fault=fault)
+
+
+def _described(source: Source, record: Record, identity: int, topic: str) -> Stream:
     details = parse_fields(read_data(source, record))
-    topic = text(record.fields, b"topic")
-    if not topic or not topic.isprintable():
-        raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
     package, slash, name = text(details, b"type").partition("/")
     if not slash:
         raise DamageError(f"{one_line(package, 60)!r} is not a message type")
     kind = f"{package}/{name}" if name.startswith(("msg/", "action/")) else f"{package}/msg/{name}"
     return Stream(
-        id=number(record.fields, b"conn"),
+        id=identity,
         topic=topic,
         type=kind,
         definition=text(details, b"message_definition"),

@@ -24,18 +24,21 @@ class Tally:
 
 @dataclass
 class Catalogue:
-    """Streams by id and what is known of their messages."""
+    """Streams by id and what is known of their messages; chunks: the streams in the chunk that begins at a byte."""
 
     streams: dict[int, Stream] = field(default_factory=dict)
     tallies: dict[int, Tally] = field(default_factory=dict)
+    chunks: dict[int, frozenset[int]] = field(default_factory=dict)
 
     def tally(self, stream: int) -> Tally:
         """The tally of a stream, made when first asked for."""
         return self.tallies.setdefault(stream, Tally())
 
     def add(self, stream: Stream) -> None:
-        """Note a stream; the first description of it stays."""
-        self.streams.setdefault(stream.id, stream)
+        """Note a stream; the first description of it that can be used stays."""
+        known = self.streams.get(stream.id)
+        if known is None or (known.fault and not stream.fault):
+            self.streams[stream.id] = stream
 
     def result(self) -> list[Stream]:
         """The streams with their counts and times."""

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from gpsim.recordings.names import fault_of, one_line
 from gpsim.recordings.readers.damage import Ledger
 
 DefinitionFormat = Literal["msg", "idl", "none"]
@@ -19,6 +20,7 @@ class Stream:
 
     count: messages the index announces, None without an index; start, end: first and last receive time [ns];
     type: in ROS 2 spelling, as geometry_msgs/msg/PoseStamped; digest: md5 of the definition (ROS 1), else "".
+    fault: why it cannot be read, known before any message is looked at; it concerns nobody who wants other topics.
     """
 
     id: int
@@ -31,6 +33,17 @@ class Stream:
     count: int | None = None
     start: int | None = None
     end: int | None = None
+    fault: str = ""
+
+
+def topic_name(raw: bytes | str) -> tuple[str, str]:
+    """(a topic's name, why it is none): a name that cannot be shown in a line stands between quotes, with a fault."""
+    try:
+        name = raw.decode() if isinstance(raw, bytes) else raw
+    except UnicodeDecodeError:
+        return f"'{one_line(raw, 60)}'", "its name is no text"
+    fault = fault_of(name)
+    return (name, "") if not fault else (f"'{one_line(name, 60)}'", f"its name {fault}")
 
 
 class Container(Protocol):

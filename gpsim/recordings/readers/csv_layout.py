@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from gpsim.recordings.names import cells_of
 from gpsim.recordings.readers.damage import DamageError, one_line
 
 HEAD = 1 << 18
@@ -106,8 +107,9 @@ def _leading_comments(lines: list[str]) -> int:
 
 def cells(line: str, separator: str) -> list[str]:
     """A line's cells without quotes."""
-    parts = line.split() if separator == r"\s+" else line.strip("\r\n").split(separator)
-    return [part.strip().strip('"').strip() for part in parts]
+    if separator == r"\s+":
+        return [part.strip('"').strip() for part in line.split()]
+    return cells_of(line.strip("\r\n"), separator)
 
 
 def is_number(cell: str) -> bool:
@@ -145,21 +147,14 @@ def _header(comments: list[str], body: list[str], separator: str) -> tuple[tuple
     """(column names, how many lines of the body the header takes)."""
     first = cells(body[0], separator)
     if any(cell and not is_number(cell) for cell in first):
-        return _distinct(first), 1
+        return _named(first), 1
     for line in reversed(comments):
         names = cells(line.strip().lstrip("#%"), separator)
         if len(names) == len(first) and all(name and not is_number(name) for name in names):
-            return _distinct(names), 0
+            return _named(names), 0
     return tuple(f"column_{i}" for i in range(len(first))), 0
 
 
-def _distinct(names: list[str]) -> tuple[str, ...]:
-    """Names that differ: empty ones numbered, repeated ones with a suffix."""
-    made: dict[str, None] = {}
-    for index, name in enumerate(names):
-        base = one_line(name, 200) or f"column_{index}"
-        unique, copy = base, 1
-        while unique in made:
-            unique, copy = f"{base}.{copy}", copy + 1
-        made[unique] = None
-    return tuple(made)
+def _named(names: list[str]) -> tuple[str, ...]:
+    """The header's names; empty ones (an index that was written along) are numbered."""
+    return tuple(name or f"column_{index}" for index, name in enumerate(names))

@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 
 from gpsim.errors import UsageError
+from gpsim.recordings.names import one_line as one_line  # the readers' messages are made here
 
 # Largest piece of a file that is ever held in memory at once [bytes]: a chunk after decompression, a message, a
 # definition. Recorders write chunks of about 1 MB; a file that declares more than this is damaged or hostile.
@@ -102,13 +103,6 @@ def wrong_kind(path: Path, kind: str, why: str) -> UsageError:
     return UsageError(
         f"{path}: byte 0: not {kind} ({why}); name the file by its kind, or export the log again"
     )
-
-
-def one_line(text: object, limit: int = 200) -> str:
-    """Text that is safe inside a one-line message: printable, no line breaks, at most `limit` characters."""
-    flat = " ".join(str(text).split())
-    flat = "".join(c if c.isprintable() else "?" for c in flat)
-    return flat if len(flat) <= limit else f"{flat[:limit]}..."
 
 
 def regular_file(path: Path) -> int:

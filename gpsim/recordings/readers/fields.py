@@ -31,6 +31,7 @@ _NUMBERS = frozenset(
     + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 )  # fmt: skip
 _SEGMENT = re.compile(r"(?P<index>\d{1,9})|(?P<name>[A-Za-z_]\w*)(\[(?P<where>[^\]]*)\])?", re.ASCII)
+_SELECTABLE = re.compile(r"[^\],\s]([^\],]*[^\],\s])?|")  # what a selection in brackets can ask for
 _SELECTOR_KEYS = ("child_frame_id", "name", "joint_name", "id")
 
 
@@ -168,11 +169,14 @@ def numeric_fields(types: Types, root: str, samples: list[Any]) -> tuple[str, ..
     Arrays of more than 64 numbers (images, scans) are left out; their elements can be asked for all the same.
     """
     found: dict[str, None] = {}
-    _list_fields(types, (Nodetype.NAME, root), "", samples, found)
+    _list_fields(types, (Nodetype.NAME, root), "", samples, found, True)
     return tuple(found)[:MAX_FIELDS]
 
 
-def _list_fields(types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None]) -> None:
+def _list_fields(
+    types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None], selects: bool
+) -> None:
+    """selects: no element was chosen on the way here, so one can be asked for by a selection in brackets."""
     kind, detail = here
     if len(found) >= MAX_FIELDS:
         return
@@ -184,25 +188,28 @@ def _list_fields(types: Types, here: Any, prefix: str, samples: list[Any], found
             if name == "structure_needs_at_least_one_member":
                 continue
             below = [getattr(sample, normalize_fieldname(name)) for sample in samples]
-            _list_fields(types, description, f"{prefix}.{name}" if prefix else name, below, found)
+            _list_fields(types, description, f"{prefix}.{name}" if prefix else name, below, found, selects)
     else:
-        _list_array(types, here, prefix, samples, found)
+        _list_array(types, here, prefix, samples, found, selects)
 
 
-def _list_array(types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None]) -> None:
+def _list_array(
+    types: Types, here: Any, prefix: str, samples: list[Any], found: dict[str, None], selects: bool
+) -> None:
     kind, (inner, length) = here
     if kind == Nodetype.SEQUENCE:
         length = max((len(sample) for sample in samples), default=0)
-    key = _selector_key(types, inner) if kind == Nodetype.SEQUENCE else None
-    if key is not None:
-        elements = [element for sample in samples for element in sample]
-        for value in sorted({str(getattr(element, key)) for element in elements})[:MAX_LISTED]:
+    key = _selector_key(types, inner) if kind == Nodetype.SEQUENCE and selects else None
+    elements = [element for sample in samples for element in sample] if key is not None else []
+    values = sorted({str(getattr(element, key)) for element in elements}) if key is not None else []
+    if key is not None and all(_SELECTABLE.fullmatch(value) and value.isprintable() for value in values):
+        for value in values[:MAX_LISTED]:
             chosen = [element for element in elements if str(getattr(element, key)) == value]
-            _list_fields(types, inner, f"{prefix}[{key}={value}]", chosen, found)
+            _list_fields(types, inner, f"{prefix}[{key}={value}]", chosen, found, False)
     elif length <= MAX_LISTED:
         for index in range(length):
             below = [sample[index] for sample in samples if len(sample) > index]
-            _list_fields(types, inner, f"{prefix}.{index}", below, found)
+            _list_fields(types, inner, f"{prefix}.{index}", below, found, False)
 
 
 def _selector_key(types: Types, inner: Any) -> str | None:

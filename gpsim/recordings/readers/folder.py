@@ -12,12 +12,11 @@ from pathlib import Path, PurePosixPath
 from tempfile import mkdtemp
 from typing import Any
 
-import yaml
-
 from gpsim.errors import UsageError
-from gpsim.recordings.readers.container import Container, Message, Stream
+from gpsim.recordings.readers.container import Container, Message, Stream, topic_name
 from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.decompress import expand_file, expand_message
+from gpsim.recordings.yaml_data import YamlError, parse_yaml
 
 METADATA = "metadata.yaml"
 Opener = Callable[[Path], Container]
@@ -140,10 +139,16 @@ class Folder:
             announced[stream.topic] -= stream.count or 0
         for topic, missing in announced.items():
             last = next((i for i in reversed(range(len(found))) if found[i].topic == topic), None)
-            if missing > 0 and last is not None:
-                found[last] = replace(found[last], count=(found[last].count or 0) + missing)
-            elif missing and metadata.counts:
-                ledger.lost(f"{abs(missing)} messages {'too few' if missing > 0 else 'too many'}", topic)
+            if last is not None and missing and metadata.counts:
+                found[last] = replace(found[last], count=max(0, (found[last].count or 0) + missing))
+            elif missing > 0:
+                name, fault = topic_name(topic)
+                fault = (
+                    fault or f"{METADATA} announces {missing} messages, the storage files have no such topic"
+                )
+                found.append(
+                    Stream(-1 - len(found), name, "unknown", "", "none", "", count=missing, fault=fault)
+                )
         return found
 
     def _metadata(self, ledger: Ledger) -> Metadata:
@@ -165,9 +170,9 @@ def _read_metadata(path: Path) -> Metadata:
     if path.stat().st_size > _MAX_METADATA:
         raise DamageError(f"{path.stat().st_size} bytes of metadata")
     try:
-        raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, OSError, ValueError, RecursionError, MemoryError) as error:
-        raise DamageError(f"not readable as YAML: {one_line(error, 120)}") from error
+        raw = parse_yaml(path.read_text(encoding="utf-8"))
+    except (YamlError, OSError, ValueError) as error:
+        raise DamageError(one_line(error, 160)) from error
     info = _mapping(raw, METADATA).get("rosbag2_bagfile_information")
     table = _mapping(info, "rosbag2_bagfile_information")
     version = table.get("version")

@@ -15,6 +15,7 @@ import scipy.io
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
+from gpsim.recordings.names import check_columns
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
 
@@ -42,7 +43,9 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
         # scipy raises MatReadError, ValueError, TypeError, zlib.error, MemoryError ...
         raise refusal(path, "MATLAB file", f"cannot be read: {one_line(error, 120)}") from error
     tables: dict[int, dict[str, FloatArray]] = {}
-    for name, column in _columns(raw):
+    found = _columns(raw)
+    check_columns([name for name, _ in found], str(path))
+    for name, column in found:
         tables.setdefault(len(column), {})[name] = column
     sizes = sorted(tables, key=lambda rows: rows * len(tables[rows]), reverse=True)
     sizes = [rows for rows in sizes if rows > 1] or sizes
@@ -92,7 +95,7 @@ def _columns(raw: Mapping[str, Any], prefix: str = "", depth: int = 0) -> list[t
     """(dotted name, values) of every numeric vector, also inside structs."""
     found: list[tuple[str, FloatArray]] = []
     for key, value in raw.items():
-        name = f"{prefix}{one_line(key, 80)}"
+        name = f"{prefix}{key}"
         if isinstance(value, Mapping) and depth < _MAX_DEPTH:
             found += _columns(value, f"{name}.", depth + 1)
             continue

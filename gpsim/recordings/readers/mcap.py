@@ -62,6 +62,7 @@ class Mcap:
     path: Path
     where: str = "byte 0"
     distro: str | None = None
+    _held: dict[int, frozenset[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.size = regular_file(self.path)
@@ -78,7 +79,12 @@ class Mcap:
                 ledger.lost(error.reason, "summary")
                 summary = None
         if summary is not None:
-            return summary
+            self._held = summary.chunks
+            streams = summary.result()
+            faults = [stream.fault for stream in streams if stream.fault]
+            if not (faults and ledger.salvage):
+                return streams
+            ledger.lost(faults[0], "summary")  # the chunks hold the same descriptions once more
         walk = _Walk()
         for channel, stamp, _ in self._walk(walk, ledger.silent()):
             walk.found.tally(channel).add(1, stamp, stamp)
@@ -87,21 +93,26 @@ class Mcap:
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted channels in file order."""
         chosen = frozenset(wanted)
-        return (message for message in self._walk(_Walk(), ledger) if message[0] in chosen)
+        return (message for message in self._walk(_Walk(), ledger, chosen) if message[0] in chosen)
 
-    def _walk(self, walk: _Walk, ledger: Ledger) -> Iterator[Message]:
+    def _walk(self, walk: _Walk, ledger: Ledger, wanted: frozenset[int] | None = None) -> Iterator[Message]:
+        """Damage of a chunk that holds nothing wanted, as the summary says, is nobody's loss."""
+        quiet = ledger.silent()
         with self.path.open("rb") as file:
             source = Source(file, self.size)
             position: int | None = len(MAGIC)
             while position is not None and position < self.size and not ledger.exhausted:
                 self.where = f"byte {position}"
+                held = self._held.get(position)
+                own = quiet if wanted is not None and held is not None and not held & wanted else ledger
                 try:
                     record = read_record(source, position)
                     if record.op == FOOTER:
                         return
                     if record.op == CHUNK:
-                        chunk, position = self._chunk(source, record, walk, ledger)
-                        yield from self._in_chunk(chunk, walk, ledger)
+                        chunk, position = self._chunk(source, record, walk, own)
+                        ledger.expanded(len(chunk), self.size)
+                        yield from self._in_chunk(chunk, walk, own)
                         continue
                     if record.end > self.size:
                         raise DamageError(
@@ -113,7 +124,7 @@ class Mcap:
                         walk.take(record.op, content(source, record))
                     position = record.end
                 except DamageError as error:
-                    ledger.lost(error.reason, self.where)
+                    own.lost(error.reason, self.where)
                     position = next_record(source, position + 1, walk.found.streams, chunks=True)
 
     def _chunk(self, source: Source, record: Record, walk: _Walk, ledger: Ledger) -> tuple[bytes, int]:
@@ -133,7 +144,6 @@ class Mcap:
         if end - begin > MAX_CHUNK:
             raise DamageError(f"a chunk declares {stored} bytes; the limit is {MAX_CHUNK}")
         data, reason = expand(source.read(begin, end - begin), COMPRESSIONS[method], size)
-        ledger.expanded(len(data), self.size)
         if reason is None and checksum and zlib.crc32(data) != checksum:
             reason = "a chunk's checksum does not match: some of its messages are wrong"
         if reason is not None:

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from gpsim.recordings.readers.container import DefinitionFormat, Stream
+from gpsim.recordings.readers.container import DefinitionFormat, Stream, topic_name
 from gpsim.recordings.readers.damage import MAX_DEFINITION, MAX_MESSAGE, DamageError, one_line
 from gpsim.recordings.readers.source import Source
 
@@ -103,11 +103,20 @@ class Schema:
     name: str
     encoding: str
     definition: str
+    fault: str = ""
 
 
 def schema_of(parts: Content) -> tuple[int, Schema]:
-    """(id, schema)."""
-    identity, name, encoding = parts.u16(), parts.text(), parts.text()
+    """(id, schema); one that cannot be used is at fault by itself."""
+    identity = parts.u16()
+    try:
+        return _schema_of(identity, parts)
+    except DamageError as error:
+        return identity, Schema("unknown", "", "", error.reason)
+
+
+def _schema_of(identity: int, parts: Content) -> tuple[int, Schema]:
+    name, encoding = parts.text(), parts.text()
     if encoding not in _FORMATS:
         return identity, Schema(name, encoding, "")
     if len(parts.data) - parts.position > MAX_DEFINITION:
@@ -116,16 +125,17 @@ def schema_of(parts: Content) -> tuple[int, Schema]:
 
 
 def stream_of(parts: Content, schemas: dict[int, Schema]) -> Stream:
-    """The stream a channel record describes."""
-    identity, schema_id, topic, encoding = parts.u16(), parts.u16(), parts.text(), parts.text()
-    if not topic or not topic.isprintable():
-        raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
+    """The stream a channel record describes; what is wrong with its name or type is its own fault."""
+    identity, schema_id = parts.u16(), parts.u16()
+    topic, fault = topic_name(parts.blob())
+    encoding = parts.text()
     schema = schemas.get(schema_id, Schema("unknown", "", ""))
     name = schema.name
     if schema.encoding == "ros1msg" and "/msg/" not in name:
         name = name.replace("/", "/msg/", 1)
     form = _FORMATS.get(schema.encoding, "none") if schema.definition else "none"
-    return Stream(identity, topic, name, schema.definition, form, encoding)
+    fault = fault or schema.fault
+    return Stream(identity, topic, name, schema.definition, form, encoding, fault=fault)
 
 
 def next_record(source: Source, start: int, channels: Collection[int], *, chunks: bool) -> int | None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError
 from gpsim.recordings.readers.mcap_records import (
     CHANNEL,
@@ -41,7 +40,7 @@ class Summary:
     chunks: int = 0
 
 
-def read_summary(source: Source) -> list[Stream] | None:
+def read_summary(source: Source) -> Catalogue | None:
     """Streams with counts and times; None where a sound file has no summary. DamageError where it is not sound."""
     tail = source.read(max(0, source.size - _FOOTER_SIZE), min(_FOOTER_SIZE, source.size))
     if len(tail) < _FOOTER_SIZE or not tail.endswith(MAGIC):
@@ -68,7 +67,7 @@ def read_summary(source: Source) -> list[Stream] | None:
     return _result(summary)
 
 
-def _result(summary: Summary) -> list[Stream] | None:
+def _result(summary: Summary) -> Catalogue | None:
     found = summary.found
     if summary.counts is not None:
         if not found.streams and any(summary.counts.values()):
@@ -78,7 +77,7 @@ def _result(summary: Summary) -> list[Stream] | None:
             raise DamageError(f"the summary counts messages of channel {unknown[0]}, which it does not list")
         for channel, count in summary.counts.items():
             found.tally(channel).count = count
-    return found.result()
+    return found
 
 
 def _take(source: Source, op: int, parts: Content, summary: Summary) -> None:
@@ -100,13 +99,17 @@ def _take(source: Source, op: int, parts: Content, summary: Summary) -> None:
 
 
 def _take_chunk_index(source: Source, parts: Content, found: Catalogue) -> None:
-    start, end, _, _ = parts.u64(), parts.u64(), parts.u64(), parts.u64()
+    start, end, place, _ = parts.u64(), parts.u64(), parts.u64(), parts.u64()
     offsets = Content(parts.blob())
+    held: set[int] = set()
     while offsets.position < len(offsets.data):
         channel, position = offsets.u16(), offsets.u64()
+        held.add(channel)
         count, first, last = _message_times(source, position, start, end)
         if count:
             found.tally(channel).add(count, first, last)
+    if held:  # a writer may leave the offsets away: then nobody knows what the chunk holds
+        found.chunks[place] = frozenset(held)
 
 
 def _message_times(source: Source, position: int, start: int, end: int) -> tuple[int, int, int]:

@@ -64,12 +64,12 @@ class BagLog:
     def _topic(self, name: str, samples: Mapping[int, list[Any]]) -> Topic:
         streams = [s for s in self._streams if s.topic == name]
         fields: dict[str, None] = {}
-        stamped, unreadable = False, ""
+        stamped, fault = False, ""
         for stream in streams:
             try:
                 known = self._decoder(stream)
             except DamageError as error:
-                unreadable = f" (unreadable: {error.reason})"
+                fault = one_line(error.reason)
                 continue
             fields |= dict.fromkeys(numeric_fields(known.types, known.name, samples.get(stream.id, [])))
             stamped = stamped or stamp_path(known.types, known.name) is not None
@@ -77,12 +77,13 @@ class BagLog:
         ends = [s.end for s in streams if s.end is not None]
         return Topic(
             name=name,
-            type=_types(streams) + unreadable,
+            type=_types(streams),
             count=sum(s.count or 0 for s in streams),
             fields=tuple(fields),
             start=(min(starts) - self.epoch_ns) / 1e9 if starts else None,
             end=(max(ends) - self.epoch_ns) / 1e9 if ends else None,
             has_header=stamped,
+            fault=fault,
         )
 
     def _samples(self) -> dict[int, list[Any]]:
@@ -107,9 +108,10 @@ class BagLog:
                 break
         return found
 
-    def _decoder(self, stream: Stream) -> Decoder:
+    def _decoder(self, stream: Stream, *, wanted: bool = False) -> Decoder:
+        """wanted: its messages are asked for; what is only listed must not cost more than a log is worth."""
         if stream.id not in self._decoders:
-            if self._nodes > MAX_NODES_OF_A_LOG:
+            if self._nodes > MAX_NODES_OF_A_LOG and not wanted:
                 raise DamageError(
                     f"the log's message types have more than {MAX_NODES_OF_A_LOG} fields together"
                 )
@@ -140,7 +142,7 @@ class BagLog:
         readings = {}
         for stream in streams:
             try:
-                known = self._decoder(stream)
+                known = self._decoder(stream, wanted=True)
                 rows = row_maker(known, kept.names, kept.absent)
                 readings[stream.id] = _Reading(stream, known.decode_raw, rows, kept.append)
             except DamageError as error:

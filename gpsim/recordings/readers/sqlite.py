@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import DefinitionFormat, Message, Stream
+from gpsim.recordings.readers.container import DefinitionFormat, Message, Stream, topic_name
 from gpsim.recordings.readers.damage import (
     MAX_MESSAGE,
     DamageError,
@@ -165,11 +165,13 @@ def _stream(row: tuple[object, ...], known: dict[str, tuple[str, DefinitionForma
     identity, name, kind, encoding = row
     if not isinstance(identity, int) or not 0 <= identity < 2**31:
         raise DamageError(f"a topic's number is {one_line(identity, 40)!r}")
-    topic, spelled = _text(name), _text(kind)
-    if not topic or not topic.isprintable():
-        raise DamageError(f"topic {one_line(topic, 60)!r} is not a name")
+    topic, fault = topic_name(name if isinstance(name, bytes) else b"")
+    try:
+        spelled, encoded = _text(kind), _text(encoding)
+    except DamageError as error:
+        return Stream(identity, topic, "unknown", "", "none", "", fault=fault or error.reason)
     definition, form = known.get(spelled, ("", "none"))
-    return Stream(identity, topic, spelled, definition, form, _text(encoding))
+    return Stream(identity, topic, spelled, definition, form, encoded, fault=fault)
 
 
 def _definitions(base: sqlite3.Connection, ledger: Ledger) -> dict[str, tuple[str, DefinitionFormat]]:
@@ -182,10 +184,13 @@ def _definitions(base: sqlite3.Connection, ledger: Ledger) -> dict[str, tuple[st
         for row in base.execute(
             "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
         ):
-            kind, form, definition = (_text(value) for value in row)
+            try:
+                kind, form, definition = (_text(value) for value in row)
+            except DamageError:  # concerns the topics of this type only: they have no definition
+                continue
             if form in _FORMATS and definition:
                 known[kind] = (definition, _FORMATS[form])
-    except (sqlite3.Error, DamageError) as error:
+    except sqlite3.Error as error:
         ledger.lost(f"definitions cannot be read: {one_line(error)}", "table message_definitions")
     return known
 

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gpsim.channels import BoolArray, FloatArray
+from gpsim.recordings.names import check_columns
 from gpsim.recordings.readers.csv_layout import Layout, cells, is_number, read_layout
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
@@ -30,6 +31,7 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
     regular_file(path)
     try:
         layout = read_layout(path)
+        check_columns(layout.names, str(path))
         columns, texts = _kinds_of_columns(path, layout)
     except (DamageError, OSError) as error:
         raise refusal(path, "table", one_line(error)) from error
@@ -177,12 +179,14 @@ def open_parquet(path: Path, salvage: bool) -> TableLog:
             groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
             if any(group.total_byte_size > _MAX_GROUP for group in groups):
                 raise DamageError(f"a row group declares more than {_MAX_GROUP} bytes")
+            names = file.schema_arrow.names
             columns = tuple(f.name for f in file.schema_arrow if _is_numeric(f.type))
             texts = tuple(f.name for f in file.schema_arrow if _is_text(f.type))
             rows = file.metadata.num_rows
     except Exception as error:
         # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
         raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
+    check_columns(names, str(path))
     table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path, texts), texts)
     return TableLog(path, [table], salvage=salvage)
 

@@ -30,6 +30,9 @@ CUSTOM = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
     "ackermann_msgs/msg/AckermannDrive": ACKERMANN,
     "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n",
+    "dynamic_reconfigure/msg/ParamDescription": "string name\nstring type\nuint32 level\n",
+    "dynamic_reconfigure/msg/Group": "string name\ndynamic_reconfigure/ParamDescription[] parameters\nint32 id\n",
+    "dynamic_reconfigure/msg/ConfigDescription": "dynamic_reconfigure/Group[] groups\n",
     "limo_msgs/msg/Status": "std_msgs/Header header\nuint8 vehicle_state\nfloat64 battery_voltage\nint16[4] wheel_ticks\n"
     "bool[] flags\nbool from\n",
 }

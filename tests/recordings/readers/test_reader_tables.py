@@ -57,10 +57,10 @@ def test_without_a_header_columns_are_numbered(tmp_path: Path) -> None:
 
 
 def test_words_are_no_columns_flags_and_gaps_are(tmp_path: Path) -> None:
-    path = table(tmp_path / "a.csv", "t,mode,on,gap,,t\n0,idle,True,1,,9\n1,run,False,,,8\n")
+    path = table(tmp_path / "a.csv", "t,mode,on,gap,,u\n0,idle,True,1,,9\n1,run,False,,,8\n")
     log = open_log(path)
     [topic] = log.topics()
-    assert topic.fields == ("t", "on", "gap", "t.1")
+    assert topic.fields == ("t", "on", "gap", "u")
     series = log.series({"a": topic.fields})["a"]
     assert series.fields["on"].tolist() == [1.0, 0.0]
     assert np.isnan(series.fields["gap"][1])
@@ -264,3 +264,55 @@ def test_columns_of_text_are_codes_in_the_order_of_appearance(tmp_path: Path) ->
     series = log.series({"a": ("t", "run")})["a"]
     np.testing.assert_array_equal(series.fields["run"], [0, 0, 1, np.nan, 2, 0])
     assert series.absent == {"run": 1}
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        ("t,x,y,x", r"several columns are called 'x' \(columns 2, 4\)"),
+        ("t,x,x,t", r"'t' \(columns 1, 4\), 'x' \(columns 2, 3\)"),
+        ("column_3,x,y,", r"'column_3' \(columns 1, 4\)"),
+        ("t,x\a,y,z", r"column 2: the name 'x\?' holds a line break or control character \('\\x07'\)"),
+        (f"t,{'x' * 300},y,z", "column 2: the name 'x{40}\\.\\.\\.' has 300 characters"),
+    ],
+)
+def test_columns_whose_names_cannot_be_told_apart_or_shown_are_refused(
+    tmp_path: Path, header: str, says: str
+) -> None:
+    for text in (f"{header}\n0,1,2,3\n1,2,3,4\n", f"# {header}\n0,1,2,3\n1,2,3,4\n"):
+        if text.startswith("#") and header.endswith(","):
+            continue  # a comment with an empty cell is no header
+        with pytest.raises(UsageError, match=says) as caught:
+            open_log(table(tmp_path / "a.csv", text))
+        assert "\n" not in str(caught.value)
+
+
+def test_columns_of_one_name_are_refused_in_parquet_and_matlab(tmp_path: Path) -> None:
+    twice = pa.Table.from_arrays([pa.array([1.0, 2.0])] * 2, names=["t", "t"])
+    pq.write_table(twice, tmp_path / "a.parquet")
+    with pytest.raises(UsageError, match=r"a\.parquet: several columns are called 't' \(columns 1, 2\)"):
+        open_log(tmp_path / "a.parquet")
+    pq.write_table(twice.rename_columns(["t", "x\ny"]), tmp_path / "b.parquet")
+    with pytest.raises(UsageError, match=r"column 2: the name 'x y' holds a line break"):
+        open_log(tmp_path / "b.parquet")
+    scipy.io.savemat(tmp_path / "d.mat", {"q": np.ones((5, 2)), "q.0": np.arange(5.0)})
+    with pytest.raises(UsageError, match=r"d\.mat: several columns are called 'q\.0' \(columns 1, 3\)"):
+        open_log(tmp_path / "d.mat")
+
+
+def test_names_are_data(tmp_path: Path) -> None:
+    """Whatever can be shown in a line is a name, also with separators inside of quotes."""
+    names = [
+        "$x_{1}$",
+        "_",
+        "{}",
+        "<script>alert(1)</script>",
+        "it's",
+        "a (b) [c]",
+        "x" * 200,
+        "a, b",
+        "[red]x[/red]",
+    ]
+    text = ",".join(f'"{name}"' for name in names)
+    path = table(tmp_path / "a.csv", f"{text}\n" + "\n".join("1,2,3,4,5,6,7,8,9" for _ in range(3)))
+    assert columns(path) == {name: [float(i + 1)] * 3 for i, name in enumerate(names)}

@@ -1,0 +1,134 @@
+"""YAML files of data, from strangers: plain values and nothing else, and every fault is one line.
+
+What is read here is data (mappings, recording.yaml, metadata.yaml), no configuration: `${...}` is text like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from gpsim.errors import UsageError
+from gpsim.files import unreadable
+from gpsim.recordings.names import one_line
+
+MOST_BYTES = 16 << 20  # of a file; a recording of 10 000 episodes takes 1 MiB
+MOST_REPEATED = 10_000  # values that aliases may add to those that are written
+_TEXT, _MERGE = "tag:yaml.org,2002:str", "tag:yaml.org,2002:merge"
+_PLAIN = {f"tag:yaml.org,2002:{kind}" for kind in ("null", "bool", "int", "float", "str", "seq", "map")}
+
+
+class YamlError(Exception):
+    """Text that is no plain YAML: one line that says where and why, without the file's name."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Dates stay as they are written, as text: nothing here is a date, and JSON knows none."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 (as the base class does)
+        first: [(tag, pattern) for tag, pattern in found if not tag.endswith(":timestamp")]
+        for first, found in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+
+def read_yaml(path: Path, where: str = "") -> Any:
+    """The plain values of a YAML file of data; UsageError (file, line, key) for everything else.
+
+    where: what the message calls the file, if not by its path.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise UsageError(f"{where or path}: {path.stat().st_size} bytes; the limit is {MOST_BYTES}")
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{where or path}: not readable as YAML: it is no UTF-8 text") from error
+    try:
+        return parse_yaml(text)
+    except YamlError as error:
+        raise UsageError(f"{where or path}: {error}") from error
+
+
+def parse_yaml(text: str) -> Any:
+    """Plain values: nothing, true, numbers, texts, lists and tables whose keys are distinct texts.
+
+    Raises YamlError where a key is written twice, a value is of another kind, an alias contains itself, or aliases
+    repeat more than 10 000 values (a few lines could stand for billions).
+    """
+    try:
+        loader = _Loader(text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _Checks().size(node)
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        what = one_line(" ".join(filter(None, (error.context, error.problem))), 160)
+        raise YamlError(f"{_line(error.problem_mark)}not readable as YAML: {what}") from error
+    except (yaml.YAMLError, ValueError, OverflowError) as error:
+        raise YamlError(f"not readable as YAML: {one_line(error, 160)}") from error
+    except (RecursionError, MemoryError) as error:
+        raise YamlError("not readable as YAML: it is nested too deeply") from error
+
+
+def _line(mark: Any) -> str:
+    return "" if mark is None else f"line {mark.line + 1}: "
+
+
+class _Checks:
+    """Looks at a document before anything is made of it; a node that aliases name is looked at once."""
+
+    def __init__(self) -> None:
+        self._sizes: dict[int, int | None] = {}
+        self._written = 0
+
+    def size(self, node: yaml.Node) -> int:
+        """How many values the node stands for, with what aliases repeat."""
+        if id(node) in self._sizes:
+            known = self._sizes[id(node)]
+            if known is None:
+                raise YamlError(f"{_line(node.start_mark)}an alias (*name) stands inside of what it repeats")
+            return known
+        self._sizes[id(node)] = None
+        self._written += 1
+        if node.tag not in _PLAIN:
+            kind = one_line(node.tag, 60)
+            raise YamlError(f"{_line(node.start_mark)}{kind} is no plain value; write text, numbers, lists")
+        total = 1 + sum(self.size(part) for part in _parts(node))
+        if total - self._written > MOST_REPEATED:
+            raise YamlError(
+                f"{_line(node.start_mark)}aliases (*name) repeat more than {MOST_REPEATED} values; write them out"
+            )
+        self._sizes[id(node)] = total
+        return total
+
+
+def _parts(node: yaml.Node) -> Iterator[yaml.Node]:
+    """The nodes inside a node; YamlError where a key is no plain word or number, or is written twice.
+
+    Keys become text as they are written: a channel may be called `on`, or 1.
+    """
+    if isinstance(node, yaml.SequenceNode):
+        yield from node.value
+    elif isinstance(node, yaml.MappingNode):
+        lines: dict[str, int] = {}
+        for place, (key, value) in enumerate(node.value):
+            where, line = _line(key.start_mark), key.start_mark.line + 1
+            if key.tag == _MERGE:
+                raise YamlError(f"{where}the key << takes in another table; write its keys out")
+            if not isinstance(key, yaml.ScalarNode):
+                raise YamlError(f"{where}a list or a table cannot be a key")
+            if key.value in lines:
+                first = lines[key.value]
+                raise YamlError(f"{where}key '{one_line(key.value, 60)}' is there already, in line {first}")
+            lines[key.value] = line
+            node.value[place] = (yaml.ScalarNode(_TEXT, key.value), value)
+            yield node.value[place][0]
+            yield value

@@ -1,0 +1,228 @@
+"""One topic that cannot be read is listed with its reason; only who asks for it is refused."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from bags import EPOCH, KINDS, Messages, drive, write_bag
+
+from gpsim.errors import UsageError
+from gpsim.recordings.raw import Topic
+from gpsim.recordings.readers import open_log
+from gpsim.recordings.readers.bag1 import Bag1
+from gpsim.recordings.readers.damage import Ledger
+from gpsim.recordings.readers.mcap import Mcap
+from gpsim.stages.import_log import inspect_source, read_logs
+
+DESCRIPTIONS = "/mocap_node/optitrack_config/parameter_descriptions"
+STRANGE = "/bad"
+
+
+def describing(*names: str) -> Messages:
+    parameters = [{"name": name, "level": 3 + i} for i, name in enumerate(("command_port", "data_port"))]
+    groups = [{"name": name, "parameters": parameters, "id": i} for i, name in enumerate(names)]
+    return Messages("dynamic_reconfigure/msg/ConfigDescription", [(EPOCH + 200_000_000, {"groups": groups})])
+
+
+def topics_of(path: Path, **options: Any) -> dict[str, Topic]:
+    return {topic.name: topic for topic in open_log(path, **options).topics()}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_named_lists_inside_of_named_lists_are_told_by_their_numbers(tmp_path: Path, kind: str) -> None:
+    """A dynamic_reconfigure topic used to end the inspection of a whole bag of an F1TENTH car."""
+    bag = write_bag(
+        tmp_path
+        / (
+            "a.bag"
+            if kind.startswith("ros1")
+            else "a.mcap"
+            if kind.startswith("mcap") and "folder" not in kind
+            else "a"
+        ),
+        kind,
+        {**drive(1.0), DESCRIPTIONS: describing("Default")},
+    )
+    found = inspect_source(bag)
+    assert not found.faults
+    assert "/pose" in found.paces
+    fields = next(topic for topic in found.topics if topic.name == DESCRIPTIONS).fields
+    assert "groups[name=Default].parameters.1.level" in fields
+    series = open_log(bag).series({DESCRIPTIONS: fields})[DESCRIPTIONS]
+    assert series.fields["groups[name=Default].parameters.1.level"].tolist() == [4.0]
+
+
+def test_names_that_no_selection_can_ask_for_are_counted(tmp_path: Path) -> None:
+    """Elements called `a,b` or `a]b` are found by their place."""
+    bag = write_bag(tmp_path / "a.bag", "ros1", {DESCRIPTIONS: describing("a,b", "c]d", " e")})
+    fields = topics_of(bag)[DESCRIPTIONS].fields
+    assert {"groups.0.parameters.1.level", "groups.2.id"} <= set(fields)
+    assert not any("[" in field for field in fields)
+    assert open_log(bag).series({DESCRIPTIONS: fields})[DESCRIPTIONS].fields["groups.2.id"].tolist() == [2.0]
+
+
+def spoiled(path: Path, old: bytes, new: bytes) -> Path:
+    data = path.read_bytes()
+    assert old in data
+    assert len(old) == len(new)
+    path.write_bytes(data.replace(old, new))
+    return path
+
+
+def small(folder: Path, kind: str, rows: int = 40) -> Path:
+    messages = [(EPOCH + i * 10**7, {"data": float(i)}) for i in range(rows)]
+    other = [(when, {"axes": [0.5], "buttons": [1]}) for when, _ in messages]
+    topics = {
+        "/good": Messages("std_msgs/msg/Float64", messages),
+        STRANGE: Messages("sensor_msgs/msg/Joy", other),
+    }
+    return write_bag(folder / f"a.{'bag' if kind == 'ros1' else 'mcap'}", kind, topics, chunk=200)
+
+
+@pytest.mark.parametrize(
+    ("kind", "old", "new", "why"),
+    [
+        ("ros1", b"topic=/bad", b"topic=/b\nd", "its name holds a line break"),
+        ("ros1", b"topic=/bad", b"topic=/b\xffd", "its name is no text"),
+        ("ros1", b"type=sensor_msgs/Joy", b"type=sensor_msgs.Joy", "is not a message type"),
+        ("ros1", b"float32[] axes", b"float32[] ax\xffs", "is not text"),
+        ("ros1", b"float32[] axes", b"gloat32[] axes", "lacks"),
+        ("mcap", b"/bad", b"/b\nd", "its name holds a line break"),
+        ("mcap", b"float32[] axes", b"float32[] ax\xffs", "is not text"),
+        ("mcap", b"sensor_msgs/msg/Joy", b"sensor_msgs msg Joy", "is not a message type name"),
+    ],
+)
+def test_a_topic_that_cannot_be_laid_out_harms_no_other(
+    tmp_path: Path, kind: str, old: bytes, new: bytes, why: str
+) -> None:
+    bag = spoiled(small(tmp_path, kind), old, new)
+    if kind == "mcap":
+        unchecked(bag)
+    log = open_log(bag)
+    good, bad = sorted(log.topics(), key=lambda topic: topic.name != "/good")
+    assert (good.fault, good.count) == ("", 40)
+    assert why in bad.fault
+    assert log.series({"/good": ["data"]})["/good"].fields["data"].tolist() == [float(i) for i in range(40)]
+    found = inspect_source(bag)
+    assert list(found.paces) == ["/good"]
+    assert list(found.faults) == [bad.name]
+    with pytest.raises(UsageError, match=r"copy the file again") as caught:
+        log.series({bad.name: ["axes.0"]})
+    assert "\n" not in str(caught.value)
+
+
+def unchecked(path: Path) -> None:
+    """Take the checksums of an MCAP file away, as writers may: those of the summary and of every chunk."""
+    data = bytearray(path.read_bytes())
+    data[-12:-8] = bytes(4)
+    position = 8
+    while position < len(data) - 8:
+        size = int.from_bytes(data[position + 1 : position + 9], "little")
+        if data[position] == 6:
+            data[position + 9 + 24 : position + 9 + 28] = bytes(4)
+        position += 9 + size
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize("what", ["type", "serialization_format", "name"])
+def test_a_row_of_sqlite_that_describes_no_topic_harms_no_other(tmp_path: Path, what: str) -> None:
+    topics = {"/good": Messages("std_msgs/msg/Float64", [(EPOCH + i, {"data": 1.0}) for i in range(3)])}
+    bag = write_bag(tmp_path / "a", "sqlite3", {**topics, STRANGE: topics["/good"]})
+    (file,) = bag.glob("*.db3")
+    with sqlite3.connect(file) as base:
+        base.execute(f"UPDATE topics SET {what} = x'ff0a' WHERE name = '{STRANGE}'")
+    for path in (bag, file):
+        found = inspect_source(path)
+        assert "/good" in found.paces
+        assert "/good" not in found.faults
+        assert found.faults
+        assert open_log(path).series({"/good": ["data"]})["/good"].read == 3
+
+
+def recounted(folder: Path, topic: str, count: int) -> Path:
+    """A bag with 3 messages on /good and on /bad whose metadata.yaml says another number of them on a topic."""
+    rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
+    topics = {name: Messages("std_msgs/msg/Float64", rows) for name in ("/good", STRANGE)}
+    bag = write_bag(folder / "a", "sqlite3", topics)
+    table = yaml.safe_load((bag / "metadata.yaml").read_text())
+    entries = table["rosbag2_bagfile_information"]["topics_with_message_count"]
+    entry = next((e for e in entries if e["topic_metadata"]["name"] == topic), None)
+    if entry is None:
+        entries.append(
+            {"topic_metadata": {**entries[0]["topic_metadata"], "name": topic}, "message_count": count}
+        )
+    else:
+        entry["message_count"] = count
+    (bag / "metadata.yaml").write_text(yaml.safe_dump(table))
+    return bag
+
+
+def test_messages_that_do_not_decode_harm_no_other_topic(tmp_path: Path) -> None:
+    rows = [(EPOCH + i, {"data": 1.0}) for i in range(3)]
+    bag = write_bag(
+        tmp_path / "a", "sqlite3", {n: Messages("std_msgs/msg/Float64", rows) for n in ("/good", STRANGE)}
+    )
+    (file,) = bag.glob("*.db3")
+    with sqlite3.connect(file) as base:
+        base.execute(
+            "UPDATE messages SET data = x'00' WHERE topic_id = (SELECT id FROM topics WHERE name = '/bad')"
+        )
+    found = inspect_source(bag)
+    assert list(found.paces) == ["/good"]
+    assert "not a std_msgs/msg/Float64" in found.faults[STRANGE]
+    assert inspect_source(bag, salvage=True).faults == {}
+
+
+@pytest.mark.parametrize(("topic", "count"), [(STRANGE, 2), (STRANGE, 7), ("/lost", 5)])
+def test_messages_that_metadata_count_wrongly_concern_their_topic(
+    tmp_path: Path, topic: str, count: int
+) -> None:
+    bag = recounted(tmp_path, topic, count)
+    found = inspect_source(bag)
+    assert set(found.paces) == {"/good", STRANGE} - {topic}
+    assert f"announces {count}" in found.faults[topic]
+    with pytest.raises(UsageError, match=f"announces {count}"):
+        open_log(bag).series({topic: ["data"]})
+
+
+@pytest.mark.parametrize("kind", ["ros1-lz4", "mcap-lz4"])
+def test_a_damaged_chunk_concerns_the_topics_that_the_index_finds_in_it(tmp_path: Path, kind: str) -> None:
+    """A chunk with messages of one topic only is cut out of the middle of the file."""
+    early = [(EPOCH + i * 10**7, {"data": float(i)}) for i in range(400)]
+    late = [(EPOCH + 10**10 + i * 10**7, {"data": 2.0 * i}) for i in range(400)]
+    topics = {
+        "/early": Messages("std_msgs/msg/Float64", early),
+        "/late": Messages("std_msgs/msg/Float64", late),
+    }
+    bag = write_bag(tmp_path / ("a.bag" if kind.startswith("ros1") else "a.mcap"), kind, topics, chunk=2000)
+    container = Bag1(bag) if kind.startswith("ros1") else Mcap(bag)
+    late_one = next(s.id for s in container.streams(Ledger(bag, salvage=False)) if s.topic == "/late")
+    start = 150 + [place for place, held in container._held.items() if held == {late_one}][2]
+    data = bytearray(bag.read_bytes())
+    data[start : start + 40] = bytes(b ^ 0x5A for b in data[start : start + 40])
+    bag.write_bytes(data)
+    found = inspect_source(bag)
+    assert list(found.paces) == ["/early"]
+    assert list(found.faults) == ["/late"]
+    assert "--salvage" in found.faults["/late"]
+    assert open_log(bag).series({"/early": ["data"]})["/early"].read == 400
+    assert 0 < open_log(bag, salvage=True).series({"/late": ["data"]})["/late"].read < 400
+
+
+def test_a_broken_table_among_the_topics_of_a_folder(tmp_path: Path) -> None:
+    rows = "".join(f"{0.1 * i:.1f},{i}\n" for i in range(20))
+    (tmp_path / "pose.csv").write_text(f"t,x\n{rows}")
+    (tmp_path / "cmd.csv").write_text(f"t,u\n{rows}")
+    (tmp_path / "other.csv").write_text("t,t\n1,2\n")
+    (tmp_path / "m.yaml").write_text(
+        "system: a\nlayout: folder\nrate: source\ntime: {field: t}\nstate: {x: {topic: pose, field: x, unit: m}}\n"
+        "action: {u: {topic: cmd, field: u, unit: N}}\n"
+    )
+    recording, _, _ = read_logs([tmp_path], str(tmp_path / "m.yaml"), ["files=*.csv"])
+    assert recording.transition_count > 10
+    with pytest.raises(UsageError, match=r"other\.csv: several columns are called 't'"):
+        read_logs([tmp_path], str(tmp_path / "m.yaml"), ["state.x.topic=other"])

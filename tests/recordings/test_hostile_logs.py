@@ -1,0 +1,213 @@
+"""Logs and mappings that ask for the impossible: one line that says what, where and what to do, and nothing made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from by_hand import UNICYCLE, Drive, imported
+
+from gpsim.channels import Channels
+from gpsim.errors import UsageError
+from gpsim.recordings import velocities
+from gpsim.recordings.bare_table import read_bare_table
+from gpsim.recordings.files import read_recording, write_recording
+from gpsim.recordings.import_report import as_text
+from gpsim.recordings.mapping import Smoothing
+from gpsim.recordings.time_units import likely_unit
+from gpsim.stages.import_log import import_log, read_logs
+
+WORDS = ["system=cartpole"]
+SLIDER = Channels.of({"q": "m", "q_dot": "m/s"}), Channels.of({"force": "N"})
+
+
+def refused(call, *arguments, **options):
+    with pytest.raises(UsageError) as caught:
+        call(*arguments, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("word", ["rate=1e12", "dt=1e-9", "rate=1e25"])
+def test_more_samples_than_a_computer_holds_are_refused_before_they_are_made(cartpole_log, tmp_path, word):
+    said = refused(import_log, [cartpole_log], tmp_path / "out", None, [*WORDS, word])
+    assert "log.csv: rate 1e+" in said
+    assert "would make" in said
+    assert "the limit is 2e+07" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_smoothing_grid_that_no_computer_holds_is_refused():
+    t = np.array([0.0, 1e-6, 2e-6, 3e-6, 1e6])
+    assert "too many to differentiate" in refused(velocities.even_grid, t)
+    assert len(velocities.even_grid(np.arange(5.0))) == 5
+    assert Smoothing().sigma == 2.0
+
+
+def test_a_channel_that_its_scale_makes_absurd_is_refused(cartpole_log):
+    said = refused(read_logs, [cartpole_log], None, [*WORDS, "state.x.scale=1e25", "state.x.offset=1e30"])
+    assert "channel x reaches 1.00001e+30 m" in said
+
+
+@pytest.mark.parametrize(
+    ("count", "start", "unit"),
+    [
+        (1e3, 0.0, "milliseconds"),
+        (1e6, 0.0, "microseconds"),
+        (1e9, 0.0, "nanoseconds"),
+        (1e9, 1.7e9, "nanoseconds"),
+    ],
+)
+def test_times_that_are_no_seconds_are_told_apart_and_never_rescaled(cartpole_log, count, start, unit):
+    frame = pd.read_csv(cartpole_log)
+    frame.assign(t=count * (frame["t"] + start)).to_csv(cartpole_log, index=False)
+    said = refused(read_logs, [cartpole_log], None, WORDS)
+    assert f"the time column 't' looks like {unit}" in said
+    word = f"time.scale={1 / count:.0e}"
+    assert word in said
+    recording, _, _ = read_logs([cartpole_log], None, [*WORDS, word])
+    assert recording.dt == pytest.approx(0.02, rel=1e-4)
+    said = refused(read_bare_table, cartpole_log, "cartpole", *cartpole_channels(), {})
+    assert f"t looks like {unit}" in said
+    assert f"divide the column by {count:.0f}" in said
+
+
+def cartpole_channels():
+    state = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"}, ["theta"])
+    return state, Channels.of({"force": "N"})
+
+
+def test_seconds_stay_seconds(tmp_path):
+    """A tank that is looked at every 4 s, and a log on the clock of today."""
+    t = np.arange(50.0)
+    for seconds in (4.0 * t, 60.0 * t, 1.7e9 + 4.0 * t):
+        pd.DataFrame({"t": seconds, "level": t, "pump": t}).to_csv(tmp_path / "a.csv", index=False)
+        channels = Channels.of({"level": "V"}), Channels.of({"pump": "V"})
+        assert read_bare_table(tmp_path / "a.csv", "tanks", *channels, {}).dt == np.diff(seconds)[0]
+    assert likely_unit(0.02 * t, 0.02) is None
+    assert likely_unit(1.7e9 + 0.02 * t, 0.02) is None
+
+
+def test_a_table_in_seconds_with_slow_rows_is_told_of_the_gap_limit(cartpole_log):
+    frame = pd.read_csv(cartpole_log)
+    frame.assign(t=frame["t"] * 200).to_csv(cartpole_log, index=False)
+    assert "raise gap_limit above 4" in refused(read_logs, [cartpole_log], None, WORDS)
+
+
+def test_a_table_whose_time_goes_back_is_refused_with_its_row(cartpole_log):
+    frame = pd.read_csv(cartpole_log)
+    swapped = frame.iloc[[*range(100), 101, 100, *range(102, 200)]]
+    swapped.to_csv(cartpole_log, index=False)
+    said = refused(read_logs, [cartpole_log], None, WORDS)
+    assert "row 101: time goes back, to 2 s behind 2.02 s (1 such rows)" in said
+    _, report, _ = read_logs([cartpole_log], None, WORDS, salvage=True)
+    assert dict(report.topics[0].dropped) == {"time goes back": 1}
+    frame.iloc[::-1].to_csv(cartpole_log, index=False)
+    assert "row 1: time goes back, to 3.96 s behind 3.98 s" in refused(read_logs, [cartpole_log], None, WORDS)
+
+
+def test_messages_that_come_late_are_sorted_in_as_before():
+    t = np.arange(0, 10, 0.01)
+    order = np.arange(len(t))
+    order[[500, 501]] = order[[501, 500]]
+    pose = Drive().pose(t[order], t)
+    commands = Drive().pose(np.arange(0, 10, 0.1))
+    cmd = replace(commands, topic="/cmd", fields={"v": np.ones(100), "w": np.ones(100)})
+    _, report = imported({"/pose": pose, "/cmd": cmd}, UNICYCLE)
+    assert report.topics[1].noticed == {"out of order": 1} or report.topics[0].noticed == {"out of order": 1}
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_bare_table_with_a_cell_that_is_no_measurement(tmp_path, suffix):
+    t = 0.1 * np.arange(50)
+    frame = pd.DataFrame({"t": t, "q": t, "q_dot": 1.0, "force": 0.0})
+    for value in (1e308, -1e31):
+        frame.loc[7, "q_dot"] = value
+        path = tmp_path / f"a.{suffix}"
+        frame.to_csv(path, index=False) if suffix == "csv" else frame.to_parquet(path)
+        said = refused(read_bare_table, path, "slider", *SLIDER, {})
+        assert (
+            f"episode 0, row 7, column q_dot: {value:g} is no measurement, none is larger than 1e+30" in said
+        )
+
+
+def test_a_bare_table_with_two_columns_of_one_name(tmp_path):
+    (tmp_path / "a.csv").write_text("t,q,q_dot,force,q\n0,1,2,3,9\n0.1,1,2,3,9\n")
+    said = refused(read_bare_table, tmp_path / "a.csv", "slider", *SLIDER, {})
+    assert "a.csv: several columns are called 'q' (columns 2, 5)" in said
+
+
+def recording_folder(folder, table, state="{q: m}"):
+    folder.mkdir()
+    (folder / "recording.yaml").write_text(f"system: slider\ndt: 0.1\nstate: {state}\naction: {{force: N}}\n")
+    (folder / "recording.csv").write_text(table)
+    return folder
+
+
+def test_a_recording_is_read_as_strictly(tmp_path):
+    rows = "0,0.0,1,2\n0,0.1,1,2\n0,0.2,1,\n"
+    assert (
+        len(read_recording(recording_folder(tmp_path / "a", f"episode,t,q,force\n{rows}")).episodes[0]) == 2
+    )
+    said = refused(read_recording, recording_folder(tmp_path / "b", f"episode,t,q,q\n{rows}"))
+    assert "several columns are called 'q'" in said
+    huge = rows.replace("0.1,1,2", "0.1,1e308,2")
+    said = refused(read_recording, recording_folder(tmp_path / "c", f"episode,t,q,force\n{huge}"))
+    assert "episode 0, row 1, column q: 1e+308 is no measurement" in said
+    said = refused(read_recording, recording_folder(tmp_path / "d", f"episode,t,q,force\n{rows}", "{t: m}"))
+    assert "no channel can be called 't'" in said
+    two = rows.replace("0,0", '"a\nb",0')
+    said = refused(read_recording, recording_folder(tmp_path / "e", f"episode,t,q,force\n{two}"))
+    assert r"the name 'a b' holds a line break or control character ('\n')" in said
+
+
+def test_every_other_name_goes_through_an_import(tmp_path):
+    """Channels, columns, files and episodes called as nobody would: what is written can be read again."""
+    names = [
+        "$x_{1}$",
+        "$",
+        "_",
+        "a_$b",
+        "{}",
+        "<script>alert(1)</script>",
+        'it\'s "it"',
+        "a (b) [c]",
+        "x" * 200,
+        "[red]",
+    ]
+    t = 0.02 * np.arange(60)
+    folder = tmp_path / "lo$g_{<b>} 'x'"
+    folder.mkdir()
+    table = folder / "my $log_{1} [red](2).csv"
+    frame = pd.DataFrame({"t": t} | {name: np.sin(t + i) for i, name in enumerate(names)})
+    frame.assign(**{"$e": np.where(t < 0.6, "<b>1</b>", "${x}")}).to_csv(table, index=False)
+    entries = {name: {"field": name, "unit": "$m_{}$"} for name in names}
+    action = {"${u}": entries.pop("$")}
+    mapping = {"system": "my_system.py:$X", "rate": "source", "time": {"field": "t"}}
+    mapping |= {"state": entries, "action": action, "episodes": {"by": "column", "field": "$e"}}
+    (tmp_path / "m $1.yaml").write_text(yaml.safe_dump(mapping))
+    recording, report, _ = read_logs([folder], str(tmp_path / "m $1.yaml"))
+    for table_format in ("csv", "parquet"):
+        out = tmp_path / f"o $ut {table_format}"
+        out.mkdir()
+        write_recording(recording, out, table_format)
+        check_names(read_recording(out), frame, sorted(entries))
+    assert report.episodes[0].source == table.name
+    assert table.name in as_text(report)
+
+
+def check_names(read, frame, state):
+    assert sorted(read.state.names) == state
+    assert read.action.names == ("${u}",)
+    assert len(read.episodes) == 2
+    assert np.array_equal(read.episodes[0].states[:, read.state.index("_")], frame["_"][:30])
+
+
+def test_a_file_whose_name_would_break_the_line_is_refused(cartpole_log, tmp_path):
+    strange = tmp_path / "a\nb.csv"
+    cartpole_log.rename(strange)
+    assert "the name 'a b.csv' holds a line break" in refused(read_logs, [strange], None, WORDS)
+    assert "the name 'a b.csv' holds a line break" in refused(read_logs, [tmp_path], None, WORDS)
+    assert "has 300 characters" in refused(read_logs, [tmp_path / ("x" * 300)], None, WORDS)
+    assert "neither a file nor one of" in refused(read_logs, [tmp_path], "x" * 300, WORDS)
