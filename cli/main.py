@@ -20,7 +20,9 @@ from gpsim.files import FULL, REFUSED
 from .diagnose import diagnose_command
 from .export import export_app
 from .import_ import import_command
+from .progress import QUIET
 from .prove import prove_app
+from .quiet import add_quiet
 from .run import report_command, run_app
 from .stages import add_stages
 
@@ -37,6 +39,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},  # of every command below it, too
 )
 
 
@@ -76,10 +79,12 @@ app.add_typer(
     short_help="Write a recording or a policy for other programs.",
     rich_help_panel="Recordings in and out",
 )
+add_quiet(app)
 
 
 def main() -> None:
     """Entry point: a UsageError is one line and exit code 2, never a traceback."""
+    loud = QUIET.set(False)
     try:
         app()
     except UsageError as error:
@@ -96,6 +101,8 @@ def main() -> None:
             where = "output" if error.filename is None else str(error.filename)
             print(f"error: {_short(where)}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
+    finally:
+        QUIET.reset(loud)
 
 
 def _drop_output() -> None:

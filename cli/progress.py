@@ -6,12 +6,15 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+"""Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
 
 
 class Board:
@@ -21,7 +24,8 @@ class Board:
         self._jobs, self._done, self._kept, self._began = jobs, 0, 0, time.monotonic()
         self._all: TaskID | None = None
         self._console = Console(stderr=True)
-        self._live = self._console.is_terminal
+        self._quiet = QUIET.get()
+        self._live = self._console.is_terminal and not self._quiet
         self._bars = Progress(
             TextColumn("{task.description:<34}"),
             BarColumn(bar_width=28),
@@ -52,6 +56,8 @@ class Board:
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
         """Job `job` has done `done` of `total`."""
+        if self._quiet:
+            return
         now = time.monotonic()
         self._started.setdefault(job, now)
         if self._live:
@@ -73,6 +79,8 @@ class Board:
             self._bars.update(self._all, completed=self._done, note=self.overall())
         elif self._jobs:
             line = f"{line} [dim]({self.overall()})[/]"
+        if self._quiet:
+            return
         with suppress(OSError):
             (self._bars.console if self._live else self._console).print(line, highlight=False, soft_wrap=True)
 
@@ -87,6 +95,12 @@ class Board:
             return said
         minutes = (time.monotonic() - self._began) / made * left / 60.0
         return f"{said}, about {minutes:.0f} min left" if minutes >= 1.0 else f"{said}, under a minute left"
+
+
+def note(line: str) -> None:
+    """A line on stderr that nobody needs in order to read the result."""
+    if not QUIET.get():
+        _say(line)
 
 
 def _say(line: str) -> None:

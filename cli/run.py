@@ -11,8 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .configuration import as_yaml, resolve
-from .progress import Board
+from .progress import Board, note
 from .stages import ConfigDir, ShowConfig, Words, shown_words
 
 if TYPE_CHECKING:
@@ -27,6 +26,11 @@ Reported = Annotated[
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
 
 
+@run_app.callback()
+def _run() -> None:
+    pass
+
+
 @run_app.command("full-loop")
 def full_loop(
     words: Words = None,
@@ -36,6 +40,8 @@ def full_loop(
     show_config: ShowConfig = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help` either
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
@@ -47,7 +53,6 @@ def full_loop(
     from gpsim.stages.stage import Request
 
     started = time.monotonic()
-    console = Console(stderr=True)
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
     with Board(len(loop.plan(request, chosen))) as board:
@@ -60,7 +65,7 @@ def full_loop(
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
         tables, notes = terminal_tables(gathered), terminal_notes(gathered)
-    console.print(f"finished in {time.monotonic() - started:.0f} s", highlight=False)
+    note(f"finished in {time.monotonic() - started:.0f} s")
     show(artifact.path, tables, notes)
 
 
@@ -72,8 +77,8 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
     for table in tables:
         console.print(table)
         console.print()
-    for note in notes:
-        typer.echo(note)
+    for line in notes:
+        typer.echo(line)
     typer.echo(f"report: {folder / 'report.html'}")
     typer.echo(folder / "summary.json")  # the path alone on the last line, for programs
 
@@ -82,6 +87,8 @@ def report_command(
     words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help` either
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)

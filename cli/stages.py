@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from .configuration import as_yaml, resolve
 from .progress import single_progress
 
 Words = Annotated[
@@ -61,6 +60,8 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
     def command(
         words: Words = None, config_dir: ConfigDir = None, show_config: ShowConfig = False, out: Out = None
     ) -> None:
+        from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
         config = resolve(words or [], config_dir)
         if show_config:
             typer.echo(as_yaml(config), nl=False)
