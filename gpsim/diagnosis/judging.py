@@ -62,7 +62,6 @@ class Judgement:
     ranking: list[Ranked]
     p_value: float
     lack: LackOfFit | None
-    unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
     noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
 
     @property
@@ -112,7 +111,6 @@ def judge(
         ranked((problem, [leader, null, *fits]), (question.searched, found.fits), mending),
         p_value,
         lack,
-        unexplained,
         noise,
     )
 

@@ -56,7 +56,6 @@ def stage_for(task: Task) -> Stage:
     """The stage for one recording and simulator."""
     return Stage(
         "diagnose",
-        "Say where recording and simulator differ, and which physics is missing.",
         lambda request: _recipe(request, task),
         lambda request, recipe, folder: _write(request, task, folder),
         format=FORMAT,

@@ -92,7 +92,6 @@ class Stage:
     """
 
     name: str
-    help: str
     recipe: Callable[[Request], Recipe]
     write: Callable[[Request, Recipe, Path], Json | None]
     notes: Callable[[Artifact], list[str]] = field(default=lambda artifact: [])
