@@ -55,15 +55,18 @@ class Board:
             _say("interrupted: finished artifacts are whole, run the same command to carry on")
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
-        """Job `job` has done `done` of `total`."""
+        """Job `job` has done `done` of `total`; of no total: what it waits for, said at once."""
         if self._quiet:
+            return
+        if not total and not self._live:
+            _say(f"  {job}: {note}")
             return
         now = time.monotonic()
         self._started.setdefault(job, now)
         if self._live:
             if job not in self._tasks:
-                self._tasks[job] = self._bars.add_task(job, total=total, note=note)
-            self._bars.update(self._tasks[job], completed=done, total=total, note=note)
+                self._tasks[job] = self._bars.add_task(job, total=total or None, note=note)
+            self._bars.update(self._tasks[job], completed=done, total=total or None, note=note)
             return
         if now - self._spoken.setdefault(job, now) >= SECONDS_BETWEEN_LINES and done < total:
             self._spoken[job] = now

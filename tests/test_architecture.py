@@ -40,6 +40,7 @@ LEVELS = [
     },
     {"evenly", "gaps", "store"},
     {"channels", "artifacts", "provenance", "workers"},
+    {"locks"},
     {"files"},
     {"errors"},
 ]
