@@ -14,13 +14,14 @@ from contextlib import suppress
 import typer
 
 from gpsim import __version__
+from gpsim.ending import Terminated, ends_when_asked
 from gpsim.errors import UsageError
 from gpsim.files import FULL, REFUSED
 
 from .diagnose import diagnose_command
 from .export import export_app
 from .import_ import import_command
-from .progress import QUIET
+from .progress import INTERRUPTED, QUIET
 from .prove import prove_app
 from .quiet import add_quiet
 from .run import report_command, run_app
@@ -86,7 +87,12 @@ def main() -> None:
     """Entry point: a UsageError is one line and exit code 2, never a traceback."""
     loud = QUIET.set(False)
     try:
-        app()
+        with ends_when_asked():
+            app()
+    except Terminated as ended:
+        with suppress(OSError):
+            print(INTERRUPTED, file=sys.stderr)
+        sys.exit(ended.code)
     except UsageError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
+INTERRUPTED = "interrupted: finished artifacts are whole, run the same command to carry on"
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 """Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
 
@@ -52,7 +53,7 @@ class Board:
         if self._live:
             self._bars.stop()
         if kind is not None and issubclass(kind, KeyboardInterrupt):  # Typer then ends with exit code 130
-            _say("interrupted: finished artifacts are whole, run the same command to carry on")
+            _say(INTERRUPTED)
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
         """Job `job` has done `done` of `total`; of no total: what it waits for, said at once."""

@@ -42,7 +42,7 @@ LEVELS = [
     {"channels", "artifacts", "provenance", "workers"},
     {"locks"},
     {"files"},
-    {"errors"},
+    {"ending", "errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 FILES = sorted([*ROOT.glob("gpsim/**/*.py"), *ROOT.glob("cli/**/*.py")])

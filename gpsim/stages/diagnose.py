@@ -29,6 +29,7 @@ from gpsim.simulators.wrapping import wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.policy_files import read_gp, write_gp
 from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
@@ -198,6 +199,13 @@ def _title(recording: Recording) -> str:
 
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
+    with blamed(simulator.name):
+        return _diagnosed(request, task, folder, recording, simulator)
+
+
+def _diagnosed(
+    request: Request, task: Task, folder: Path, recording: Recording, simulator: Simulator
+) -> Json:
     recording = _held_apart(recording, task)
     parameters = simulator.defaults(recording.parameters)
     hidden = hidden_channels(recording, simulator)

@@ -17,6 +17,7 @@ from gpsim.files import Json, file_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
 from gpsim.stages.code import RELEASE
+from gpsim.stages.users_code import blamed
 from gpsim.store import Store
 
 Progress = Callable[[int, int, str], None]
@@ -132,9 +133,13 @@ class Stage:
             return (found, True) if found is not None else (self._publish(request, recipe), False)
 
     def _publish(self, request: Request, recipe: Recipe) -> Artifact:
-        return request.store.publish(
-            recipe, lambda folder: self.write(request, recipe, folder), out=request.out, number=request.number
-        )
+        with blamed(request.config.get("simulator", {}).get("name")):
+            return request.store.publish(
+                recipe,
+                lambda folder: self.write(request, recipe, folder),
+                out=request.out,
+                number=request.number,
+            )
 
 
 def derived_seed(seed: int, purpose: str) -> int:
