@@ -82,7 +82,10 @@ def guard_runs() -> None:
             return
         for path in arguments[: 1 if event == "open" else 2]:
             if isinstance(path, str | bytes | os.PathLike):
-                where = os.path.abspath(os.fsdecode(path))  # noqa: PTH100 - called for every file: no Path is made
+                try:
+                    where = os.path.abspath(os.fsdecode(path))  # noqa: PTH100 - called for every file: no Path is made
+                except OSError:  # the current folder is gone: nothing relative to it is the user's
+                    continue
                 if where.startswith(inside) or where == str(RUNS):
                     raise TrespassError(f"a test must not touch the user's runs/: {event} {where}")
 
