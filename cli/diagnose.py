@@ -12,7 +12,7 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .progress import single_progress
+from .progress import single_progress, warn
 from .stages import ConfigDir, ShowConfig, shown_words
 
 Words = Annotated[
@@ -70,6 +70,7 @@ def diagnose_command(
             config, shown_words(settings, config_dir), progress, out, cores=cores or os.cpu_count() or 1
         )
         artifact, existed = stage.make(request)
+    warn(artifact.path)
     report = read_diagnosis(artifact.path)
     typer.echo(f"Verdict: {report['verdict']}\n")
     for text in paragraphs(report):

@@ -7,9 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from gpsim.mishaps import read_warnings
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
@@ -105,6 +108,12 @@ def note(line: str) -> None:
     """A line on stderr that nobody needs in order to read the result."""
     if not QUIET.get():
         _say(line)
+
+
+def warn(folder: Path) -> None:
+    """What went wrong beside the result when an artifact was made, a line each: also where `--quiet` was given."""
+    for line in read_warnings(folder):
+        _say(f"warning: {line}")
 
 
 def _say(line: str) -> None:

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .progress import Board, note
+from .progress import Board, note, warn
 from .stages import ConfigDir, ShowConfig, Words, shown_words
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def full_loop(
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
             mark = "[dim]kept[/]" if existed else "[green]made[/]"
             board.finish(job, f"{mark} {job:<34} {artifact.path}", existed)
+            warn(artifact.path)
 
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)

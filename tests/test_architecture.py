@@ -40,7 +40,7 @@ LEVELS = [
     },
     {"evenly", "gaps", "store"},
     {"channels", "artifacts", "provenance", "workers"},
-    {"locks"},
+    {"locks", "mishaps"},
     {"files"},
     {"ending", "errors"},
 ]

@@ -36,11 +36,13 @@ from gpsim.diagnosis.shooting import fit
 from gpsim.diagnosis.windows import Windows, cut, held_out_mask
 from gpsim.effects import effect_of
 from gpsim.evenly import evenly
+from gpsim.mishaps import Mishaps
 from gpsim.recordings import Recording
 
 MOST = 3000
 LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
 KINDS = (*MODELS, "noise_floor")
+FAILED = "it could not be fitted"
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ class Comparison:
     corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
     inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
     since_reversal: of commands and velocities, (N,) s;
-    left_before, left_after: (N, R) their residual rates under the base and under the effects.
+    left_before, left_after: (N, R) their residual rates under the base and under the effects; mishaps: lines about
+    what could not be fitted.
     """
 
     one_step: dict[str, dict[str, Any]]
@@ -64,6 +67,7 @@ class Comparison:
     since_reversal: Mapping[str, FloatArray]
     left_before: FloatArray
     left_after: FloatArray
+    mishaps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,10 +94,15 @@ def compare(
     trains = {
         kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
     }
-    alone = learn(problem, trains["before"], base, rng)
-    rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], alone)
-    both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
-    rates["after_gp"] = rates["after"]
+    mishaps, alone, both = Mishaps(), None, None
+    why: str | None = FAILED
+    rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
+    with mishaps.contained("no Gaussian process beside the base simulator, its errors are the base's"):
+        learnt = learn(problem, trains["before"], base, rng)
+        rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
+        alone = learnt
+    with mishaps.contained("no Gaussian process on the remainder"):
+        both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
     if both is not None:
         kind = "after" if both.hypothesis == after else "before"
         test = steps[kind].test
@@ -103,7 +112,7 @@ def compare(
     models = {
         "before": Model(base),
         "tuned": Model(hypotheses["tuned"]),
-        "gp": Model(base, alone.rates),
+        "gp": Model(base, alone.rates if alone else None),
         "after_gp": Model(both.hypothesis, both.learnt.rates) if both else Model(after),
         "after": Model(after),
     }
@@ -119,6 +128,7 @@ def compare(
         since_reversal(steps["before"].train, problem.simulator),
         residual_rates(problem, steps["before"].train, base),
         residual_rates(problem, steps["after"].train, after),
+        tuple(mishaps.lines),
     )
 
 
@@ -128,7 +138,7 @@ def _remainder(
     hypotheses: Mapping[str, Hypothesis],
     trains: Mapping[str, Windows],
     completions: Completions,
-    alone: Learnt,
+    alone: Learnt | None,
     rng: np.random.Generator,
 ) -> tuple[Corrected | None, str | None]:
     """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
@@ -138,6 +148,8 @@ def _remainder(
     """
     if not judgement.structured:
         return None, "it has no structure"
+    if alone is None:
+        return None, FAILED
     problem = question.everything
 
     def corrected(kind: str, learnt: Learnt) -> Corrected:

@@ -10,24 +10,23 @@ from pathlib import Path
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import GpCorrection
-from gpsim.corrected_effects import EffectsPlant, ages_of, describe, plant_from
+from gpsim.corrected_effects import EffectsPlant, plant_from
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.hidden import guessed, hidden_channels
 from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.pool import cores
-from gpsim.diagnosis.traces import course, traces
 from gpsim.errors import UsageError
 from gpsim.features import Features
-from gpsim.files import Json, file_digest, plain, write_json
+from gpsim.files import Json, file_digest
 from gpsim.recording_checks import check_match, check_rates
 from gpsim.recordings import HeldOut, Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
-from gpsim.reports.diagnosis_page import figures, page
 from gpsim.residuals import first_test_episode
 from gpsim.simulators import Simulator, make_simulator, source_file
 from gpsim.simulators.wrapping import wrapping
 from gpsim.stages.code import SOURCES
-from gpsim.stages.policy_files import read_gp, write_gp
+from gpsim.stages.diagnosis_files import write_diagnosis
+from gpsim.stages.policy_files import read_gp
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.stages.users_code import blamed
 
@@ -101,12 +100,6 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
 def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
     """A simulator's state channels, wrapping where they do and where their recording said so."""
     return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))
-
-
-def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
-    """corrected.json, and which channels wrap though the simulator's own state channels do not."""
-    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
-    return describe(plant, gp=gp) | ({"wraps": wraps} if wraps else {})
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:
@@ -214,21 +207,5 @@ def _diagnosed(
     rng = generator(request.seed, "diagnose")
     with cores(request.cores):
         found = diagnose(recording, simulator, parameters, rng, request.progress)
-    report = plain(found.report)
-    write_json(folder / "diagnosis.json", report)
-    plant = replace(found.plant, ages=ages_of(found.question.recording))
-    gp = report["remainder"]["gp"]
-    described = _described(plant, simulator.state, gp=gp["used"])
-    if gp["beside"] == "base":
-        described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
-    write_json(folder / "corrected.json", described)
-    if found.comparison.corrected is not None:
-        learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features.names)
-    (folder / "figures").mkdir()
-    leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]
-    pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))
-    for name, picture in pictures.items():
-        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
-    (folder / "report.html").write_text(page(report, pictures, _title(recording)), encoding="utf-8")
+    write_diagnosis(folder, found, simulator, _title(recording))
     return {}
