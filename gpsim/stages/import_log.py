@@ -16,6 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest
+from gpsim.mishaps import Mishaps
 from gpsim.recordings import Recording, write_recording
 from gpsim.recordings.import_report import ImportReport, as_text
 from gpsim.recordings.importing import import_logs
@@ -107,11 +108,16 @@ def read_logs(
 
 
 def write_import(recording: Recording, report: ImportReport, folder: Path) -> None:
-    """recording.parquet, recording.yaml, import_report.txt and figures/channels.png."""
+    """recording.parquet, recording.yaml, import_report.txt and figures/channels.png, which may fail with a warning."""
     write_recording(recording, folder)
     (folder / "import_report.txt").write_text(as_text(report), encoding="utf-8")
     (folder / "figures").mkdir()
-    draw_channels(recording, folder / "figures" / "channels.png")
+    mishaps, figure = Mishaps(), folder / "figures" / "channels.png"
+    with mishaps.contained("figures/channels.png is left out"):
+        draw_channels(recording, figure)
+    if mishaps.lines:
+        figure.unlink(missing_ok=True)
+    mishaps.write(folder)
 
 
 def inspect_source(source: Path, salvage: bool = False) -> Inspection:
