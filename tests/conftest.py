@@ -1,12 +1,11 @@
 """Every test runs in an empty folder of its own, with a home of its own, and cannot reach the user's runs/."""
 
 import os
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hermetic import clean_environment, guard_runs, remove
+from hermetic import CHECKOUT, clean_environment, guard_runs, remove
 
 IN_WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which has the environment of the process that started it
 HOME = None if IN_WORKER else clean_environment()  # at once: what test modules import reads it
@@ -23,7 +22,7 @@ def _elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Fixtures of a module or of the session do not work in the checkout either."""
     os.chdir(tmp_path_factory.mktemp("elsewhere"))
     yield
-    os.chdir(tempfile.gettempdir())  # not the checkout: what is removed now bears relative names, as runs/
+    os.chdir(CHECKOUT)
 
 
 @pytest.fixture(autouse=True)

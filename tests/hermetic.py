@@ -74,7 +74,11 @@ TOUCHING = (
 
 
 def guard_runs() -> None:
-    """From now on this process cannot open, list or change anything in the checkout's runs/."""
+    """From now on this process cannot open, list or change anything in the checkout's runs/ by its whole path.
+
+    A relative one cannot lead there: no test works in the checkout. What a folder's descriptor makes whole, as it does
+    for whoever removes a tree, no hook is told.
+    """
     inside = str(RUNS) + os.sep
 
     def hook(event: str, arguments: tuple[Any, ...]) -> None:
@@ -82,10 +86,7 @@ def guard_runs() -> None:
             return
         for path in arguments[: 1 if event == "open" else 2]:
             if isinstance(path, str | bytes | os.PathLike):
-                try:
-                    where = os.path.abspath(os.fsdecode(path))  # noqa: PTH100 - called for every file: no Path is made
-                except OSError:  # the current folder is gone: nothing relative to it is the user's
-                    continue
+                where = os.path.normpath(os.fsdecode(path))
                 if where.startswith(inside) or where == str(RUNS):
                     raise TrespassError(f"a test must not touch the user's runs/: {event} {where}")
 
