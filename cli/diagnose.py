@@ -12,9 +12,8 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, shown_words
-from .progress import single_progress
+from .progress import single_progress, warn
 
 Words = Annotated[
     list[str] | None,
@@ -47,6 +46,8 @@ def diagnose_command(
     show_config: ShowConfig = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     recording, settings = _split(words or [])
     if recording is not None:
         _refuse(settings)
@@ -69,6 +70,7 @@ def diagnose_command(
             config, shown_words(settings, config_dir), progress, out, cores=cores or os.cpu_count() or 1
         )
         artifact, existed = stage.make(request)
+    warn(artifact.path)
     found = read_diagnosis(artifact.path)
     typer.echo(f"Verdict: {found.verdict}\n")
     for text in paragraphs(found):

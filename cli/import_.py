@@ -9,6 +9,8 @@ import typer
 
 from gpsim.errors import UsageError
 
+from .progress import warn
+
 Sources = Annotated[
     list[str],
     typer.Argument(
@@ -57,6 +59,7 @@ def import_command(
     from gpsim.stages.import_log import import_log
 
     made = import_log(paths, out, mapping, words, salvage, say=_aside)
+    warn(out)
     Console(highlight=False).print(render(made.report))
     typer.echo(f"import: {out}")
 

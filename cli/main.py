@@ -14,13 +14,16 @@ from contextlib import suppress
 import typer
 
 from gpsim import __version__
+from gpsim.ending import Terminated, ends_when_asked
 from gpsim.errors import UsageError
 from gpsim.files import FULL, REFUSED
 
 from .diagnose import diagnose_command
 from .export import export_app
 from .import_ import import_command
+from .progress import INTERRUPTED, QUIET
 from .prove import prove_app
+from .quiet import add_quiet
 from .run import report_command, run_app
 from .stages import add_stages
 
@@ -37,6 +40,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},  # of every command below it, too
 )
 
 
@@ -76,12 +80,19 @@ app.add_typer(
     short_help="Write a recording or a policy for other programs.",
     rich_help_panel="Recordings in and out",
 )
+add_quiet(app)
 
 
 def main() -> None:
     """Entry point: a UsageError is one line and exit code 2, never a traceback."""
+    loud = QUIET.set(False)
     try:
-        app()
+        with ends_when_asked():
+            app()
+    except Terminated as ended:
+        with suppress(OSError):
+            print(INTERRUPTED, file=sys.stderr)
+        sys.exit(ended.code)
     except UsageError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)
@@ -96,6 +107,8 @@ def main() -> None:
             where = "output" if error.filename is None else str(error.filename)
             print(f"error: {_short(where)}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
+    finally:
+        QUIET.reset(loud)
 
 
 def _drop_output() -> None:

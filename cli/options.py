@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from .progress import single_progress
+from .progress import single_progress, warn
 
 Words = Annotated[
     list[str] | None,
@@ -39,6 +39,7 @@ def run_stage(
     with single_progress(name) as progress:
         request = Request(config, shown_words(words, config_dir), progress, out)
         artifact, existed = registry.STAGES[name].make(request)
+    warn(artifact.path)
     typer.echo(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
     for line in registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact):
         typer.echo(f"  {line}")

@@ -6,12 +6,19 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from gpsim.artifacts import read_warnings
+
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
+INTERRUPTED = "interrupted: finished artifacts are whole, run the same command to carry on"
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
+"""Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
 
 
 class Board:
@@ -21,7 +28,8 @@ class Board:
         self._jobs, self._done, self._kept, self._began = jobs, 0, 0, time.monotonic()
         self._all: TaskID | None = None
         self._console = Console(stderr=True)
-        self._live = self._console.is_terminal
+        self._quiet = QUIET.get()
+        self._live = self._console.is_terminal and not self._quiet
         self._bars = Progress(
             TextColumn("{task.description:<34}"),
             BarColumn(bar_width=28),
@@ -48,16 +56,21 @@ class Board:
         if self._live:
             self._bars.stop()
         if kind is not None and issubclass(kind, KeyboardInterrupt):  # Typer then ends with exit code 130
-            _say("interrupted: finished artifacts are whole, run the same command to carry on")
+            _say(INTERRUPTED)
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
-        """Job `job` has done `done` of `total`."""
+        """Job `job` has done `done` of `total`; of no total: what it waits for, said at once."""
+        if self._quiet:
+            return
+        if not total and not self._live:
+            _say(f"  {job}: {note}")
+            return
         now = time.monotonic()
         self._started.setdefault(job, now)
         if self._live:
             if job not in self._tasks:
-                self._tasks[job] = self._bars.add_task(job, total=total, note=note)
-            self._bars.update(self._tasks[job], completed=done, total=total, note=note)
+                self._tasks[job] = self._bars.add_task(job, total=total or None, note=note)
+            self._bars.update(self._tasks[job], completed=done, total=total or None, note=note)
             return
         if now - self._spoken.setdefault(job, now) >= SECONDS_BETWEEN_LINES and done < total:
             self._spoken[job] = now
@@ -73,6 +86,8 @@ class Board:
             self._bars.update(self._all, completed=self._done, note=self.overall())
         elif self._jobs:
             line = f"{line} [dim]({self.overall()})[/]"
+        if self._quiet:
+            return
         with suppress(OSError):
             (self._bars.console if self._live else self._console).print(line, highlight=False, soft_wrap=True)
 
@@ -87,6 +102,18 @@ class Board:
             return said
         minutes = (time.monotonic() - self._began) / made * left / 60.0
         return f"{said}, about {minutes:.0f} min left" if minutes >= 1.0 else f"{said}, under a minute left"
+
+
+def note(line: str) -> None:
+    """A line on stderr that nobody needs in order to read the result."""
+    if not QUIET.get():
+        _say(line)
+
+
+def warn(folder: Path) -> None:
+    """What went wrong beside the result when an artifact was made, a line each: also where `--quiet` was given."""
+    for line in read_warnings(folder):
+        _say(f"warning: {line}")
 
 
 def _say(line: str) -> None:

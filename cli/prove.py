@@ -12,6 +12,7 @@ from rich.console import Console
 from gpsim.errors import UsageError
 
 from .progress import single_progress
+from .quiet import NAME
 
 CORES = os.cpu_count() or 1
 prove_app = typer.Typer(
@@ -59,7 +60,7 @@ def prove_command(
 
 def _refuse_options(context: typer.Context, step: str) -> None:
     """What stands before a step would be ignored."""
-    for option in context.command.params:
+    for option in (option for option in context.command.params if option.name != NAME):
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(

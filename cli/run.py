@@ -11,9 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, Words, shown_words
-from .progress import Board
+from .progress import Board, note, warn
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
@@ -27,6 +26,11 @@ Reported = Annotated[
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
 
 
+@run_app.callback()
+def _run() -> None:
+    pass
+
+
 @run_app.command("full-loop")
 def full_loop(
     words: Words = None,
@@ -36,6 +40,8 @@ def full_loop(
     show_config: ShowConfig = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
@@ -47,7 +53,6 @@ def full_loop(
     from gpsim.stages.stage import Request
 
     started = time.monotonic()
-    console = Console(stderr=True)
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
     with Board(len(loop.plan(request, chosen))) as board:
@@ -55,12 +60,13 @@ def full_loop(
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
             mark = "[dim]kept[/]" if existed else "[green]made[/]"
             board.finish(job, f"{mark} {job:<34} {artifact.path}", existed)
+            warn(artifact.path)
 
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
         tables, notes = terminal_tables(gathered), terminal_notes(gathered)
-    console.print(f"finished in {time.monotonic() - started:.0f} s", highlight=False)
+    note(f"finished in {time.monotonic() - started:.0f} s")
     show(artifact.path, tables, notes)
 
 
@@ -72,8 +78,8 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
     for table in tables:
         console.print(table)
         console.print()
-    for note in notes:
-        typer.echo(note)
+    for line in notes:
+        typer.echo(line)
     typer.echo(f"report: {folder / 'report.html'}")
     typer.echo(folder / "summary.json")  # the path alone on the last line, for programs
 
@@ -82,6 +88,8 @@ def report_command(
     words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)

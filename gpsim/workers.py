@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -11,10 +12,26 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
+from gpsim.ending import ASKED, Terminated
 from gpsim.errors import UsageError
+
+PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when its parent is gone
+OURS = (None, ASKED, -signal.SIGTERM)  # exit codes of workers that run on, or that the pool itself ended
+PATIENCE = 20  # looks at the exit codes, a twentieth of a second apart
+
+
+class WorkerDiedError(UsageError):
+    """A worker process is gone in the middle of its work.
+
+    how: in words, as "crashed (SIGSEGV)"; killed: from outside.
+    """
+
+    def __init__(self, how: str, killed: bool) -> None:
+        self.how, self.killed = how, killed
+        super().__init__(f"a worker process {how}; run the same command to carry on")
 
 
 class WorkerPool(ProcessPoolExecutor):
@@ -29,6 +46,8 @@ def _run(job: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     """The executor would take SystemExit for the job's result, begin the next job, or wait for one for ever."""
     try:
         return job(*args, **kwargs)
+    except Terminated:
+        os._exit(ASKED)
     except SystemExit:
         os._exit(1)
 
@@ -38,7 +57,7 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
     """A pool of `count` spawned processes, each begun by `begin(*arguments)`; none outlives the block.
 
     Spawned, not forked: torch does not survive a fork, nor does a parent that shows its progress from a thread. A
-    worker that was killed raises UsageError.
+    worker that was killed, or crashed, raises WorkerDiedError.
     """
     context = multiprocessing.get_context("spawn")
     pool = WorkerPool(count, context, initializer=begin, initargs=arguments)
@@ -46,13 +65,30 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
         yield pool
         pool.shutdown()
     except BrokenProcessPool as error:
-        raise UsageError(
-            "a worker process was killed (out of memory?); run the same command to carry on"
-        ) from error
+        raise _died(pool) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in multiprocessing.active_children():
             process.terminate()
+
+
+def _died(pool: WorkerPool) -> WorkerDiedError:
+    """What became of the worker that broke the pool, as far as its exit code says."""
+    processes = list((getattr(pool, "_processes", None) or {}).values())  # the executor tells nobody else
+    for _ in range(PATIENCE):
+        codes = [process.exitcode for process in processes if process.exitcode not in OURS]
+        if codes and codes[0] is not None:
+            return _told(codes[0])
+        time.sleep(0.05)
+    return _told(-signal.SIGKILL)
+
+
+def _told(code: int) -> WorkerDiedError:
+    if code == -signal.SIGKILL:  # what Linux does to whoever takes too much
+        return WorkerDiedError("was killed (out of memory?)", killed=True)
+    if code < 0:
+        return WorkerDiedError(f"crashed ({signal.Signals(-code).name})", killed=False)
+    return WorkerDiedError(f"ended by itself (exit code {code})", killed=False)
 
 
 def begin_worker(parent: int) -> None:
@@ -61,12 +97,27 @@ def begin_worker(parent: int) -> None:
     Who is ended by the parent leaves as after an exception, so that temporary folders go with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(1))
-    threading.Thread(target=_leave_with, args=(parent,), daemon=True).start()
+    signal.signal(signal.SIGTERM, _leave)
+    leave_with(parent)
 
 
-def _leave_with(parent: int) -> None:
-    """Nobody waits for the result; the next run sweeps what is half-made."""
+def _leave(number: int, frame: object) -> None:
+    raise Terminated
+
+
+def leave_with(parent: int) -> None:
+    """From now on this process ends when its parent does: nobody waits for the result.
+
+    Linux's kernel sees to it at once; elsewhere, and where it will not, a thread looks every second. The next run
+    sweeps what is half-made.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # a C library without it
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(1.0)
     os._exit(1)

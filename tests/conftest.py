@@ -1,12 +1,34 @@
-"""One thread per process in the tests too, as the command line does it."""
+"""Every test runs in an empty folder of its own, with a home of its own, and cannot reach the user's runs/."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hermetic import CHECKOUT, clean_environment, guard_runs, remove
 
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+IN_WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which has the environment of the process that started it
+HOME = None if IN_WORKER else clean_environment()  # at once: what test modules import reads it
+guard_runs()
+
+
+def pytest_unconfigure() -> None:
+    if HOME is not None:
+        remove(HOME)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Fixtures of a module or of the session do not work in the checkout either."""
+    os.chdir(tmp_path_factory.mktemp("elsewhere"))
+    yield
+    os.chdir(CHECKOUT)
+
+
+@pytest.fixture(autouse=True)
+def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A relative path, as runs/ is, is one of this test alone."""
+    monkeypatch.chdir(tmp_path)
 
 
 def _tree(folder: Path) -> dict[str, str]:

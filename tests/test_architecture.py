@@ -29,8 +29,8 @@ LEVELS = [
     {"gp", "effects", "tasks", "targets", "recordings"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
-    {"files"},
-    {"errors"},
+    {"files", "ending"},
+    {"ending", "errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 FILES = sorted([*ROOT.glob("gpsim/**/*.py"), *ROOT.glob("cli/**/*.py")])

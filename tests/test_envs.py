@@ -3,9 +3,8 @@
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
-from gpsim.environments.envs import BatchedEnv, SingleEnv
+from gpsim.environments.envs import BatchedEnv
 from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
@@ -16,15 +15,39 @@ CARTPOLE = make_simulator("cartpole")
 PLANT = SimulatorPlant(CARTPOLE, CARTPOLE.defaults(), "euler", 0.02)
 
 
-@pytest.mark.filterwarnings("ignore::UserWarning")  # the checker warns of unbounded observations
-def test_gymnasium_accepts_the_single_environment():
-    check_env(SingleEnv(PLANT, Balance()), skip_render_check=True)
+UNICYCLE = SimulatorPlant(make_simulator("unicycle"), {}, "euler", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("plant", "task"), [(PLANT, Balance(max_steps=9)), (UNICYCLE, GoalReaching(max_steps=9))]
+)
+def test_what_gymnasium_asks_of_a_vector_environment(plant, task):
+    """Its checker knows single environments only: spaces, types, shapes, and seeds that decide everything."""
+
+    def played(seed):
+        env = BatchedEnv(plant, task, 3, seed=1)
+        assert isinstance(env, gymnasium.vector.VectorEnv)
+        env.action_space.seed(0)
+        seen = [env.reset(seed=seed)[0]]
+        for _ in range(20):  # episodes end and begin anew meanwhile
+            observations, rewards, terminated, truncated, info = env.step(env.action_space.sample())
+            assert observations in env.observation_space
+            assert observations.dtype == env.observation_space.dtype
+            assert rewards.shape == terminated.shape == truncated.shape == (3,)
+            assert terminated.dtype == truncated.dtype == np.bool_
+            assert ("final_obs" in info) == bool((terminated | truncated).any())
+            seen.append(observations)
+        assert env.observation_space == gymnasium.vector.utils.batch_space(env.single_observation_space, 3)
+        return np.array(seen)
+
+    np.testing.assert_array_equal(played(5), played(5))
+    assert (played(5) != played(6)).any()
 
 
 def test_the_base_simulator_is_gymnasiums_cartpole():
     """Gymnasium's CartPole-v1 is an independent oracle for the frictionless equations and the Euler step."""
     reference = gymnasium.make("CartPole-v1").unwrapped
-    env = SingleEnv(PLANT, Balance(angle_limit=0.2095))
+    env = BatchedEnv(PLANT, Balance(angle_limit=0.2095), 1, seed=0)
     rng = np.random.default_rng(0)
     for _ in range(20):
         start = rng.uniform(-0.05, 0.05, 4)
@@ -34,13 +57,13 @@ def test_the_base_simulator_is_gymnasiums_cartpole():
         for _ in range(100):
             action = int(rng.integers(2))
             expected, _, over, _, _ = reference.step(action)
-            got, reward, terminated, _, _ = env.step(action)
+            got, reward, terminated, _, info = env.step(np.array([action]))
             # Theirs divides before multiplying, and rounds observations to float32.
-            np.testing.assert_allclose(got, expected, rtol=2e-6, atol=2e-6)
+            np.testing.assert_allclose(info.get("final_obs", got)[0], expected, rtol=2e-6, atol=2e-6)
             assert reward == 1.0
             if over:
                 break
-        assert terminated == over
+        assert terminated[0] == over
 
 
 def test_a_batch_is_its_episodes_one_by_one():
@@ -57,15 +80,15 @@ def test_a_batch_is_its_episodes_one_by_one():
         for i in np.flatnonzero(terminated & (first_end < 0)):
             first_end[i], final[i] = k, info["final_obs"][i]
     for i in range(7):
-        single = SingleEnv(target, task)
+        single = BatchedEnv(target, task, 1, seed=0)
         single.reset(options={"states": starts[i]})
         for k in range(300):
-            observation, _, terminated, _, _ = single.step(actions[k, i])
-            if terminated:
+            _, _, terminated, _, info = single.step(actions[k, i : i + 1])
+            if terminated[0]:
                 break
-        assert terminated
+        assert terminated[0]
         assert first_end[i] == k
-        np.testing.assert_array_equal(final[i], observation)
+        np.testing.assert_array_equal(final[i], info["final_obs"][0])
 
 
 def test_time_limit_is_truncation_not_termination():
@@ -86,9 +109,6 @@ def test_states_that_are_no_numbers_end_the_episode():
     assert not task.terminated(np.array([[2.5, 0, 0, 0.0]]), np.empty((1, 0))).any()
 
 
-UNICYCLE = SimulatorPlant(make_simulator("unicycle"), {}, "euler", 0.1)
-
-
 def test_states_without_a_context_get_the_tasks_own():
     task, states = GoalReaching(), np.array([[0.1, 0.2, 0.3], [0.0, 0.0, 0.0], [-0.5, 0.5, 1.0]])
     env = BatchedEnv(UNICYCLE, task, 3, seed=0)
@@ -97,13 +117,13 @@ def test_states_without_a_context_get_the_tasks_own():
     np.testing.assert_array_equal(seen, task.observe(states, env.episodes.context))
     assert (np.abs(env.episodes.context) <= task.arena / 2.0 - task.agent_radius).all()
     assert len(np.unique(env.episodes.context)) == 6
-    single = SingleEnv(UNICYCLE, task)
+    single = BatchedEnv(UNICYCLE, task, 1, seed=1)
     single.reset(seed=0, options={"states": states[0]})
-    first = single._episodes.context
+    first = single.episodes.context
     single.reset(seed=0, options={"states": states[0]})
-    np.testing.assert_array_equal(single._episodes.context, first)
+    np.testing.assert_array_equal(single.episodes.context, first)
     single.reset(options={"states": states[0], "context": [0.5, -0.5]})
-    np.testing.assert_array_equal(single._episodes.context, [[0.5, -0.5]])
+    np.testing.assert_array_equal(single.episodes.context, [[0.5, -0.5]])
 
 
 def test_a_task_without_a_context_draws_nothing_for_given_states():

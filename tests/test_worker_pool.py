@@ -3,6 +3,8 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -12,8 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from gpsim.ending import Terminated, ends_when_asked
 from gpsim.stages.trial_jobs import run_trials
-from gpsim.workers import begin_worker, worker_pool
+from gpsim.workers import WorkerDiedError, begin_worker, worker_pool
 
 
 def hold_a_folder(place: str) -> None:
@@ -54,6 +57,89 @@ def test_an_interrupted_pool_ends_with_jobs_at_hand(tmp_path: Path):
         interrupted()
     assert waited_for(lambda: not multiprocessing.active_children())
     assert not any(tmp_path.iterdir())
+
+
+HOLDS_THE_LOCK = """
+import os, re, sys
+from gpsim.workers import WorkerDiedError, begin_worker, worker_pool
+
+def busy(place):
+    with open(place, "w") as stream:
+        stream.write(str(os.getpid()))
+    re.match("(a+)+b", 60 * "a")  # years in C, and no other thread of Python runs meanwhile
+
+if __name__ == "__main__":
+    with worker_pool(1, begin_worker, os.getpid()) as pool:
+        pool.submit(busy, sys.argv[1]).result()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a thread has to look")
+def test_the_kernel_ends_a_worker_whose_parent_was_killed(tmp_path: Path):
+    """Though it be in the middle of C code, where no thread of its own can look whether the parent is there."""
+    script, place = tmp_path / "busy.py", tmp_path / "pid"
+    script.write_text(HOLDS_THE_LOCK)
+    parent = subprocess.Popen([sys.executable, str(script), str(place)], stderr=subprocess.DEVNULL)
+    assert waited_for(lambda: place.exists() and place.read_text())
+    worker = int(place.read_text())
+    parent.kill()
+    parent.wait()
+    try:
+        assert waited_for(lambda: gone(worker))
+    finally:
+        if not gone(worker):
+            os.kill(worker, signal.SIGKILL)
+
+
+def gone(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def crash(how: str) -> None:
+    if how == "exit":
+        raise SystemExit(0)
+    if how == "exits":
+        os._exit(0)
+    os.kill(os.getpid(), getattr(signal, how))
+
+
+@pytest.mark.parametrize(
+    ("how", "killed", "said"),
+    [
+        ("SIGSEGV", False, r"crashed \(SIGSEGV\)"),
+        ("SIGKILL", True, r"was killed \(out of memory\?\)"),
+        ("exits", False, r"ended by itself \(exit code 0\)"),
+        ("exit", False, r"ended by itself \(exit code 1\)"),
+    ],
+)
+def test_a_worker_that_is_gone_is_one_line_that_says_how(how: str, killed: bool, said: str):
+    with pytest.raises(WorkerDiedError, match=f"a worker process {said}; run the same command") as caught:
+        list(run_trials(partial(crash_of, how), range(2), 2, lambda *_: None))
+    assert caught.value.killed == killed
+
+
+def crash_of(how: str, number: int) -> None:
+    crash(how)
+
+
+def test_asked_to_end_the_block_is_left_once_and_the_old_handler_is_back(interruptible: None):
+    before = signal.getsignal(signal.SIGTERM)
+
+    def asked():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(30)
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)  # asked again while it cleans up
+            time.sleep(0.01)
+
+    with pytest.raises(Terminated) as caught, ends_when_asked():
+        asked()
+    assert caught.value.code == 143
+    assert signal.getsignal(signal.SIGTERM) == before
 
 
 def slow_trial(place: Path, number: int) -> int:

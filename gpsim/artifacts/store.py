@@ -26,6 +26,7 @@ from gpsim.artifacts.artifact import (
     read_artifact,
     read_manifest,
 )
+from gpsim.artifacts.locks import held
 from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
@@ -33,6 +34,7 @@ from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
 SCHEMA = "gpsim.artifact/1"
 _VERSION = re.compile(r"v(\d{4,})")
 _LOCK = re.compile(r"(\.tmp-[0-9a-f]{12})\.lock")
+_CLAIM = re.compile(r"\.making-[0-9a-f]{16}\.lock")
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,18 @@ class Store:
             if read_manifest(path).key == key:
                 return read_artifact(path, recipe.stage)
         return None
+
+    @contextmanager
+    def claimed(self, recipe: Recipe, waiting: Callable[[str], None]) -> Iterator[None]:
+        """Within it no other process makes the same: look again with `find` before you do.
+
+        `waiting(who)` is called where another process has it, which this one then waits for.
+        """
+        shelf = self.root / self.experiment / recipe.stage
+        with disk_errors(shelf):
+            _make_folder(shelf)
+        with held(shelf / f".making-{recipe.key[:16]}.lock", waiting):
+            yield
 
     def publish(
         self,
@@ -215,3 +229,8 @@ def _sweep(shelf: Path) -> None:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
             shutil.rmtree(lock.with_name(made[1]), ignore_errors=True)
             lock.unlink()
+    for claim in shelf.glob(".making-*.lock"):
+        with suppress(OSError), claim.open("rb+") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)  # its own claim fails here, too
+            if _CLAIM.fullmatch(claim.name):
+                claim.unlink()

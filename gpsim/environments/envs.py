@@ -1,11 +1,10 @@
-"""Plant x task as Gymnasium environments: one episode at a time, or a batch stepped as NumPy arrays."""
+"""Plant x task as a Gymnasium vector environment: a batch of episodes stepped as NumPy arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -129,28 +128,6 @@ class BatchedEnv(VectorEnv[NDArray[np.float32], Actions, Any]):
             self.episodes.restart(done)
             observations = self.episodes.observe()
         return observations, rewards, terminated, truncated, info
-
-
-class SingleEnv(gymnasium.Env[NDArray[np.float32], Any]):
-    """One episode at a time, for any tool that expects a plain Gymnasium environment."""
-
-    def __init__(self, plant: Plant, task: Task) -> None:
-        self.observation_space = task.observation_space
-        self.action_space = task.action_space
-        self._plant, self._task = plant, task
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode; options as of `BatchedEnv.reset`, for one episode: (S,) and (K,) will do."""
-        super().reset(seed=seed)
-        self._episodes = Episodes(self._plant, self._task, 1, self.np_random)
-        return self._episodes.begin(self._episodes.given_start(options))[0], {}
-
-    def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """One control step."""
-        rewards, terminated, truncated = self._episodes.step(np.asarray(action)[None])
-        return self._episodes.observe()[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), {}
 
 
 def _rows(given: Any, shape: tuple[int, int], key: str) -> FloatArray:

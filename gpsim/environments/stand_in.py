@@ -1,4 +1,4 @@
-"""Driving the stand-in of a robot by a plan or a policy, and logging what the robot's own software would log."""
+"""Driving the stand-in of a robot by a plan, and logging what the robot's own software would log."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.environments.collect import Act
 from gpsim.recordings.bag_writing import DriveLog
 from gpsim.simulators import Memory
 from gpsim.targets import Limo
-from gpsim.tasks import GoalReaching, Start
 
 PAUSE = 2.0
 """Seconds without a pose while the car is carried back to the middle of the floor."""
@@ -46,28 +44,23 @@ class _Log:
         self._pose_t: list[FloatArray] = []
         self._poses: list[FloatArray] = []
 
-    def place(self, t: float, state: FloatArray) -> FloatArray:
-        """The car stands at state (1, 3) at t; returns what the motion capture says (1, 3)."""
-        seen = self._car.measure(state, {}, self._rng)
+    def place(self, t: float, state: FloatArray) -> None:
+        """The car stands at state (1, 3) at t."""
         self._pose_t.append(np.array([t]))
-        self._poses.append(seen)
-        return seen
+        self._poses.append(self._car.measure(state, {}, self._rng))
 
     def send(self, t: float, command: FloatArray) -> None:
         """The command (2,) goes out at t."""
         self._command_t.append(t)
         self._commands.append(command)
 
-    def step(
-        self, t: float, state: FloatArray, command: FloatArray, memory: Memory
-    ) -> tuple[FloatArray, FloatArray]:
-        """Send the command and drive for a control step; returns the true pose (1, 3) and the measured one."""
+    def step(self, t: float, state: FloatArray, command: FloatArray, memory: Memory) -> FloatArray:
+        """Send the command and drive for a control step; returns the true pose (1, 3)."""
         self.send(t, command)
-        true = self._car.glimpses(state, command[None], memory)[0]
-        seen = self._car.measure(true, {}, self._rng)
+        true: FloatArray = self._car.glimpses(state, command[None], memory)[0]
         self._pose_t.append(t + self._car.dt * np.arange(1, len(true) + 1) / len(true))
-        self._poses.append(seen)
-        return true[-1:], seen[-1:]
+        self._poses.append(self._car.measure(true, {}, self._rng))
+        return np.asarray(true[-1:])
 
     def log(self) -> DriveLog:
         return DriveLog(
@@ -94,25 +87,10 @@ def drive_plan(car: Limo, plan: FloatArray, floor: float, rng: np.random.Generat
             returns += 1
             state, memory = _middle(rng), car.begin(1, rng)
             log.place(t, state)
-        state, _ = log.step(t, state, command, memory)
+        state = log.step(t, state, command, memory)
         t = round(t + car.dt, 6)
     log.send(t, np.zeros(2))
     return log.log(), returns
-
-
-def drive_policy(car: Limo, task: GoalReaching, act: Act, start: Start, rng: np.random.Generator) -> DriveLog:
-    """Play a policy from one start (states (1, 3), goal (1, 2)) until it is over, as a node on the robot would."""
-    log, t = _Log(car, rng), 0.0
-    state, memory = start.states, car.begin(1, rng)
-    seen = log.place(t, state)
-    for _ in range(task.max_steps):
-        command = task.command(act(task.observe(seen, start.context)))[0]
-        state, seen = log.step(t, state, command, memory)
-        t = round(t + car.dt, 6)
-        if task.terminated(state, start.context)[0]:
-            break
-    log.send(t, np.zeros(2))
-    return log.log()
 
 
 def _middle(rng: np.random.Generator) -> FloatArray:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +46,9 @@ img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: 
 {% endfor %}
 {% for picture in pictures %}<h2>{{ picture.title }}</h2><img alt="{{ picture.title }}" src="{{ picture.source }}">
 <p class="caption">{{ picture.caption }}</p>
-{% endfor %}
+{% endfor %}{% if missing %}<h2>What could not be shown</h2>
+{% for line in missing %}<p>{{ line }}</p>
+{% endfor %}{% endif %}
 <h2>All hypotheses that were fitted</h2><p>Nats behind the best, integration, explanation.</p><pre>{{ ranking }}</pre>
 <h2>diagnosis.json</h2><pre>{{ text }}</pre>
 </body></html>
@@ -76,8 +79,10 @@ class Picture:
         return f"data:image/png;base64,{base64.b64encode(self.png).decode()}"
 
 
-def page(diagnosis: Diagnosis, pictures: Mapping[str, Picture], name: str) -> str:
-    """One self-contained HTML page: no network, no scripts, no dates."""
+def page(
+    diagnosis: Diagnosis, pictures: Mapping[str, Picture], name: str, missing: Sequence[str] = ()
+) -> str:
+    """One self-contained HTML page: no network, no scripts, no dates. missing: lines about what it lacks."""
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
     return environment.from_string(PAGE).render(
@@ -89,6 +94,7 @@ def page(diagnosis: Diagnosis, pictures: Mapping[str, Picture], name: str) -> st
         share=_share,
         tables=_tables(diagnosis.fit),
         pictures=list(pictures.values()),
+        missing=list(missing),
         ranking="\n".join(ranking(diagnosis)),
         text=json.dumps(short, indent=2),
     )
@@ -113,26 +119,38 @@ def _tables(fit: HeldOutFit) -> dict[str, Mapping[str, StepErrors] | Mapping[str
     return tables | ({f"After {fit.rollout.horizon_s:.3g} s on held-out data": runs} if runs else {})
 
 
-def figures(found: Outcome, traces: Traces, course: Course) -> dict[str, Picture]:
-    """Name -> picture; what is drawn comes computed."""
+def figures(
+    found: Outcome,
+    traces: Traces | None,
+    course: Course | None,
+    contained: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
+) -> dict[str, Picture]:
+    """Name -> picture; what is drawn comes computed, None is not drawn.
+
+    contained(name): the block in which that picture is drawn.
+    """
     with style():
         pictures = {}
         if found.comparison.one_step:
-            pictures["residual_inputs"] = Picture(
-                "Residual against its two most telling inputs",
-                "Measured minus simulated rate of single transitions, each from its measured state.",
-                _inputs(found),
-            )
-        pictures["residual_time"] = Picture(
-            "Error over time, before and after",
-            f"Every dot is a window of {course.seconds:.3g} s that the diagnosis learnt from, simulated from the state "
-            "that was measured at its start; the base simulator takes its own step.",
-            _over_time(found, course),
-        )
-        if traces.traces:
-            pictures["traces"] = Picture(
-                _traces_title(traces), _traces_caption(traces), _traces(found, traces)
-            )
+            with contained("residual_inputs"):
+                pictures["residual_inputs"] = Picture(
+                    "Residual against its two most telling inputs",
+                    "Measured minus simulated rate of single transitions, each from its measured state.",
+                    _inputs(found),
+                )
+        if course is not None:
+            with contained("residual_time"):
+                pictures["residual_time"] = Picture(
+                    "Error over time, before and after",
+                    f"Every dot is a window of {course.seconds:.3g} s that the diagnosis learnt from, simulated from "
+                    "the state that was measured at its start; the base simulator takes its own step.",
+                    _over_time(found, course),
+                )
+        if traces is not None and traces.traces:
+            with contained("traces"):
+                pictures["traces"] = Picture(
+                    _traces_title(traces), _traces_caption(traces), _traces(found, traces)
+                )
         return pictures
 
 

@@ -19,7 +19,7 @@ SOLVED, CERTIFIED, ALL = "returns", "returns_certified", "returns_all"
 class ResidualSlice:
     """One rate's residual along one input, the other inputs held at `at`: what the GP says and what it was taught.
 
-    grid: (G,) values of `channel`; mean, latent_std, observed_std: (G,) of the GP there, observed_std with noise;
+    grid: (G,) values of `channel`; mean, observed_std: (G,) of the GP there, the noise among the latter;
     point_inputs, point_residuals: (N,) training rows; point_errors: (N,) residual minus the GP's mean at the row's
     own inputs; near: (N,) True on the rows that lie closest to the slice.
     """
@@ -29,7 +29,6 @@ class ResidualSlice:
     at: Mapping[str, float]
     grid: FloatArray
     mean: FloatArray
-    latent_std: FloatArray
     observed_std: FloatArray
     point_inputs: FloatArray
     point_residuals: FloatArray

@@ -55,7 +55,6 @@ def residual_slice(
         at={name: float(middle[residuals.channels.index(name)]) for name in others},
         grid=grid,
         mean=mean[:, column],
-        latent_std=np.sqrt(variance[:, column]),
         observed_std=np.sqrt(variance[:, column] + noise),
         point_inputs=inputs[:, along],
         point_residuals=targets,

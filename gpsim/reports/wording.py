@@ -57,6 +57,10 @@ def no_gp_text(why: NoGp) -> str:
     """Why no Gaussian process models what is left."""
     if why.reason == "no structure":
         return "it has no structure"
+    if why.reason == "not fitted":
+        return "it could not be fitted"
+    if why.reason == "not written":
+        return "it could not be written down"
     if why.reason == "explains nothing":
         return f"it would explain nothing of {UNSEEN}"
     when = "after a rollout" if why.rollout else "one step ahead"

@@ -19,6 +19,7 @@ from __future__ import annotations
 import copyreg
 import inspect
 import math
+import multiprocessing
 import sys
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -29,7 +30,9 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, difference
+from gpsim.ending import Terminated
 from gpsim.errors import UsageError
+from gpsim.simulators.first_contact import try_apart
 from gpsim.simulators.simulator import (
     INTEGRATORS,
     Coordinate,
@@ -55,11 +58,13 @@ def load_user_simulator(reference: str) -> Simulator:
         source = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{path}: cannot be read: {_said(error)}") from error
-    return _loaded(reference, source)
+    if multiprocessing.parent_process() is None:  # whoever started a worker has tried it
+        try_apart(reference, source)
+    return load_source(reference, source)
 
 
 @lru_cache(maxsize=8)
-def _loaded(reference: str, source: str) -> Simulator:
+def load_source(reference: str, source: str) -> Simulator:
     """The class as `source` has it: a file that changes meanwhile does not change what is under way."""
     file, _, name = reference.rpartition(":")
     module = _module(Path(file), source)
@@ -71,6 +76,8 @@ def _loaded(reference: str, source: str) -> Simulator:
         raise UsageError(f"{file}: no class '{name}'; it has: {', '.join(classes) or 'none'}")
     try:
         instance = found()
+    except Terminated:
+        raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
         raise UsageError(
             f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
@@ -84,7 +91,7 @@ def _loaded(reference: str, source: str) -> Simulator:
     if simulator is instance:
         _guard(simulator, reference)
     # Copies in other processes come from the source, which is no importable module.
-    copyreg.pickle(type(simulator), lambda known: (_loaded, (known.name, vars(known)["_source"])))
+    copyreg.pickle(type(simulator), lambda known: (load_source, (known.name, vars(known)["_source"])))
     _call(lambda: _check_declaration(simulator, reference), "its declaration", reference)
     _try(simulator, reference)
     return simulator
@@ -156,6 +163,7 @@ class UserSimulator(Simulator):
         out = np.empty((rows, len(self._rated)))
         for i, name in enumerate(self._rated):
             values = np.asarray(answer[name])
+            _refuse_complex(values, f"rates['{name}']", self._reference)
             if values.shape not in ((), (rows,)) or not np.issubdtype(values.dtype, np.number):
                 raise UsageError(
                     f"{self._reference}: rates['{name}'] must be {rows} numbers, one a row of the batch, "
@@ -171,6 +179,8 @@ def _module(path: Path, source: str) -> ModuleType:
     sys.modules[module.__name__] = module  # dataclasses look there
     try:
         exec(compile(source, str(path), "exec"), vars(module))
+    except Terminated:
+        raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
         raise UsageError(f"{path}: cannot be loaded: {_said(error)}") from error
     return module
@@ -201,10 +211,21 @@ def _guarded(method: Callable[..., Any], name: str, reference: str) -> Callable[
         arguments = [_read_only(value) for value in given]
         keywords = {key: _read_only(value) for key, value in named.items()}
         answer = _call(lambda: method(*arguments, **keywords), name, reference)
+        for part in answer.values() if isinstance(answer, Mapping) else (answer,):
+            _refuse_complex(part, name, reference)
         # What it hands on of what it was given, its caller may change.
         return answer.copy() if isinstance(answer, np.ndarray) and not answer.flags.writeable else answer
 
     return call
+
+
+def _refuse_complex(values: Any, what: str, reference: str) -> None:
+    """The search would take the real part and say nothing."""
+    if np.iscomplexobj(values):
+        raise UsageError(
+            f"{reference}: {what} is complex, as {np.ravel(values)[0]:.3g}; return real numbers, as np.real(...) of "
+            "what has no imaginary part"
+        )
 
 
 def _check_declaration(simulator: Simulator, reference: str) -> None:
@@ -260,7 +281,7 @@ def _check_shape(answer: Any, expected: tuple[int, ...], what: str, reference: s
 def _call(function: Callable[[], Any], what: str, reference: str) -> Any:
     try:
         return function()
-    except UsageError:
+    except (UsageError, Terminated):
         raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
         remedy = COPY_FIRST if isinstance(error, ValueError) and "read-only" in str(error) else ""

@@ -154,7 +154,6 @@ def notes(artifact: Artifact) -> list[str]:
 
 STAGE = Stage(
     "build-residuals",
-    "Subtract the simulator's prediction from the recording, rate by rate.",
     recipe,
     write,
     notes,

@@ -94,6 +94,4 @@ def read_certified(artifact: Artifact) -> BoolArray:
     return pd.read_csv(artifact.path / "certified.csv")["certified"].to_numpy(dtype=np.bool_)
 
 
-STAGE = Stage(
-    "certify", "Search which of the evaluation's starts can be solved at all.", recipe, write, notes, format=1
-)
+STAGE = Stage("certify", recipe, write, notes, format=1)

@@ -154,7 +154,6 @@ def _driver(request: Request, recipe: Recipe, section: dict[str, Any]) -> Act:
 
 STAGE = Stage(
     "collect",
-    "Record episodes of the target, or import logs of it (collect.source=my.bag collect.mapping=NAME).",
     recipe,
     write,
     format=1,

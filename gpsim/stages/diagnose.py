@@ -9,23 +9,22 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
-from gpsim.corrected import EffectsPlant, Features, GpCorrection, ages_of, describe, plant_from
+from gpsim.corrected import EffectsPlant, Features, GpCorrection, plant_from
 from gpsim.diagnosis import Diagnosis, diagnose
-from gpsim.diagnosis.assessment import course, traces
 from gpsim.diagnosis.data import first_held_out
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
 from gpsim.diagnosis.setup import guessed, hidden_channels
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest, unreadable, write_json
+from gpsim.files import Json, file_digest, unreadable
 from gpsim.recordings import HeldOut, Recording, read_bare_table, read_recording
-from gpsim.reports.diagnosis_page import figures, page
-from gpsim.reports.wording import worded
 from gpsim.residuals import check_match, check_rates, first_test_episode
 from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
-from gpsim.stages.policy_files import read_gp, write_gp
+from gpsim.stages.diagnosis_files import write_diagnosis
+from gpsim.stages.policy_files import read_gp
 from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
@@ -53,7 +52,6 @@ def stage_for(task: Task) -> Stage:
     """The stage for one recording and simulator."""
     return Stage(
         "diagnose",
-        "Say where recording and simulator differ, and which physics is missing.",
         lambda request: _recipe(request, task),
         lambda request, recipe, folder: _write(request, task, folder),
         format=FORMAT,
@@ -101,12 +99,6 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
 def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
     """A simulator's state channels, wrapping where they do and where their recording said so."""
     return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))
-
-
-def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
-    """corrected.json, and which channels wrap though the simulator's own state channels do not."""
-    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
-    return describe(plant, gp=gp) | ({"wraps": wraps} if wraps else {})
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:
@@ -206,6 +198,13 @@ def _title(recording: Recording) -> str:
 
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
+    with blamed(simulator.name):
+        return _diagnosed(request, task, folder, recording, simulator)
+
+
+def _diagnosed(
+    request: Request, task: Task, folder: Path, recording: Recording, simulator: Simulator
+) -> Json:
     recording = _held_apart(recording, task)
     parameters = simulator.defaults(recording.parameters)
     hidden = hidden_channels(recording, simulator)
@@ -216,21 +215,5 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
         found = diagnose(
             recording, simulator, parameters, rng, request.progress, Run(workers, _settings(request))
         )
-    diagnosis = worded(found.diagnosis)
-    write_json(folder / "diagnosis.json", diagnosis.to_dict())
-    plant = replace(found.plant, ages=ages_of(found.question.recording))
-    gp = diagnosis.remainder.gp
-    described = _described(plant, simulator.state, gp=gp is not None and gp.used)
-    if gp is not None and gp.beside == "base":
-        described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
-    write_json(folder / "corrected.json", described)
-    if found.comparison.corrected is not None:
-        learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features.names)
-    (folder / "figures").mkdir()
-    leader, horizon = found.judgement.leader.hypothesis, diagnosis.fit.rollout.horizon_s
-    pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))
-    for name, picture in pictures.items():
-        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
-    (folder / "report.html").write_text(page(diagnosis, pictures, _title(recording)), encoding="utf-8")
+    write_diagnosis(folder, found, simulator, _title(recording))
     return {}

@@ -43,7 +43,6 @@ def sentences(artifact: Artifact) -> list[str]:
 
 STAGE = Stage(
     "diagnose",
-    "Say where recording and simulator differ, and which physics is missing.",
     _recipe,
     _write,
     sentences,

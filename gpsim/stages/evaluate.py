@@ -284,7 +284,6 @@ def notes(artifact: Artifact) -> list[str]:
 
 STAGE = Stage(
     "evaluate",
-    "Compare policies, simulators and target: one step, rollouts, returns.",
     recipe,
     write,
     notes,

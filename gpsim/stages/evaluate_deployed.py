@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts import Artifact, Mishaps, Recipe
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation import path_length
@@ -91,8 +91,11 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     evaluation = {"experiment": request.config["experiment"], "deployed": plain(summary)}
     write_json(folder / "evaluation.json", evaluation)
     (folder / "figures").mkdir()
-    figure = figure_deployed(paths, goal, task.goal_radius, task.floor)
-    (folder / "figures" / "deployed.png").write_bytes(png(figure))
+    mishaps = Mishaps()
+    with mishaps.contained("figures/deployed.png is left out"):
+        figure = figure_deployed(paths, goal, task.goal_radius, task.floor)
+        (folder / "figures" / "deployed.png").write_bytes(png(figure))
+    mishaps.write(folder)
     return {}
 
 
@@ -153,7 +156,8 @@ def notes(artifact: Artifact) -> list[str]:
         for row in table.itertuples()
     ]
     lines.append(f"{summary['reached']} of {summary['trips']} deployments reached the goal")
-    return [*lines, f"figure: {artifact.path / 'figures' / 'deployed.png'}"]
+    figure = artifact.path / "figures" / "deployed.png"
+    return [*lines, f"figure: {figure}"] if figure.is_file() else lines
 
 
 def _name(recording: Recording, episode: Episode) -> str:

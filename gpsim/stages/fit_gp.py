@@ -141,4 +141,4 @@ def notes(artifact: Artifact) -> list[str]:
     return lines + [f"warning: {text}" for text in report["warnings"]]
 
 
-STAGE = Stage("fit-gp", "Fit one Gaussian process per rate to the residuals.", recipe, write, notes, format=3)
+STAGE = Stage("fit-gp", recipe, write, notes, format=3)

@@ -20,6 +20,7 @@ from gpsim.stages.jobs import Finished, Job, Update, run_jobs
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import effects_plant
 from gpsim.stages.train_source import settings_for
+from gpsim.stages.users_code import blamed
 
 
 def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:
@@ -104,4 +105,5 @@ def _plan_seed(request: Request, seed: int) -> list[Job]:
 
 def run(request: Request, seeds: tuple[int, ...], workers: int, update: Update, finished: Finished) -> None:
     """Make everything the report needs; what exists with the same configuration and parents is kept."""
-    run_jobs(plan(request, seeds), workers, update, finished)
+    with blamed(request.config["simulator"]["name"]):
+        run_jobs(plan(request, seeds), workers, update, finished)

@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
-from gpsim.artifacts import Artifact, Recipe, Store
+from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
 from gpsim.errors import UsageError
 from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
@@ -132,11 +132,16 @@ def read_logs(
 
 
 def write_import(recording: Recording, report: ImportReport, folder: Path) -> None:
-    """recording.parquet, recording.yaml, import_report.txt and figures/channels.png."""
+    """recording.parquet, recording.yaml, import_report.txt and figures/channels.png, which may fail with a warning."""
     write_recording(recording, folder)
     (folder / "import_report.txt").write_text(as_text(report), encoding="utf-8")
     (folder / "figures").mkdir()
-    draw_channels(recording, folder / "figures" / "channels.png")
+    mishaps, figure = Mishaps(), folder / "figures" / "channels.png"
+    with mishaps.contained("figures/channels.png is left out"):
+        draw_channels(recording, figure)
+    if mishaps.lines:
+        figure.unlink(missing_ok=True)
+    mishaps.write(folder)
 
 
 def inspect_source(source: Path, salvage: bool = False) -> Inspection:

@@ -9,7 +9,7 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
-from gpsim.artifacts import git_commit, package_versions
+from gpsim.artifacts import git_commit, held, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, write_json, written_whole
 from gpsim.reports.prove_page import page
@@ -108,7 +108,12 @@ def _conceal_one(out: Path, seed: int, number: int) -> str:
 
 
 def _diagnose_one(out: Path, number: int) -> float:
-    return float(diagnose_blind(out, trial_name(number))["seconds"])
+    name = trial_name(number)
+    with disk_errors(out, OPTION):
+        (out / DIAGNOSES).mkdir(exist_ok=True)
+    # Another proof in the same folder may be at it: what it finishes is found.
+    with held(out / DIAGNOSES / f".{name}.lock", lambda who: None):
+        return float(diagnose_blind(out, name)["seconds"])
 
 
 def _score_one(out: Path, answers: Path, number: int) -> dict[str, Any]:

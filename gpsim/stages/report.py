@@ -53,7 +53,6 @@ def stage_for(seeds: tuple[int, ...]) -> Stage:
     """The report over these seeds, as a stage."""
     return Stage(
         "report",
-        "Tables, figures and one HTML page of a finished loop.",
         lambda request: _recipe(request, seeds),
         lambda request, recipe, folder: _write(request, seeds, folder),
         format=1,

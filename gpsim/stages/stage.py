@@ -17,9 +17,10 @@ from gpsim.files import Json, file_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
 from gpsim.stages.code import RELEASE
+from gpsim.stages.users_code import blamed
 
 Progress = Callable[[int, int, str], None]
-"""progress(done, total, note)"""
+"""progress(done, total, note); of no total: the note alone, which is said at once"""
 
 LATER: Mapping[str, Mapping[str, Any]] = {"gp": {"noise_floor": 1e-3}}
 """Settings that came after artifacts were made, at the value that these have: so they are still found."""
@@ -91,7 +92,6 @@ class Stage:
     """
 
     name: str
-    help: str
     recipe: Callable[[Request], Recipe]
     write: Callable[[Request, Recipe, Path], Json | None]
     notes: Callable[[Artifact], list[str]] = field(default=lambda artifact: [])
@@ -119,14 +119,26 @@ class Stage:
 
     def make(self, request: Request) -> tuple[Artifact, bool]:
         """The artifact, and whether it existed already."""
-        recipe = self.keyed(request)
-        found = request.store.find(recipe) if request.out is None else None
+        recipe, store = self.keyed(request), request.store
+        if request.out is not None:
+            return self._publish(request, recipe), False
+        found = store.find(recipe)
         if found is not None:
             return found, True
-        artifact = request.store.publish(
-            recipe, lambda folder: self.write(request, recipe, folder), out=request.out, number=request.number
-        )
-        return artifact, False
+        with store.claimed(
+            recipe, lambda who: request.progress(0, 0, f"waiting for {who}, which makes the same")
+        ):
+            found = store.find(recipe)  # another process may have made it meanwhile
+            return (found, True) if found is not None else (self._publish(request, recipe), False)
+
+    def _publish(self, request: Request, recipe: Recipe) -> Artifact:
+        with blamed(request.config.get("simulator", {}).get("name")):
+            return request.store.publish(
+                recipe,
+                lambda folder: self.write(request, recipe, folder),
+                out=request.out,
+                number=request.number,
+            )
 
 
 def derived_seed(seed: int, purpose: str) -> int:

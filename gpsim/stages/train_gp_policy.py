@@ -139,7 +139,6 @@ def _noise(request: Request) -> bool:
 
 STAGE = Stage(
     "train-gp-policy",
-    "Train a policy in the corrected simulator (correction=gp|effects|effects+gp prediction=mean|sample).",
     recipe,
     write,
     remarks=remarks,

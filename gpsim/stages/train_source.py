@@ -147,7 +147,6 @@ def _improved(
 
 STAGE = Stage(
     "train-source",
-    "Train a policy in the base simulator (variant=source|randomised|target).",
     recipe,
     write,
     format=TRAINING_FORMAT,

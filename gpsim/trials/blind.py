@@ -28,14 +28,9 @@ LIMIT = 900.0  # s after which a diagnosis is given up
 # The command line in a fresh interpreter: what a user would run, and no module of the trials comes along. It ends when
 # the proof that started it is gone.
 COMMAND = """
-import os, threading, time
-
-def watch(parent):
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(1)
-
-threading.Thread(target=watch, args=(os.getppid(),), daemon=True).start()
+import os
+from gpsim.workers import leave_with
+leave_with(os.getppid())
 from gpsim.cli.main import main
 main()
 """

@@ -86,6 +86,34 @@ def test_killed_at_random_moments(folder, undisturbed, tmp_path, how):
     assert [path.name for path in out.parent.iterdir()] == ["diagnosis"]
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
+@pytest.mark.parametrize("whom", ["group", "parent"])
+def test_asked_to_end_it_says_a_line_and_leaves_nothing(folder, tmp_path, whom):
+    """As a shell's kill and a service manager ask: the parent alone, or all of its processes."""
+    out = tmp_path / "out" / "diagnosis"
+    process = subprocess.Popen(
+        command(folder, out),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 60
+    while len(of_session(process.pid)) < 4 and time.monotonic() < deadline:  # its tracker and two workers
+        time.sleep(0.05)
+    (os.killpg if whom == "group" else os.kill)(process.pid, signal.SIGTERM)
+    said, complained = process.communicate(timeout=60)
+    assert process.returncode == 143
+    assert (said, complained) == (
+        "",
+        "interrupted: finished artifacts are whole, run the same command to carry on\n",
+    )
+    assert not list(out.parent.iterdir())
+    while of_session(process.pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not of_session(process.pid)
+
+
 def test_a_full_disk_ends_in_one_line_and_leaves_nothing(folder, undisturbed, tmp_path):
     """A limit on the size of files stands for the disk: a picture no longer fits."""
     digests, _ = undisturbed

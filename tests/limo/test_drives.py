@@ -13,14 +13,15 @@ from gpsim.cli.main import main
 from gpsim.artifacts.artifact import Recipe
 from gpsim.artifacts.store import Store
 from gpsim.environments.envs import BatchedEnv
-from gpsim.environments.stand_in import Sweep, drive_plan, drive_policy
+from gpsim.environments.stand_in import Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import take_trips
+from gpsim.policies import train_ppo, train_sac
 from gpsim.policies.export import ros_node, to_onnx
 from gpsim.policies.policy import Policy
-from gpsim.policies.training import sac, train_ppo, train_sac
+from gpsim.policies.training import sac
 from gpsim.policies.training.settings import PpoSettings, SacSettings
-from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
+from gpsim.recordings.bag_writing import DriveLog, Topics, write_ros1_bag, write_ros2_bag
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages.building import make_task, target_plant
@@ -193,6 +194,24 @@ def run(monkeypatch, capsys, *words):
     return code, shown.out, shown.err
 
 
+def trip(task, act, start, rng):
+    """What a robot's software logs of a policy at the wheel: its commands, and the poses that were seen."""
+    state, memory, commands = start.states, CAR.begin(1, rng), []
+    pose_t, poses = [np.zeros(1)], [CAR.measure(state, {}, rng)]
+    for step in range(task.max_steps):
+        commands.append(task.command(act(task.observe(poses[-1][-1:], start.context)))[0])
+        true = CAR.glimpses(state, commands[-1][None], memory)[0]
+        pose_t.append(CAR.dt * (step + np.arange(1, len(true) + 1) / len(true)))
+        poses.append(CAR.measure(true, {}, rng))
+        state = true[-1:]
+        if task.terminated(state, start.context)[0]:
+            break
+    commands.append(np.zeros(2))
+    return DriveLog(
+        CAR.dt * np.arange(len(commands)), np.array(commands), np.concatenate(pose_t), np.concatenate(poses)
+    )
+
+
 def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     goal = np.array([TASK.evaluation_goal], dtype=np.float64)
@@ -200,9 +219,7 @@ def test_recorded_deployments_are_scored(tmp_path, monkeypatch, capsys):
     for number, (x, yaw) in enumerate(((-0.4, 0.0), (0.1, 0.1), (0.47, 2.4))):
         start = Start(np.array([[x, -0.5 if x < 0.4 else -0.45, yaw]]), goal)
         act = proportional if number < 2 else (lambda seen: np.zeros((len(seen), 2)))
-        log = drive_policy(
-            CAR, GoalReaching(max_steps=60 if number else 90), act, start, np.random.default_rng(number)
-        )
+        log = trip(GoalReaching(max_steps=60 if number else 90), act, start, np.random.default_rng(number))
         bags.append(f"trip{number}.bag")
         write_ros1_bag(Path(bags[-1]), log, Topics())
     words = ["evaluate", "experiment=limo", f"deployed=[{','.join(bags)}]"]

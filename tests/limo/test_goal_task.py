@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 
-from gpsim.environments.envs import BatchedEnv, SingleEnv
+from gpsim.environments.envs import BatchedEnv
 from gpsim.evaluation.turning import solvable
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import RandomisedPlant, SimulatorPlant
@@ -12,11 +11,6 @@ from gpsim.tasks import GoalReaching
 
 UNICYCLE = make_simulator("unicycle")
 PLANT = SimulatorPlant(UNICYCLE, {}, "euler", 0.1)
-
-
-@pytest.mark.filterwarnings("ignore::UserWarning")  # the checker warns of unbounded observations
-def test_gymnasium_accepts_it():
-    check_env(SingleEnv(PLANT, GoalReaching()), skip_render_check=True)
 
 
 def test_the_observation_is_the_goal_in_the_agents_frame():

@@ -167,16 +167,18 @@ def test_killed_many_times(tmp_path):
         read_artifact(path)
 
 
-def test_ctrl_c_says_how_to_carry_on(tmp_path):
+@pytest.mark.parametrize(("asked", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_and_a_request_to_end_say_how_to_carry_on(tmp_path, asked, code):
     with started(tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         deadline = time.monotonic() + 120
         while not versions(tmp_path) and time.monotonic() < deadline:
             time.sleep(0.1)
-        os.killpg(process.pid, signal.SIGINT)
+        os.killpg(process.pid, asked)
         _, shown = process.communicate(timeout=120)
-    assert process.returncode == 130
+    assert process.returncode == code
     assert shown.splitlines()[-1].startswith("interrupted: finished artifacts are whole")
     assert "Traceback" not in shown
+    assert not list(tmp_path.glob("runs/*/*/.*"))
     for path in versions(tmp_path):
         read_artifact(path)
 

@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from typer.testing import CliRunner
 
 from gpsim.artifacts.artifact import read_artifact
+from gpsim.artifacts.mishaps import read_warnings
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages.import_log import import_log, inspect_source, read_logs, source_digests
@@ -79,13 +80,22 @@ def test_nothing_is_overwritten_and_nothing_half_written(table, tmp_path, monkey
     with pytest.raises(UsageError, match="exists already"):
         import_log([table], tmp_path / "out", words=["system=cartpole"])
 
-    def fail(*_):
+    def fail(recording, path):
+        (path if path.suffix else path / "recording.yaml").write_text("half")
         raise RuntimeError("the disk is gone")
 
-    monkeypatch.setattr("gpsim.stages.import_log.draw_channels", fail)
-    with pytest.raises(RuntimeError):
-        import_log([table], tmp_path / "half", words=["system=cartpole"])
+    with monkeypatch.context() as patched:
+        patched.setattr("gpsim.stages.import_log.write_recording", fail)
+        with pytest.raises(RuntimeError):
+            import_log([table], tmp_path / "half", words=["system=cartpole"])
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "out"]
+    monkeypatch.setattr("gpsim.stages.import_log.draw_channels", fail)
+    import_log([table], tmp_path / "plain", words=["system=cartpole"])
+    assert read_warnings(tmp_path / "plain") == [
+        "figures/channels.png is left out: RuntimeError: the disk is gone"
+    ]
+    assert not list((tmp_path / "plain" / "figures").iterdir())
+    assert read_artifact(tmp_path / "plain").stage == "import"
 
 
 def test_an_episode_column_and_several_files_make_episodes(tmp_path):

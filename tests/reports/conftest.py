@@ -123,7 +123,6 @@ def _slice(rate: str) -> ResidualSlice:
         at={"x": 0.0, "theta": 0.01},
         grid=grid,
         mean=-9.0 * np.sign(grid),
-        latent_std=np.full(41, 0.1),
         observed_std=np.full(41, 0.2),
         point_inputs=points,
         point_residuals=-9.0 * np.sign(points),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gpsim.artifacts import Mishaps
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
 from gpsim.diagnosis.assessment.remainder_gp import (
@@ -42,7 +43,8 @@ class Comparison:
     corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
     inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
     since_reversal: of commands and velocities, (N,) s;
-    left_before, left_after: (N, R) their residual rates under the base and under the effects.
+    left_before, left_after: (N, R) their residual rates under the base and under the effects; mishaps: lines about
+    what could not be fitted.
     """
 
     one_step: dict[str, StepErrors]
@@ -56,6 +58,7 @@ class Comparison:
     since_reversal: Mapping[str, FloatArray]
     left_before: FloatArray
     left_after: FloatArray
+    mishaps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -82,10 +85,15 @@ def compare(
     trains = {
         kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
     }
-    alone = learn(problem, trains["before"], base, rng)
-    rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], alone)
-    both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
-    rates["after_gp"] = rates["after"]
+    mishaps, alone, both = Mishaps(), None, None
+    why: NoGp | None = NoGp("not fitted")
+    rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
+    with mishaps.contained("no Gaussian process beside the base simulator, its errors are the base's"):
+        learnt = learn(problem, trains["before"], base, rng)
+        rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
+        alone = learnt
+    with mishaps.contained("no Gaussian process on the remainder"):
+        both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
     if both is not None:
         kind = "after" if both.hypothesis == after else "before"
         test = steps[kind].test
@@ -95,7 +103,7 @@ def compare(
     models = {
         "before": Model(base),
         "tuned": Model(hypotheses["tuned"]),
-        "gp": Model(base, alone.rates),
+        "gp": Model(base, alone.rates if alone else None),
         "after_gp": Model(both.hypothesis, both.learnt.rates) if both else Model(after),
         "after": Model(after),
     }
@@ -111,6 +119,7 @@ def compare(
         since_reversal(steps["before"].train, problem.simulator),
         residual_rates(problem, steps["before"].train, base),
         residual_rates(problem, steps["after"].train, after),
+        tuple(mishaps.lines),
     )
 
 
@@ -120,7 +129,7 @@ def _remainder(
     hypotheses: Mapping[str, Hypothesis],
     trains: Mapping[str, Windows],
     completions: Completions,
-    alone: Learnt,
+    alone: Learnt | None,
     rng: np.random.Generator,
 ) -> tuple[Corrected | None, NoGp | None]:
     """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
@@ -130,6 +139,8 @@ def _remainder(
     """
     if not judgement.structured:
         return None, NoGp("no structure")
+    if alone is None:
+        return None, NoGp("not fitted")
     problem = question.everything
 
     def corrected(kind: str, learnt: Learnt) -> Corrected:

@@ -44,11 +44,12 @@ class Discrimination:
 class NoGp:
     """Why no Gaussian process models what is left.
 
-    What is left has no structure; or, on training data that it had not seen, the process makes the error in `channel`
-    (a rate one step ahead, or a measured channel after a `rollout`) so many `times` as large; or it explains nothing.
+    What is left has no structure; or fitting it, or writing it down, failed; or, on training data that it had not seen,
+    the process makes the error in `channel` (a rate one step ahead, or a measured channel after a `rollout`) so many
+    `times` as large; or it explains nothing.
     """
 
-    reason: Literal["no structure", "harms", "explains nothing"]
+    reason: Literal["no structure", "harms", "explains nothing", "not fitted", "not written"]
     channel: str = ""
     rollout: bool = False
     times: float = 1.0

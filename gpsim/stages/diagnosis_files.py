@@ -1,0 +1,81 @@
+"""What a diagnosis leaves in its folder: the result first, then what shows it, of which any part may fail."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from gpsim.artifacts import Mishaps
+from gpsim.channels import Channels
+from gpsim.corrected import EffectsPlant, ages_of, describe
+from gpsim.diagnosis import Diagnosis, Outcome
+from gpsim.diagnosis.assessment import Course, Traces, course, traces
+from gpsim.diagnosis.report import NoGp, RemainderGp
+from gpsim.files import Json, write_json
+from gpsim.reports.diagnosis_page import Picture, figures, page
+from gpsim.reports.wording import worded
+from gpsim.simulators import Simulator
+from gpsim.stages.policy_files import write_gp
+
+
+def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
+    """diagnosis.json and corrected.json, then the Gaussian process, pictures and page; what went wrong with these."""
+    mishaps = Mishaps(found.comparison.mishaps)
+    diagnosis = worded(found.diagnosis)
+    _write_result(folder, found, diagnosis, simulator)
+    before, there = len(mishaps.lines), set(folder.iterdir())
+    with mishaps.contained("the Gaussian process on the remainder is left out"):
+        _write_process(folder, found)
+    if len(mishaps.lines) > before:
+        for half in set(folder.iterdir()) - there:
+            half.unlink()
+        gp = RemainderGp(used=False, beside=None, why_not=None, refused=NoGp("not written"))
+        diagnosis = worded(replace(diagnosis, remainder=replace(diagnosis.remainder, gp=gp)))
+        _write_result(folder, found, diagnosis, simulator)
+    pictures = _pictures(folder, found, mishaps)
+    with mishaps.contained("report.html is left out"):
+        text = page(diagnosis, pictures, title, mishaps.lines)
+        (folder / "report.html").write_text(text, encoding="utf-8")
+    mishaps.write(folder)
+    return mishaps.lines
+
+
+def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
+    write_json(folder / "diagnosis.json", diagnosis.to_dict())
+    plant = replace(found.plant, ages=ages_of(found.question.recording))
+    gp = diagnosis.remainder.gp
+    described = _described(plant, simulator.state, gp=gp is not None and gp.used)
+    if gp is not None and gp.beside == "base":
+        described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
+    write_json(folder / "corrected.json", described)
+
+
+def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
+    """corrected.json, and which channels wrap though the simulator's own state channels do not."""
+    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
+    return describe(plant, gp=gp) | ({"wraps": wraps} if wraps else {})
+
+
+def _write_process(folder: Path, found: Outcome) -> None:
+    if found.comparison.corrected is not None:
+        learnt = found.comparison.corrected.learnt
+        write_gp(folder, learnt.predictor, learnt.features.names)
+
+
+def _pictures(folder: Path, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
+    """Those that can be drawn, also below figures/."""
+    leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
+    shown: Traces | None = None
+    past: Course | None = None
+    with mishaps.contained("figure traces is left out"):
+        shown = traces(found.question, leader, horizon)
+    with mishaps.contained("figure residual_time is left out"):
+        past = course(found.question, leader)
+    pictures: dict[str, Picture] = {}
+    with mishaps.contained("figures are left out"):
+        pictures = figures(found, shown, past, lambda name: mishaps.contained(f"figure {name} is left out"))
+    (folder / "figures").mkdir()
+    for name, picture in pictures.items():
+        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
+    return pictures

@@ -1,0 +1,128 @@
+"""What fails after the search costs a picture, a page or a Gaussian process, and never the result."""
+
+import errno
+import sys
+
+import numpy as np
+import pytest
+from gpsim.cli.main import main
+
+from gpsim.artifacts.artifact import read_artifact
+from gpsim.artifacts.mishaps import Mishaps, read_warnings
+from gpsim.diagnosis.assessment import comparison as comparing
+from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
+from gpsim.errors import UsageError
+from gpsim.recordings.files import write_recording
+from gpsim.reports import diagnosis_page
+from gpsim.stages import diagnose, diagnosis_files
+from gpsim.stages.diagnose import read_corrected, why_no_gp
+
+from .worlds import World, record
+
+
+def broken(*_, **__):
+    raise ZeroDivisionError("of all things")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recording")
+    world = World("slider", forces={0: lambda q, v, t: -1.0 * v})
+    write_recording(record(world, seed=6, episodes=4, steps=80), path, "csv")
+    return path
+
+
+@pytest.fixture
+def searched(monkeypatch):
+    """What the one search has found: it is not repeated, only what comes after it."""
+    found = []
+
+    def once(*given, **named):
+        found[:] = found or [diagnose_recording(*given, **named)]
+        return found[0]
+
+    monkeypatch.setattr(diagnose, "diagnose", once)
+    return found
+
+
+@pytest.fixture
+def diagnosed(folder, searched, tmp_path, monkeypatch, capsys):
+    def run(name="out"):
+        words = ["diagnose", "-q", str(folder), "--simulator", "slider", "--out", name, "--cores", "1"]
+        monkeypatch.setattr(sys, "argv", ["gpsim", *words])
+        try:
+            main()
+        except SystemExit as ended:
+            assert not ended.code
+        return tmp_path / name, capsys.readouterr()
+
+    return run
+
+
+def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkeypatch):
+    """Whole first; then without one picture after another, the page, the processes: each is named where it is missed."""
+    whole, said = diagnosed()
+    assert said.err == ""
+    assert read_warnings(whole) == []
+    results = [(whole / name).read_bytes() for name in ("diagnosis.json", "corrected.json")]
+    with monkeypatch.context() as patched:
+        patched.setattr(diagnosis_page, "_inputs", broken)
+        patched.setattr(diagnosis_files, "traces", broken)
+        made, said = diagnosed("pictures")
+    lines = [
+        f"figure {name} is left out: ZeroDivisionError: of all things"
+        for name in ("traces", "residual_inputs")
+    ]
+    assert read_warnings(made) == lines
+    assert said.err.splitlines() == [f"warning: {line}" for line in lines]
+    assert "Verdict: " in said.out
+    assert [(made / name).read_bytes() for name in ("diagnosis.json", "corrected.json")] == results
+    assert [p.name for p in (made / "figures").iterdir()] == ["residual_time.png"]
+    page = (made / "report.html").read_text()
+    assert page.count("<img") == 1
+    assert all(line in page for line in lines)
+    read_artifact(made, "diagnose")
+    with monkeypatch.context() as patched:
+        patched.setattr(diagnosis_files, "page", broken)
+        patched.setattr(diagnosis_files, "_write_process", broken)
+        made, said = diagnosed("page")
+    assert [line.split(":")[1].strip() for line in said.err.splitlines()] == [
+        "the Gaussian process on the remainder is left out",
+        "report.html is left out",
+    ]
+    assert why_no_gp(made) == "it could not be written down"
+    assert read_corrected(made, gp=True).correction is None
+    assert not (made / "report.html").exists()
+    with monkeypatch.context() as patched:
+        patched.setattr(comparing, "learn", broken)
+        (found,) = searched
+        patched.setattr(type(found.judgement), "structured", property(lambda judgement: True))
+        compared = comparing.compare(found.question, found.judgement, [], np.random.default_rng(0))
+    assert compared.corrected is None
+    assert compared.why_no_gp == "it could not be fitted"
+    assert compared.mishaps == (
+        "no Gaussian process beside the base simulator, its errors are the base's: ZeroDivisionError: of all things",
+    )
+    for errors in compared.one_step.values():
+        assert errors["gp"] == errors["before"]
+        assert errors["after_gp"] == errors["after"]
+
+
+@pytest.mark.parametrize(
+    "error", [UsageError("yours"), OSError(errno.ENOSPC, "no space left on device"), KeyboardInterrupt()]
+)
+def test_what_is_the_users_to_mend_ends_the_program(error):
+    mishaps = Mishaps()
+    with pytest.raises(type(error)), mishaps.contained("a picture"):
+        raise error
+    assert not mishaps.lines
+
+
+def test_another_error_is_a_line_and_none_leaves_no_file(tmp_path):
+    mishaps = Mishaps(["before"])
+    with mishaps.contained("a picture"):
+        raise MemoryError
+    assert mishaps.lines == ["before", "a picture: MemoryError"]
+    mishaps.write(tmp_path)
+    assert read_warnings(tmp_path) == mishaps.lines
+    Mishaps().write(tmp_path / "nowhere")
