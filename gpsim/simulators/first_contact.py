@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
 from tempfile import TemporaryFile
@@ -22,7 +23,8 @@ from gpsim.workers import leave_with
 BATCHES = (1, 2, 64)  # rows that it is asked for at once
 CHILD = (
     "import json, sys; given = json.load(sys.stdin); sys.path[:] = given['path']; "
-    "from gpsim.simulators.first_contact import answer; answer(given)"
+    "from gpsim.simulators.first_contact import answer; from gpsim.simulators.user import load_source; "
+    "answer(given, load_source)"
 )
 
 
@@ -69,14 +71,12 @@ def _what_happened(reference: str, code: int, words: str) -> str:
     )
 
 
-def answer(given: dict[str, Any]) -> None:
+def answer(given: dict[str, Any], load: Callable[[str, str], Simulator]) -> None:
     """In the other process: load, ask, and write what was wrong, if anything, to the file that is given."""
-    from gpsim.simulators.user import load_source  # it imports this module
-
     leave_with(given["parent"])
     wrong: list[str] = []
     try:
-        _ask(load_source(given["reference"], given["source"]))
+        _ask(load(given["reference"], given["source"]))
     except UsageError as error:
         wrong = [str(error)]
     os.write(given["answer"], json.dumps(wrong).encode())
