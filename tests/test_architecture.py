@@ -135,8 +135,8 @@ def test_nothing_that_a_diagnosis_needs_leads_to_the_answers():
 
 
 def test_nothing_that_makes_the_truth_knows_the_laws_that_explain_it():
-    reached = closure(["gpsim.trials.running", "gpsim.trials.drawing"])
-    assert "gpsim.trials.laws" in reached
+    reached = closure(["gpsim.trials.truth.running", "gpsim.trials.drawing.draws"])
+    assert "gpsim.trials.catalogue.laws" in reached
     explaining = {
         "effects",
         "simulators",

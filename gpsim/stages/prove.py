@@ -15,8 +15,8 @@ from gpsim.provenance import git_commit, package_versions
 from gpsim.reports.prove_page import page
 from gpsim.reports.prove_record import record
 from gpsim.stages.trial_jobs import Progress, run_trials
-from gpsim.trials.blind import DIAGNOSES, OUTCOME, diagnose_blind, published
-from gpsim.trials.concealing import (
+from gpsim.trials.blinding.blind_diagnosis import DIAGNOSES, OUTCOME, diagnose_blind, published
+from gpsim.trials.blinding.concealment import (
     ANSWER,
     HASHES,
     NAME,
@@ -26,10 +26,10 @@ from gpsim.trials.concealing import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import stratum_of
-from gpsim.trials.summary import summarise
-from gpsim.trials.trial_scores import score_trial
-from gpsim.trials.worlds import STRATA
+from gpsim.trials.drawing.draws import stratum_of
+from gpsim.trials.scoring.trial_scores import score_trial
+from gpsim.trials.statistics.summary import summarise
+from gpsim.trials.worlds.world import STRATA
 
 CONFIG = "trials.json"
 OPTION = "--out"  # names another place, where this one cannot be written

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gpsim.trials import drawing
-from gpsim.trials.mechanics import Body
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.replaying import Replay
-from gpsim.trials.running import run
-from gpsim.trials.strengths import Dial, Scales
-from gpsim.trials.systems import SYSTEMS
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.catalogue.strengths import Dial, Scales
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside.strengths import OUTSIDE
+from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.replay import Replay
+from gpsim.trials.truth.running import run
+from gpsim.trials.worlds.systems import SYSTEMS
+from gpsim.trials.worlds.world import TrueEffect
 
 H = 1e-3  # s, a fine step
 

@@ -19,10 +19,10 @@ from gpsim.files import file_digest
 from gpsim.recordings import read_recording
 from gpsim.recordings.files import write_recording
 from gpsim.recordings.recording import Recording
-from gpsim.trials import concealing
-from gpsim.trials.blind import diagnose_blind, read_report
-from gpsim.trials.revealing import reveal
-from gpsim.trials.trial_scores import score_trial
+from gpsim.trials.blinding import concealment as concealing
+from gpsim.trials.blinding.answers import reveal
+from gpsim.trials.blinding.blind_diagnosis import diagnose_blind, read_report
+from gpsim.trials.scoring.trial_scores import score_trial
 
 EPISODES, ROWS = 8, 131
 SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias

@@ -4,9 +4,10 @@ from collections import Counter
 
 import pytest
 
-from gpsim.trials import drawing, outside
-from gpsim.trials.kinds_everybody import EVERYBODYS
-from gpsim.trials.strengths import CATALOGUE
+from gpsim.trials.catalogue.strengths import CATALOGUE
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside import registry as outside
+from gpsim.trials.outside.kinds_everybody import EVERYBODYS
 
 
 def test_a_deck_holds_every_stratum_in_its_share():

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
-from gpsim.trials import concealing
-from gpsim.trials.drawing import draw
-from gpsim.trials.equivalents import Rival, rivals
-from gpsim.trials.revealing import Answer
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.blinding import concealment as concealing
+from gpsim.trials.blinding.answers import Answer
+from gpsim.trials.drawing.draws import draw
+from gpsim.trials.rivals.equivalents import Rival, rivals
+from gpsim.trials.worlds.world import TrueEffect
 
 SEED, NUMBER = 5, 10
 

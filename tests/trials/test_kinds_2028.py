@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, kinds_2028
-from gpsim.trials.kinds import MECHANICAL
-from gpsim.trials.mechanics import Body, with_inertia
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.running import Chain, run
-from gpsim.trials.sensors import sense
-from gpsim.trials.strengths import Dial, Scales
-from gpsim.trials.systems import SYSTEMS, dynamics
-from gpsim.trials.vehicle import Vehicle
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.catalogue.strengths import Dial, Scales
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside import kinds_2028
+from gpsim.trials.outside.kind import MECHANICAL
+from gpsim.trials.outside.strengths import OUTSIDE
+from gpsim.trials.truth.body import Body, with_inertia
+from gpsim.trials.truth.running import Chain, run
+from gpsim.trials.truth.sensing import sense
+from gpsim.trials.truth.vehicle import Vehicle
+from gpsim.trials.worlds.systems import SYSTEMS, dynamics
+from gpsim.trials.worlds.world import TrueEffect
 
 from .outside_worlds import check_replay, world_of
 

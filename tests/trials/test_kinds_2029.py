@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, kinds_2029
-from gpsim.trials.mechanics import Body
-from gpsim.trials.sensors import sense
-from gpsim.trials.systems import SYSTEMS, dynamics
-from gpsim.trials.vehicle import Vehicle
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside import kinds_2029
+from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.sensing import sense
+from gpsim.trials.truth.vehicle import Vehicle
+from gpsim.trials.worlds.systems import SYSTEMS, dynamics
+from gpsim.trials.worlds.world import TrueEffect
 
 from .outside_worlds import H, check_replay, driven, reference
 

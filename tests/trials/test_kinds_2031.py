@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from gpsim.trials import drawing, kinds_2031
-from gpsim.trials.mechanics import Body
-from gpsim.trials.running import Chain
-from gpsim.trials.sensors import sense
-from gpsim.trials.systems import SYSTEMS, dynamics
-from gpsim.trials.vehicle import Vehicle
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside import kinds_2031
+from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.running import Chain
+from gpsim.trials.truth.sensing import sense
+from gpsim.trials.truth.vehicle import Vehicle
+from gpsim.trials.worlds.systems import SYSTEMS, dynamics
+from gpsim.trials.worlds.world import TrueEffect
 
 from .outside_worlds import H, check_replay, driven, reference
 

@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, kinds_2028, kinds_2029, kinds_2030, kinds_2031, outside
-from gpsim.trials.kinds_everybody import EVERYBODYS
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.running import run
-from gpsim.trials.systems import SYSTEMS
-from gpsim.trials.visibility import visibilities
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside import kinds_2028, kinds_2029, kinds_2030, kinds_2031
+from gpsim.trials.outside import registry as outside
+from gpsim.trials.outside.kinds_everybody import EVERYBODYS
+from gpsim.trials.outside.strengths import OUTSIDE
+from gpsim.trials.truth.running import run
+from gpsim.trials.truth.visibility import visibilities
+from gpsim.trials.worlds.systems import SYSTEMS
+from gpsim.trials.worlds.world import TrueEffect
 
 from .outside_worlds import effect_of, world_of
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpsim.trials import concealing
+from gpsim.trials.blinding import concealment as concealing
 
 
 @pytest.mark.parametrize(("unfiltered", "error"), [(range(2026, 2029), 1.0385), ((), 0.1279)])

@@ -11,10 +11,13 @@ from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
 from gpsim.stages import prove
-from gpsim.trials import blind, concealing, listing, sindy
-from gpsim.trials.equivalents import Rival
-from gpsim.trials.revealing import reveal
-from gpsim.trials.trial_scores import score_trial
+from gpsim.trials.blinding import blind_diagnosis as blind
+from gpsim.trials.blinding import concealment as concealing
+from gpsim.trials.blinding.answers import reveal
+from gpsim.trials.rivals import cache as listing
+from gpsim.trials.rivals import sindy
+from gpsim.trials.rivals.equivalents import Rival
+from gpsim.trials.scoring.trial_scores import score_trial
 
 SEED, NUMBERS = 5, (10, 2)
 NAME, OTHER = "0010", "0002"  # a slider whose actuator has a bias, and another world

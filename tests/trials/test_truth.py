@@ -8,16 +8,17 @@ import pytest
 from gpsim.corrected_effects import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
-from gpsim.trials import drawing, laws
-from gpsim.trials.actuators import ACTUATORS
-from gpsim.trials.mechanics import Body
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.replaying import Replay
-from gpsim.trials.running import H, run
-from gpsim.trials.sensors import sense
-from gpsim.trials.strengths import CATALOGUE, Dial, Scales
-from gpsim.trials.systems import SYSTEMS, dynamics
-from gpsim.trials.worlds import TrueEffect, effect_json, world_from_json, world_json
+from gpsim.trials.catalogue import laws
+from gpsim.trials.catalogue.actuators import ACTUATORS
+from gpsim.trials.catalogue.strengths import CATALOGUE, Dial, Scales
+from gpsim.trials.drawing import draws as drawing
+from gpsim.trials.outside.strengths import OUTSIDE
+from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.replay import Replay
+from gpsim.trials.truth.running import H, run
+from gpsim.trials.truth.sensing import sense
+from gpsim.trials.worlds.systems import SYSTEMS, dynamics
+from gpsim.trials.worlds.world import TrueEffect, effect_json, world_from_json, world_json
 
 
 def world_of(system, effects=(), engine="rk4", **changes):

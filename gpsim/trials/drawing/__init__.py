@@ -1,0 +1,1 @@
+"""Drawing worlds from a seed and a trial's number."""

@@ -1,0 +1,1 @@
+"""What a diagnosis claims, held against the answer."""

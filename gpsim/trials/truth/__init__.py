@@ -1,0 +1,1 @@
+"""What truly happens in a concealed world, and how visible its effects are."""
