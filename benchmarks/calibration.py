@@ -31,7 +31,7 @@ from gpsim.diagnosis.preparing import prepare, settled_question
 from gpsim.diagnosis.shooting import fit
 from gpsim.simulators import make_simulator
 from gpsim.trials.blinding.concealment import conceal
-from gpsim.trials.drawing.draws import SIZE, stratum_of
+from gpsim.trials.drawing import SIZE, stratum_of
 from gpsim.trials.rivals.equivalents import as_hypothesis
 from gpsim.trials.statistics.intervals import rate
 from gpsim.workers import begin_worker, worker_pool

@@ -26,10 +26,10 @@ from gpsim.trials.blinding.concealment import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing.draws import stratum_of
+from gpsim.trials.drawing import stratum_of
 from gpsim.trials.scoring.trial_scores import score_trial
 from gpsim.trials.statistics.summary import summarise
-from gpsim.trials.worlds.world import STRATA
+from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"
 OPTION = "--out"  # names another place, where this one cannot be written

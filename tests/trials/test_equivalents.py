@@ -6,9 +6,9 @@ import pytest
 
 from gpsim.trials.blinding import concealment as concealing
 from gpsim.trials.blinding.answers import Answer
-from gpsim.trials.drawing.draws import draw
+from gpsim.trials.drawing import draw
 from gpsim.trials.rivals.equivalents import Rival, rivals
-from gpsim.trials.worlds.world import TrueEffect
+from gpsim.trials.worlds import TrueEffect
 
 SEED, NUMBER = 5, 10
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from gpsim.reports.prove_sheets import proof_sheets
+from gpsim.trials import drawing
 from gpsim.trials.blinding.answers import Answer
 from gpsim.trials.blinding.concealment import answer_of, conceal
-from gpsim.trials.drawing import draws as drawing
 from gpsim.trials.rivals.equivalents import Rival
 from gpsim.trials.scoring.claims import iou
 from gpsim.trials.scoring.rules import held_out_fit, score
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
 from gpsim.trials.statistics.summary import parameter_figures, summarise, worst_fit
-from gpsim.trials.worlds.world import TrueEffect, effect_json, world_json
+from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 
 def answer(stratum, effects, **more):

@@ -14,7 +14,7 @@ from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.trials.blinding.blind_diagnosis import published, read_outcome, recording_digests
 from gpsim.trials.blinding.concealment import ANSWER, PUBLIC, SCHEMA, TRUTH
-from gpsim.trials.worlds.world import World, world_from_json
+from gpsim.trials.worlds import World, world_from_json
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,9 @@ from gpsim.errors import UsageError
 from gpsim.files import file_digest, written_whole
 from gpsim.recordings import Episode, HeldOut, Recording
 from gpsim.recordings.files import write_recording
-from gpsim.trials.drawing.draws import draw
-from gpsim.trials.truth.running import Run, run
-from gpsim.trials.truth.true_model import OneStep, one_step
-from gpsim.trials.truth.visibility import Visibility, visibilities
-from gpsim.trials.worlds.excitation import sound
-from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.world import World, effect_json, world_json
+from gpsim.trials.drawing import draw
+from gpsim.trials.truth import OneStep, Visibility, one_step, run, visibilities
+from gpsim.trials.worlds import SYSTEMS, Run, World, effect_json, sound, world_json
 
 SCHEMA = "gpsim.answer/1"
 PUBLIC, PRIVATE = "public", "private"

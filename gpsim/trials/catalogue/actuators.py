@@ -12,8 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from gpsim.channels import FloatArray
-
-Values = Mapping[str, float]
+from gpsim.trials.worlds import Values
 
 
 class Actuator(Protocol):

@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from gpsim.channels import FloatArray
-
-Values = Mapping[str, float]
+from gpsim.trials.worlds import Values
 
 SMOOTH: Mapping[str, Callable[[Values, FloatArray, FloatArray], FloatArray]] = {
     "viscous_friction": lambda k, q, v: -k["damping"] * v,

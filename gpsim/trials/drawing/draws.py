@@ -8,25 +8,30 @@ from typing import Literal, cast
 
 import numpy as np
 
-from gpsim.trials.catalogue import actuators, laws
-from gpsim.trials.catalogue.strengths import CATALOGUE, Dial, Scales
-from gpsim.trials.outside import registry as outside
-from gpsim.trials.outside.strengths import OUTSIDE
-from gpsim.trials.truth.mujoco_body import native
-from gpsim.trials.truth.running import run
-from gpsim.trials.worlds.excitation import GRADED, MECHANICAL, VEHICLE
-from gpsim.trials.worlds.systems import SYSTEMS, System
-from gpsim.trials.worlds.world import Stratum, TrueEffect, World
+from gpsim.trials import catalogue, outside
+from gpsim.trials.drawing.decks import SIZE, first_family, stratum_of
+from gpsim.trials.drawing.places import of_body, places_of, systems_of
+from gpsim.trials.truth import native, run
+from gpsim.trials.worlds import (
+    BODY_SIGNALS,
+    GRADED_SIGNALS,
+    SYSTEMS,
+    VEHICLE_SIGNALS,
+    Dial,
+    Scales,
+    Stratum,
+    System,
+    TrueEffect,
+    World,
+)
 
-COUNTS: dict[Stratum, int] = {"single": 10, "pair": 5, "triple": 3, "none": 15, "unknown": 5}
-LONG: tuple[Stratum, ...] = ("single", "none")  # two long worlds close every deck
-DECK_SIZE = sum(COUNTS.values()) + len(LONG)
-SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1}
 NOISE = {"clean": 0.02, "light": 0.3, "normal": 1.0, "heavy": 4.0}
 NEEDS_LEVELS = (
-    "actuator_dead_zone", "actuator_saturation", "actuator_backlash", "quantised_actuator", "worm_gear",
-    "wheel_speed_limit", "sticky_valve", "expo_curve", "pulsed_thrusters",
-)  # fmt: skip
+    "actuator_dead_zone",
+    "actuator_saturation",
+    "actuator_backlash",
+    *(name for name, kind in outside.KINDS.items() if kind.needs_levels),
+)
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
 DATED = (
     *REGIONAL, "coulomb_friction", "spring", "parameter_offset", "actuator_dead_zone", "actuator_saturation",
@@ -44,25 +49,14 @@ ALIKE: tuple[frozenset[str], ...] = (
 """Two of a group do the same thing to a system with other numbers: they never share a world, whatever they act on."""
 
 
-def stratum_of(number: int) -> tuple[Stratum, bool, int]:
-    """Stratum of trial `number` (from 1), whether it is long, and its rank among those of its stratum."""
-    deck, place = divmod(number - 1, DECK_SIZE)
-    cards: list[Stratum] = [s for s, count in COUNTS.items() for _ in range(count)]
-    # Interleaved by a fixed stride that shares no factor with the deck, so that every part of a proof holds all.
-    shuffled = [cards[(17 * i + 5) % len(cards)] for i in range(len(cards))] + list(LONG)
-    stratum = shuffled[place]
-    per_deck = COUNTS[stratum] + LONG.count(stratum)
-    return stratum, place >= len(cards), deck * per_deck + shuffled[:place].count(stratum)
-
-
 def draw(seed: int, number: int, attempt: int = 0) -> World:
     """The world of a trial; `attempt` counts worlds that could not be run (a cart-pole that fell at once)."""
     stratum, long, rank = stratum_of(number)
     rng = np.random.default_rng([seed, number, attempt, 0])
-    family = _family(seed, stratum, rank)
+    family = first_family(seed, stratum, rank)
     system = SYSTEMS[_system(family, seed, rank, rng)]
     velocities = _velocities(family, system, rng)
-    effects = _places(family, system, stratum, velocities, seed, rng)
+    effects = _places(family, system, stratum, velocities, rng)
     world = _world(seed, number, attempt, stratum, long, system, velocities, effects, rng)
     scales = Scales(world, run(replace(world, engine="rk4"), (), world.dt / 4))
     made: list[TrueEffect] = []
@@ -71,67 +65,11 @@ def draw(seed: int, number: int, attempt: int = 0) -> World:
         made.append(_effect(name, on, scales, Dial(rng, float(rng.uniform())), gates_left, rng))
     dated = any(e.since is not None for e in made)
     world = replace(world, effects=tuple(made), clock="session" if dated else world.clock)
-    able = not system.vehicle and all(_outside_of_body(e) or native(e) for e in made)
+    able = not system.vehicle and all(not of_body(e.family) or native(e) for e in made)
     # MuJoCo's friction yields for a step at every stop, which clean sensors would show as physics of its own.
-    able = able and not (world.noise_level == "clean" and any(e.family in laws.GRIP for e in made))
+    able = able and not (world.noise_level == "clean" and any(e.family in catalogue.GRIP for e in made))
     engine: Literal["rk4", "mujoco"] = "mujoco" if able and rng.random() < WITH_MUJOCO else "rk4"
     return replace(world, engine=engine)
-
-
-def systems_of(family: str) -> list[str]:
-    """The systems on which a family makes sense."""
-    return [name for name, system in SYSTEMS.items() if places_of(family, system, "measured")]
-
-
-def places_of(family: str, system: System, velocities: str | None) -> list[str]:
-    """What a family can act on in a system, so that a recording can show it."""
-    if family in outside.KINDS:
-        return _outside_places(family, system, velocities)
-    if family in laws.SMOOTH or family in laws.GRIP:
-        return list(system.coordinates)
-    if family in actuators.ACTUATORS:
-        return list(system.action)
-    if family == "parameter_offset":
-        return list(system.parameters)
-    if family in laws.TWIST:
-        return ["vehicle"] if system.vehicle else []
-    if family in ("marker_offset", "frame_rotation"):
-        return ["pose"] if system.vehicle else []
-    if system.vehicle:
-        return {"sensor_bias": ["yaw"], "sensor_scale": ["x", "y"]}.get(family, list(system.names))
-    readable = [c for c in system.names if c in system.coordinates or velocities == "measured"]
-    if family == "sensor_bias":  # nothing depends on where along its guide a cart or slider is
-        return [c for c in readable if c not in ("x", "q")]
-    return readable
-
-
-def _outside_places(kind: str, system: System, velocities: str | None) -> list[str]:
-    if system.name not in outside.KINDS[kind].systems:
-        return []
-    if kind == "slow_sensor" and velocities == "differentiated":  # a reading that repeats is no speed of 0
-        return []
-    site, places = outside.KINDS[kind].site, outside.KINDS[kind].places
-    if places:
-        return list(places)
-    if site == "actuator":
-        return list(system.action)
-    if site == "twist":
-        return ["vehicle"]
-    if site == "sensor":
-        return ["yaw"] if system.vehicle else list(system.coordinates)
-    return list(system.coordinates) if site != "coupled" else ["x"]
-
-
-def _family(seed: int, stratum: Stratum, rank: int) -> str | None:
-    """The first effect of a world: each family (or kind) once in every cycle, cycles in an order of their own."""
-    if stratum == "none":
-        return None
-    names = sorted(CATALOGUE)
-    if stratum == "unknown":
-        names = sorted({n for system in SYSTEMS for n in outside.allowed(seed, system)})
-    cycle, place = divmod(rank, len(names))
-    order = np.random.default_rng([seed, SIZE[stratum], stratum == "unknown", cycle]).permutation(len(names))
-    return str(names[order[place]])
 
 
 def _system(family: str | None, seed: int, rank: int, rng: np.random.Generator) -> str:
@@ -155,14 +93,13 @@ def _places(
     system: System,
     stratum: Stratum,
     velocities: str | None,
-    seed: int,
     rng: np.random.Generator,
 ) -> list[tuple[str, str]]:
     """Families and what they act on; no two that are alike."""
     if family is None:
         return []
     chosen = [(family, str(rng.choice(places_of(family, system, velocities))))]
-    others = [f for f in sorted(CATALOGUE) if places_of(f, system, velocities)]
+    others = [f for f in sorted(catalogue.STRENGTHS) if places_of(f, system, velocities)]
     while len(chosen) < SIZE[stratum]:
         other = str(rng.choice(others))
         taken = [f for f, _ in chosen]
@@ -187,11 +124,11 @@ def _world(
     low, high = (20_000, 60_000) if long else (2_000, 12_000)
     wanted = float(np.exp(rng.uniform(np.log(low), np.log(high))))
     steps = int(rng.uniform(120, 260) if system.vehicle else rng.uniform(160, 400))
-    kinds: tuple[str, ...] = VEHICLE if system.vehicle else MECHANICAL
+    signals: tuple[str, ...] = VEHICLE_SIGNALS if system.vehicle else BODY_SIGNALS
     if any(f in NEEDS_LEVELS for f, _ in effects) and rng.random() < 0.85:
-        kinds = tuple(k for k in kinds if k in GRADED)
-    if any(f == "lost_commands" for f, _ in effects):  # a sweep holds its commands for longer than an outage
-        kinds = tuple(k for k in kinds if k != "sweep")
+        signals = tuple(signal for signal in signals if signal in GRADED_SIGNALS)
+    blind = {signal for f, _ in effects if f in outside.KINDS for signal in outside.KINDS[f].unseen_under}
+    signals = tuple(signal for signal in signals if signal not in blind)
     level = str(rng.choice(list(NOISE)))
     noise = {n: float(f"{sd * NOISE[level] * rng.uniform(0.5, 2.0):.3g}") for n, sd in system.sensors.items()}
     episodes = max(int(np.ceil(wanted / steps)), 5)
@@ -203,7 +140,7 @@ def _world(
         integrator=str(rng.choice(["euler", "semi_implicit", "rk4"], p=[0.4, 0.3, 0.3])),
         dt=dt, engine="rk4", effects=(), episodes=episodes, steps=steps,
         clock="session" if sag or rng.random() < 0.5 else "episode",
-        excitation=str(rng.choice(kinds)),
+        excitation=str(rng.choice(signals)),
         posture=("hanging" if hanging else "upright") if system.name == "cartpole" else "",
         noise_level=level, noise=noise, noise_known=bool(rng.random() < 0.5), velocities=velocities,
         smoothing=str(rng.choice(["central", "savgol"])), wrapped=bool(rng.random() < 0.5),
@@ -214,8 +151,9 @@ def _world(
 def _effect(
     family: str, on: str, scales: Scales, dial: Dial, may_gate: bool, rng: np.random.Generator
 ) -> TrueEffect:
-    outer = family in OUTSIDE
-    values = (OUTSIDE if outer else CATALOGUE)[family](scales, on, dial)
+    outer = family in outside.KINDS
+    strength = outside.KINDS[family].strength if outer else catalogue.STRENGTHS[family]
+    values = strength(scales, on, dial)
     region: dict[str, tuple[float, float]] = {}
     since = None
     if family == "local_friction_patch":
@@ -236,10 +174,3 @@ def _region(channel: str, scales: Scales, rng: np.random.Generator) -> dict[str,
     values = scales.column(channel)
     edges = np.quantile(values, [low, low + share])
     return {channel: cast(tuple[float, float], tuple(float(f"{e:.3g}") for e in edges))}
-
-
-def _outside_of_body(effect: TrueEffect) -> bool:
-    """Whether an effect acts before or after the body, where the engine does not matter."""
-    if effect.family in outside.KINDS:
-        return outside.KINDS[effect.family].site in ("actuator", "sensor")
-    return effect.family in actuators.ACTUATORS or effect.family.startswith("sensor_")

@@ -1,52 +1,69 @@
-"""Physics outside the catalogue: kinds that no family of `gpsim.effects` describes, and never will.
-
-Ten are everybody's. The others come in generations of ten, a file each (`kinds_2026.py` and so on). A seed draws
-everybody's and those of the last generation that began with it or before it, so that half of the kinds of a measurement
-run for the first time; seeds for tuning draw everybody's alone. A new generation is one file with its laws, one with
-its strengths (`strengths_2031.py`, for one), and an entry in GENERATIONS and in `outside_strengths.OUTSIDE`.
-"""
+"""Every kind of physics outside the catalogue, by name, and which of them a seed draws."""
 
 from __future__ import annotations
 
-from gpsim.trials.outside import kinds_2026, kinds_2028, kinds_2029, kinds_2030, kinds_2031
-from gpsim.trials.outside.kind import Generation, Kind
-from gpsim.trials.outside.kinds_everybody import EVERYBODYS
+from collections.abc import Mapping
+from typing import TypeVar
+
+from gpsim.trials.outside import (
+    actuators,
+    actuators_with_memory,
+    coupled_forces,
+    forces_of_position,
+    forces_of_speed,
+    forces_of_time,
+    hidden_masses,
+    hidden_materials,
+    inertias,
+    sensors,
+    twists,
+)
+from gpsim.trials.outside.kind import Kind
 
 TUNING = range(1, 100)
 """Seeds that tuning may use."""
-GENERATIONS = (
-    kinds_2026.GENERATION,
-    kinds_2028.GENERATION,
-    kinds_2029.GENERATION,
-    kinds_2030.GENERATION,
-    kinds_2031.GENERATION,
+K = TypeVar("K", bound=Kind)
+
+
+def _named(kinds: tuple[type[Kind], ...]) -> dict[str, type[Kind]]:
+    """Kinds by name; no two may have the same."""
+    found: dict[str, type[Kind]] = {}
+    for kind in kinds:
+        if kind.name in found:
+            raise ValueError(f"two kinds are called {kind.name}")
+        found[kind.name] = kind
+    return found
+
+
+KINDS: Mapping[str, type[Kind]] = _named(
+    (
+        *forces_of_position.KINDS,
+        *forces_of_speed.KINDS,
+        *forces_of_time.KINDS,
+        *hidden_materials.KINDS,
+        *hidden_masses.KINDS,
+        *coupled_forces.KINDS,
+        *inertias.KINDS,
+        *actuators.KINDS,
+        *actuators_with_memory.KINDS,
+        *twists.KINDS,
+        *sensors.KINDS,
+    )
 )
-"""In the order of their first seeds."""
-_ALL = (EVERYBODYS, *GENERATIONS)
-
-KINDS = {name: kind for g in _ALL for name, kind in g.kinds.items()}
-FORCES = {name: law for g in _ALL for name, law in g.forces.items()}
-HIDDEN = {name: law for g in _ALL for name, law in g.hidden.items()}
-INERTIA = {name: law for g in _ALL for name, law in g.inertia.items()}
-COUPLED = {name: law for g in _ALL for name, law in g.coupled.items()}
-ACTUATORS = {name: law for g in _ALL for name, law in g.actuators.items()}
-TWIST = {name: law for g in _ALL for name, law in g.twist.items()}
-HIDDEN_TWIST = {name: law for g in _ALL for name, law in g.hidden_twist.items()}
-BENT = {name: law for g in _ALL for name, law in g.bent.items()}
-RECALLED = {name: law for g in _ALL for name, law in g.recalled.items()}
 
 
-def drawn(seed: int) -> dict[str, Kind]:
-    """The kinds that a seed may draw."""
+def at_site(site: type[K]) -> dict[str, type[K]]:
+    """The kinds that act at a site."""
+    return {name: kind for name, kind in KINDS.items() if issubclass(kind, site)}
+
+
+def drawn(seed: int) -> dict[str, type[Kind]]:
+    """The kinds that a seed may draw: those for every seed, and the newest that began with it or before it.
+
+    Seeds for tuning draw those for every seed alone. So half of the kinds of a measurement can run for the first time,
+    and the worlds of a seed stay what they are when kinds are added with a later `since`.
+    """
     if seed in TUNING:
-        return dict(EVERYBODYS.kinds)
-    return {**EVERYBODYS.kinds, **_newest(seed).kinds}
-
-
-def allowed(seed: int, system: str) -> list[str]:
-    """The kinds that a seed may draw on a system."""
-    return [name for name, kind in drawn(seed).items() if system in kind.systems]
-
-
-def _newest(seed: int) -> Generation:
-    return [g for g in GENERATIONS if g.since <= seed][-1]
+        return {name: kind for name, kind in KINDS.items() if kind.since is None}
+    newest = max(kind.since for kind in KINDS.values() if kind.since is not None and kind.since <= seed)
+    return {name: kind for name, kind in KINDS.items() if kind.since in (None, newest)}

@@ -28,7 +28,7 @@ from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
 from gpsim.trials.blinding.answers import Answer
 from gpsim.trials.rivals.local_search import followed, replaced_near
-from gpsim.trials.worlds.world import TrueEffect
+from gpsim.trials.worlds import TrueEffect
 
 # Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
 # constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.

@@ -17,7 +17,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.recordings import Recording
-from gpsim.trials.worlds.systems import SYSTEMS, dynamics
+from gpsim.trials.worlds import SYSTEMS, dynamics
 
 Claims = tuple[tuple[str, str], ...]
 THRESHOLDS = np.geomspace(0.1, 0.6, 10)  # of coefficients of normalised columns; 0.1 is PySINDy's own

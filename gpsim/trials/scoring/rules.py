@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.trials.blinding.answers import Answer
 from gpsim.trials.rivals.equivalents import Rival
 from gpsim.trials.scoring.claims import Claim, claims_of, failed_gates, gate_figures, identity
-from gpsim.trials.worlds.systems import SYSTEMS
+from gpsim.trials.worlds import SYSTEMS
 
 Json = Mapping[str, Any]
 FACTORS = (

@@ -11,11 +11,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.catalogue import laws
-from gpsim.trials.outside import registry as outside
-from gpsim.trials.worlds.systems import SYSTEMS, dynamics, load_on_track
-from gpsim.trials.worlds.world import TrueEffect
+from gpsim.trials import catalogue, outside
+from gpsim.trials.worlds import SYSTEMS, TrueEffect, dynamics, load_on_track
 
+FORCES, COUPLED = outside.at_site(outside.Force), outside.at_site(outside.CoupledForce)
+INERTIAS, HIDDEN = outside.at_site(outside.Inertia), outside.at_site(outside.HiddenForce)
 STILL = 1e-12  # below this a velocity is rounding
 
 
@@ -26,20 +26,20 @@ class Body:
         self._system, self._parameters = SYSTEMS[system], dict(parameters)
         index = {name: i for i, name in enumerate(self._system.coordinates)}
         self._offsets = [e for e in effects if e.family == "parameter_offset"]
-        self._smooth = [(e, index[e.on]) for e in effects if e.family in laws.SMOOTH]
-        self._outside = [(e, index[e.on]) for e in effects if e.family in outside.FORCES]
-        self._coupled = [e for e in effects if e.family in outside.COUPLED]
-        self._uneven = [(e, index[e.on]) for e in effects if e.family in outside.INERTIA]
-        self._hidden = [
-            (e, index[e.on], outside.HIDDEN[e.family]) for e in effects if e.family in outside.HIDDEN
+        self._smooth = [(e, index[e.on]) for e in effects if e.family in catalogue.SMOOTH]
+        self._outside = [(FORCES[e.family](e.values), index[e.on]) for e in effects if e.family in FORCES]
+        self._coupled = [COUPLED[e.family](e.values) for e in effects if e.family in COUPLED]
+        self._inertias = [
+            (INERTIAS[e.family](e.values), index[e.on]) for e in effects if e.family in INERTIAS
         ]
-        self._dry = [(e, index[e.on]) for e in effects if e.family in laws.GRIP]
+        self._hidden = [(HIDDEN[e.family](e.values), index[e.on]) for e in effects if e.family in HIDDEN]
+        self._dry = [(e, index[e.on]) for e in effects if e.family in catalogue.GRIP]
         self._dry_columns = sorted({c for _, c in self._dry})
         self._loaded = any("coefficient" in e.values for e, _ in self._dry)
 
     def begin(self, s: FloatArray) -> FloatArray:
         """(B, 2 H) hidden states at the start."""
-        parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for _, c, law in self._hidden]
+        parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for law, c in self._hidden]
         return np.hstack(parts) if parts else np.empty((len(s), 0))
 
     def step(
@@ -98,24 +98,24 @@ class Body:
     ) -> FloatArray:
         names, p = self._system.names, self._actual(s, t)
         inverse, force = dynamics(self._system.name, p, s, u)
-        for effect, c in self._uneven:
-            extra, slope = outside.INERTIA[effect.family](effect.values, s[:, 2 * c])
+        for uneven, c in self._inertias:
+            extra, slope = uneven.inertia(s[:, 2 * c])
             inverse = with_inertia(inverse, c, extra)
             force[:, c] -= 0.5 * slope * s[:, 2 * c + 1] ** 2  # Lagrange: d/dt (I v) - I' v^2 / 2
         for effect, c in self._smooth:
-            push = laws.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
+            push = catalogue.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
             force[:, c] += push * effect.acts(s, t, names) if effect.gated else push
-        for effect, c in self._outside:
-            force[:, c] += outside.FORCES[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1], wall)
-        for effect in self._coupled:
-            force += outside.COUPLED[effect.family](effect.values, s)
+        for law, c in self._outside:
+            force[:, c] += law.force(s[:, 2 * c], s[:, 2 * c + 1], wall)
+        for both in self._coupled:
+            force += both.forces(s)
         drift = []
-        for i, (effect, c, law) in enumerate(self._hidden):
+        for i, (hidden, c) in enumerate(self._hidden):
             part = z[:, 2 * i : 2 * i + 2]
-            if (more := law.inertia(effect.values, part)) is not None:
+            if (more := hidden.inertia(part)) is not None:
                 inverse = with_inertia(inverse, c, more)
-            force[:, c] += law.force(effect.values, s[:, 2 * c], s[:, 2 * c + 1], part)
-            drift.append(law.drift(effect.values, s[:, 2 * c], s[:, 2 * c + 1], part))
+            force[:, c] += hidden.force(s[:, 2 * c], s[:, 2 * c + 1], part)
+            drift.append(hidden.drift(s[:, 2 * c], s[:, 2 * c + 1], part))
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
         if self._dry:
             acceleration = self._with_friction(acceleration, inverse, p, s, t, direction)
@@ -165,7 +165,7 @@ class Body:
         most = np.zeros(len(s))
         for effect, c in self._dry:
             if c == coordinate:
-                force = laws.GRIP[effect.family](effect.values, s[:, 2 * c + 1], load)
+                force = catalogue.GRIP[effect.family](effect.values, s[:, 2 * c + 1], load)
                 most += force * effect.acts(s, t, self._system.names) if effect.gated else force
         return most
 

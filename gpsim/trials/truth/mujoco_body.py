@@ -12,8 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.world import TrueEffect
+from gpsim.trials.worlds import SYSTEMS, TrueEffect
 
 NATIVE = ("coulomb_friction", "viscous_friction", "spring", "constant_force", "parameter_offset")
 """Families of the body that MuJoCo has itself; those of actuators and sensors act outside of it."""

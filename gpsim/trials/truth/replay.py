@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.trials.truth.running import Chain, Run, body_of
+from gpsim.trials.truth.actuator_chain import ActuatorChain
+from gpsim.trials.truth.running import body_of
 from gpsim.trials.truth.sensing import sense
-from gpsim.trials.worlds.systems import SYSTEMS, dynamics
-from gpsim.trials.worlds.world import TrueEffect, World
+from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
 
 
 class Replay:
@@ -60,7 +60,7 @@ class Replay:
     def _acting(self) -> FloatArray:
         """(K n, E, A) what the actuators make of the commands, along the true states."""
         truth, n = self._truth, self._truth.per_sample
-        chain = Chain(self._world.system, self._effects)
+        chain = ActuatorChain(self._world.system, self._effects)
         out = np.empty((len(truth.commands) * n, *truth.commands.shape[1:]))
         for i in range(len(out)):
             t = truth.clock + i * truth.h

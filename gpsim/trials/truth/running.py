@@ -3,76 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.catalogue import actuators, laws
-from gpsim.trials.outside import registry as outside
+from gpsim.trials import catalogue
+from gpsim.trials.truth.actuator_chain import ActuatorChain
 from gpsim.trials.truth.body import Body
 from gpsim.trials.truth.mujoco_body import MujocoBody
 from gpsim.trials.truth.sensing import sense
 from gpsim.trials.truth.vehicle import Vehicle
-from gpsim.trials.worlds.excitation import drive, starts
-from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.world import TrueEffect, World
+from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, drive, starts
 
 H = 1e-3  # s
 FRICTION_H = 2.5e-4  # s: MuJoCo meets a stop at the ends of steps only
-ORDER = (*actuators.ACTUATORS, *outside.ACTUATORS)
-
-
-@dataclass(frozen=True)
-class Run:
-    """What truly happened, and what was read.
-
-    fine: (K n + 1, E, S) true states every h s; commands: (K, E, A); clean: (K + 1, E, S) readings without noise;
-    measured: with it; hidden: (K + 1, E, H) hidden states of the body at the samples. clock, wall: (E,) s, what the
-    recording's clock and a clock on the wall said at the episodes' starts.
-    """
-
-    fine: FloatArray
-    h: float
-    commands: FloatArray
-    clean: FloatArray
-    measured: FloatArray
-    hidden: FloatArray
-    clock: FloatArray
-    wall: FloatArray
-
-    @property
-    def per_sample(self) -> int:
-        """Fine steps between two samples."""
-        return (len(self.fine) - 1) // len(self.commands)
-
-    @property
-    def sampled(self) -> FloatArray:
-        """(K + 1, E, S) true states at the samples."""
-        return np.asarray(self.fine[:: self.per_sample])
-
-
-class Chain:
-    """The actuators of every action, in their order, with their memory."""
-
-    def __init__(self, system: str, effects: Sequence[TrueEffect]) -> None:
-        names = tuple(SYSTEMS[system].action)
-        made = {**actuators.ACTUATORS, **outside.ACTUATORS}
-        ordered = sorted((e for e in effects if e.family in made), key=lambda e: ORDER.index(e.family))
-        self._names = SYSTEMS[system].names
-        self._parts = [(e, names.index(e.on), made[e.family](e.values)) for e in ordered]
-
-    def act(self, command: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
-        """(B, A) what acts during the next h s."""
-        if not self._parts:
-            return command
-        out = command.copy()
-        for effect, column, actuator in self._parts:
-            acted = actuator.act(out[:, column].copy(), s, t, h)
-            if effect.gated:
-                acted = np.where(effect.acts(s, t, self._names) > 0, acted, out[:, column])
-            out[:, column] = acted
-        return out
 
 
 def body_of(
@@ -88,11 +32,11 @@ def body_of(
 
 def run(world: World, effects: Sequence[TrueEffect], h: float | None = None) -> Run:
     """Drive the world; `h` is the fine step, by default the engine's own."""
-    dry = any(e.family in laws.GRIP for e in effects)
+    dry = any(e.family in catalogue.GRIP for e in effects)
     h = h or (FRICTION_H if world.engine == "mujoco" and dry else H)
     n, driving, state = round(world.dt / h), drive(world), starts(world)
     names = SYSTEMS[world.system].names
-    body, chain = body_of(world, effects, world.engine, h), Chain(world.system, effects)
+    body, chain = body_of(world, effects, world.engine, h), ActuatorChain(world.system, effects)
     hidden = body.begin(state)
     noise = noise_of(world)
     fine = np.empty((world.steps * n + 1, *state.shape))

@@ -9,9 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.recordings import Recording
 from gpsim.trials.truth.replay import Replay, base_residual, pick
-from gpsim.trials.truth.running import Run
-from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.world import World
+from gpsim.trials.worlds import SYSTEMS, Run, World
 
 
 class OneStep(NamedTuple):

@@ -7,26 +7,24 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.catalogue import laws
-from gpsim.trials.outside import registry as outside
-from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.world import TrueEffect
+from gpsim.trials import catalogue, outside
+from gpsim.trials.worlds import SYSTEMS, TrueEffect
+
+TWISTS, HIDDEN = outside.at_site(outside.Twist), outside.at_site(outside.HiddenTwist)
 
 
 class Vehicle:
     """Steps a batch of unicycles: state (x, y, yaw), action (v, w)."""
 
     def __init__(self, effects: Sequence[TrueEffect]) -> None:
-        order = list(laws.TWIST)
+        order = list(catalogue.TWIST)
         self._twist = sorted((e for e in effects if e.family in order), key=lambda e: order.index(e.family))
-        self._outside = [e for e in effects if e.family in outside.TWIST]
-        self._hidden = [
-            (e, outside.HIDDEN_TWIST[e.family]) for e in effects if e.family in outside.HIDDEN_TWIST
-        ]
+        self._outside = [TWISTS[e.family](e.values) for e in effects if e.family in TWISTS]
+        self._hidden = [HIDDEN[e.family](e.values) for e in effects if e.family in HIDDEN]
 
     def begin(self, s: FloatArray) -> FloatArray:
         """(B, H) hidden states at the start."""
-        parts = [law.begin(s) for _, law in self._hidden]
+        parts = [law.begin(s) for law in self._hidden]
         return np.hstack(parts) if parts else np.empty((len(s), 0))
 
     def step(
@@ -48,16 +46,16 @@ class Vehicle:
         v, w = u[:, 0], u[:, 1]
         lateral = np.zeros_like(v)
         for effect in self._twist:
-            new = laws.TWIST[effect.family](effect.values, v, lateral, w)
+            new = catalogue.TWIST[effect.family](effect.values, v, lateral, w)
             if effect.gated:
                 gate = effect.acts(s, t, SYSTEMS["unicycle"].names) > 0
                 new = tuple(np.where(gate, a, b) for a, b in zip(new, (v, lateral, w), strict=True))  # type: ignore[assignment]
             v, lateral, w = new
-        for effect in self._outside:
-            v, w = outside.TWIST[effect.family](effect.values, v, w, s)
+        for law in self._outside:
+            v, w = law.twist(v, w, s)
         drift = []
-        for i, (effect, law) in enumerate(self._hidden):
-            v, w, moved = law.twist(effect.values, v, w, y[:, 3 + i : 4 + i])
+        for i, hidden in enumerate(self._hidden):
+            v, w, moved = hidden.twist(v, w, y[:, 3 + i : 4 + i])
             drift.append(moved)
         sin, cos = np.sin(s[:, 2]), np.cos(s[:, 2])
         rates = np.stack([v * cos - lateral * sin, v * sin + lateral * cos, w], axis=1)

@@ -14,9 +14,7 @@ import numpy as np
 from gpsim.channels import IntArray
 from gpsim.evenly import evenly
 from gpsim.trials.truth.replay import Replay, base_residual, pick
-from gpsim.trials.truth.running import Run
-from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.world import World
+from gpsim.trials.worlds import SYSTEMS, Run, World
 
 LEAST_SHARE, LEAST_ROLLOUT = 0.05, 0.5
 HORIZON = 1.0  # s

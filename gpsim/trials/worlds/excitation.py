@@ -11,9 +11,9 @@ from gpsim.channels import FloatArray
 from gpsim.trials.worlds.systems import SYSTEMS
 from gpsim.trials.worlds.world import World
 
-MECHANICAL = ("bang_bang", "prbs", "chirp", "sines", "controller")
-VEHICLE = ("sweep", "prbs", "chirp", "sines", "controller")
-GRADED = ("chirp", "sines", "controller", "sweep")
+BODY_SIGNALS = ("bang_bang", "prbs", "chirp", "sines", "controller")
+VEHICLE_SIGNALS = ("sweep", "prbs", "chirp", "sines", "controller")
+GRADED_SIGNALS = ("chirp", "sines", "controller", "sweep")
 """Excitations whose commands take many values: what a dead zone or a saturation needs to be seen."""
 REACH = {"x": 0.8, "q": 0.5}  # m: how far a centring feedback lets a body go
 CARTS_PUSH = 10.0  # N

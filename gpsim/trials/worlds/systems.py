@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 
-Values = Mapping[str, float | FloatArray]
+Parameters = Mapping[str, float | FloatArray]
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ SYSTEMS: Mapping[str, System] = {
 }
 
 
-def dynamics(system: str, p: Values, s: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+def dynamics(system: str, p: Parameters, s: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Inverse mass matrix (B, C, C) and generalised forces (B, C) of state s (B, S) under the action u (B, A)."""
     if system == "slider":
         return np.broadcast_to(1.0 / np.asarray(p["mass"]), (len(s),)).reshape(-1, 1, 1), u.copy()
@@ -117,7 +117,7 @@ def dynamics(system: str, p: Values, s: FloatArray, u: FloatArray) -> tuple[Floa
     return inverse, forces
 
 
-def load_on_track(p: Values, s: FloatArray, acceleration: FloatArray) -> FloatArray:
+def load_on_track(p: Parameters, s: FloatArray, acceleration: FloatArray) -> FloatArray:
     """(B,) N: the track's force on the cart, from the vertical acceleration of the pole's centre of mass."""
     half, m = p["pole_half_length"], p["pole_mass"]
     rise = -half * (acceleration[:, 1] * np.sin(s[:, 2]) + s[:, 3] ** 2 * np.cos(s[:, 2]))

@@ -10,6 +10,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 
+Values = Mapping[str, float]
+"""Parameters of an effect: name -> value in SI units."""
 Stratum = Literal["single", "pair", "triple", "none", "unknown"]
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown")
 
@@ -24,7 +26,7 @@ class TrueEffect:
 
     family: str
     on: str
-    values: Mapping[str, float]
+    values: Values
     region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     since: float | None = None
     outside: bool = False
