@@ -30,10 +30,10 @@ from gpsim.diagnosis.intervals import intervals
 from gpsim.diagnosis.preparing import prepare, settled_question
 from gpsim.diagnosis.shooting import fit
 from gpsim.simulators import make_simulator
-from gpsim.trials.blinding.concealment import conceal
+from gpsim.trials.blinding import conceal
 from gpsim.trials.drawing import SIZE, stratum_of
-from gpsim.trials.rivals.equivalents import as_hypothesis
-from gpsim.trials.statistics.intervals import rate
+from gpsim.trials.rivals import as_hypothesis
+from gpsim.trials.statistics import rate
 from gpsim.workers import begin_worker, worker_pool
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)

@@ -7,13 +7,18 @@ import pytest
 
 from gpsim.reports.prove_sheets import proof_sheets
 from gpsim.trials import drawing
-from gpsim.trials.blinding.answers import Answer
-from gpsim.trials.blinding.concealment import answer_of, conceal
-from gpsim.trials.rivals.equivalents import Rival
-from gpsim.trials.scoring.claims import iou
-from gpsim.trials.scoring.rules import held_out_fit, score
-from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
-from gpsim.trials.statistics.summary import parameter_figures, summarise, worst_fit
+from gpsim.trials.blinding import Answer, answer_of, conceal
+from gpsim.trials.rivals import Rival
+from gpsim.trials.scoring import held_out_fit, iou, score
+from gpsim.trials.statistics import (
+    interval,
+    median_interval,
+    parameter_figures,
+    rate,
+    share_interval,
+    summarise,
+    worst_fit,
+)
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
-from gpsim.trials.blinding.blind_diagnosis import published, read_outcome, recording_digests
-from gpsim.trials.blinding.concealment import ANSWER, PUBLIC, SCHEMA, TRUTH
+from gpsim.trials.blinding.blind_diagnosis import read_outcome
+from gpsim.trials.blinding.concealment import SCHEMA
+from gpsim.trials.blinding.trial_files import ANSWER, PUBLIC, TRUTH, published, recording_digests
 from gpsim.trials.worlds import World, world_from_json
 
 

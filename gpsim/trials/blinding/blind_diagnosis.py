@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.files import disk_errors, file_digest, tells_of_full_disk, written_whole
+from gpsim.files import disk_errors, tells_of_full_disk, written_whole
 from gpsim.provenance import git_commit
-from gpsim.trials.blinding import concealment as concealing
-from gpsim.trials.blinding.concealment import HASHES, PUBLIC
+from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests
 
 DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"
 RECORDING = "recording"
@@ -39,21 +38,6 @@ threading.Thread(target=watch, args=(os.getppid(),), daemon=True).start()
 from gpsim.cli.main import main
 main()
 """
-
-
-def published(out: Path) -> dict[str, str]:
-    """Trial -> SHA-256 of its answer, as published beside the recordings; raises UsageError."""
-    path = out / PUBLIC / HASHES
-    if not path.is_file():
-        raise UsageError(
-            f"{path}: no hashes of the answers; they are published before anybody diagnoses: gpsim prove conceal"
-        )
-    return concealing.published(path)
-
-
-def recording_digests(folder: Path) -> dict[str, str]:
-    """File -> SHA-256, of a recording."""
-    return {p.name: file_digest(p) for p in sorted(folder.iterdir())}
 
 
 def diagnose_blind(out: Path, name: str) -> dict[str, Any]:

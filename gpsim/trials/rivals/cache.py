@@ -17,8 +17,7 @@ from typing import Any
 
 from gpsim.files import plain, write_json, written_whole
 from gpsim.recordings import read_recording
-from gpsim.trials.blinding.answers import Answer
-from gpsim.trials.blinding.concealment import PUBLIC
+from gpsim.trials.blinding import PUBLIC, Answer
 from gpsim.trials.rivals import sindy
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, rivals
 
@@ -33,8 +32,8 @@ class Listing:
     sindy: Claims | None
 
 
-def listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, Any]) -> Listing:
-    """The listing of a revealed trial, from OUT/equivalents or made now.
+def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, Any]) -> Listing:
+    """The listing of a revealed trial, from OUT/equivalents or made now and kept there.
 
     outcome: of its diagnosis, whose digests of answer and recording were verified.
     """

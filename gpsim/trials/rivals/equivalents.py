@@ -26,8 +26,8 @@ from gpsim.diagnosis.shooting import Fit, fit
 from gpsim.effects import Gate
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
-from gpsim.trials.blinding.answers import Answer
-from gpsim.trials.rivals.local_search import followed, replaced_near
+from gpsim.trials.blinding import Answer
+from gpsim.trials.rivals.local_search import continued, replaced_near
 from gpsim.trials.worlds import TrueEffect
 
 # Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
@@ -116,7 +116,7 @@ class _Judge:
         return self._judged(found, self._least(truth, fitted, found), size)
 
     def _near(self, at: Fit) -> list[Fit]:
-        found = replaced_near(self._problem, self._offers, at) + followed(self._problem, self._offers, at)
+        found = replaced_near(self._problem, self._offers, at) + continued(self._problem, self._offers, at)
         return [f for f in found if not any(_a_patch(t.family, t.on, t.gate) for t in f.hypothesis.terms)]
 
     def _hypothesis(self, effects: Sequence[TrueEffect]) -> Hypothesis:

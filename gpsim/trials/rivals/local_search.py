@@ -21,7 +21,7 @@ from gpsim.diagnosis.shooting import Fit, fit
 PROMISING = 0.3  # share of what is missing that a replacement must explain by the linear estimate
 FITTED = 4  # replacements of a term
 SMALL = 0.01  # of an effect: a change that acts linearly even where motions diverge
-SAME = 0.9  # share of such a change that the other effect must undo to be followed
+SAME = 0.9  # share of such a change that the other effect must undo to be continued
 STEPS = 8  # in which an effect is taken away and the other one put in its place
 
 
@@ -41,7 +41,7 @@ def replaced_near(problem: Problem, offers: Sequence[Candidate], at: Fit) -> lis
     return out
 
 
-def followed(problem: Problem, offers: Sequence[Candidate], at: Fit) -> list[Fit]:
+def continued(problem: Problem, offers: Sequence[Candidate], at: Fit) -> list[Fit]:
     """One term after another taken away step by step, while another one that does the same takes over (continuation).
 
     For effects of one parameter, which small changes tell to be the same.

@@ -1,4 +1,4 @@
-"""Scoring one diagnosis against its answer. Pure functions of the two: no files, no fits.
+"""What counts as right: one diagnosis against its answer. Pure functions of the two: no files, no fits.
 
 Claims are sets of (family, place). A claim is right when it is the truth or one of the world's listed equivalents.
 """
@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.trials.blinding.answers import Answer
-from gpsim.trials.rivals.equivalents import Rival
-from gpsim.trials.scoring.claims import Claim, claims_of, failed_gates, gate_figures, identity
+from gpsim.trials.blinding import Answer
+from gpsim.trials.rivals import Rival
+from gpsim.trials.scoring.claims import Claim, Json, claims_of, identity
+from gpsim.trials.scoring.gates import failed_gates, gate_figures
 from gpsim.trials.worlds import SYSTEMS
 
-Json = Mapping[str, Any]
 FACTORS = (
     "gain",
     "ratio",

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.files import plain, tells_of_full_disk, written_whole
-from gpsim.trials.blinding.answers import Answer, reveal
-from gpsim.trials.blinding.blind_diagnosis import diagnosis_digest, read_outcome, read_report
-from gpsim.trials.rivals.cache import Listing, listing
+from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
+from gpsim.trials.rivals import Listing, cached_listing
 from gpsim.trials.scoring.rules import score
 
 SCORES = "scores"
@@ -23,7 +22,7 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     answer = reveal(out, answers, name)
     outcome = read_outcome(out, name)
     try:
-        listed = listing(out, name, answer, outcome)
+        listed = cached_listing(out, name, answer, outcome)
         found = score(answer, read_report(out, name), listed.rivals)
         found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
     except Exception as error:  # whatever it is, it must not block the reveal of the others
