@@ -1,6 +1,8 @@
 """The rooms of the trials: each is entered by its `__init__`, and none knows those that come after it."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -46,3 +48,12 @@ def test_other_packages_enter_the_trials_by_their_inits():
 def test_no_file_is_named_by_a_year():
     assert not list(TRIALS.rglob("*20[0-9][0-9]*.py"))
     assert not list(Path(__file__).parent.glob("*20[0-9][0-9]*.py"))
+
+
+def test_optional_programs_are_loaded_when_they_are_needed():
+    code = (
+        "import sys, pkgutil, importlib, gpsim.trials as t\n"
+        "[importlib.import_module(m.name) for m in pkgutil.walk_packages(t.__path__, 'gpsim.trials.')]\n"
+        "sys.exit(any(name in sys.modules for name in ('mujoco', 'pysindy')) or 'gpsim.trials.rivals.sindy' not in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

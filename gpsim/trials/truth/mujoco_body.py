@@ -50,7 +50,7 @@ def native(effect: TrueEffect) -> bool:
 
 
 class MujocoBody:
-    """Steps a batch of a mechanical system, one MuJoCo world an episode; the same calls as `mechanics.Body`."""
+    """Steps a batch of a mechanical system, one MuJoCo world an episode; the same calls as `body.Body`."""
 
     def __init__(
         self, system: str, parameters: Mapping[str, float], effects: Sequence[TrueEffect], h: float
