@@ -30,11 +30,11 @@ def test_in_an_outage_the_last_command_goes_on(clock):
     effect, steps = TrueEffect("lost_commands", "force", {"share": 0.25, "outage": 0.06, "phase": 2.0}), 600
     world = world_of("slider", [effect], steps=steps, clock=clock)
     commands = np.random.default_rng(0).normal(size=(steps, 4, 1))
-    chain, acted = ActuatorChain("slider", [effect]), []
+    chain, given = ActuatorChain("slider", [effect]), []
     for i in range(steps * 20):
         t = world.clock_offsets + i // 20 * world.dt + i % 20 * 1e-3
-        acted.append(chain.act(commands[i // 20], np.zeros((4, 2)), t, 1e-3)[:, 0])
-    held = np.reshape(acted, (steps, 20, 4))
+        given.append(chain.act(commands[i // 20], np.zeros((4, 2)), t, 1e-3)[:, 0])
+    held = np.reshape(given, (steps, 20, 4))
     assert (held == held[:, :1]).all()  # nothing is lost halfway
     lost = held[:, 0] != commands[:, :, 0]
     assert lost.mean() == pytest.approx(0.25, abs=0.08)
