@@ -29,10 +29,10 @@ from gpsim.diagnosis.assessment import intervals
 from gpsim.diagnosis.fitting import fit
 from gpsim.diagnosis.setup import candidates, prepare, settled_question
 from gpsim.simulators import make_simulator
-from gpsim.trials.concealing import conceal
+from gpsim.trials.blinding import conceal
 from gpsim.trials.drawing import SIZE, stratum_of
-from gpsim.trials.equivalents import as_hypothesis
-from gpsim.trials.intervals import rate
+from gpsim.trials.rivals import as_hypothesis
+from gpsim.trials.statistics import rate
 from gpsim.workers import begin_worker, worker_pool
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)

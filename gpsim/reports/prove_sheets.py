@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
-from gpsim.trials.goals import EQUIVALENT, GOALS
+from gpsim.trials.statistics import EQUIVALENT, GOALS
 
 Json = Mapping[str, Any]
 MOST_NAMED = 10

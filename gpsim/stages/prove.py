@@ -15,20 +15,23 @@ from gpsim.files import disk_errors, plain, write_json, written_whole
 from gpsim.reports.prove_page import page
 from gpsim.reports.prove_record import record
 from gpsim.stages.trial_jobs import Progress, run_trials
-from gpsim.trials.blind import DIAGNOSES, OUTCOME, diagnose_blind, published
-from gpsim.trials.concealing import (
+from gpsim.trials.blinding import (
     ANSWER,
+    DIAGNOSES,
     HASHES,
     NAME,
+    OUTCOME,
     PRIVATE,
     PUBLIC,
+    diagnose_blind,
     publish_hashes,
+    published,
     trial_name,
     write_trial,
 )
 from gpsim.trials.drawing import stratum_of
-from gpsim.trials.summary import summarise
-from gpsim.trials.trial_scores import score_trial
+from gpsim.trials.scoring import score_trial
+from gpsim.trials.statistics import summarise
 from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"

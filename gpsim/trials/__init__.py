@@ -1,9 +1,19 @@
 """Trials: concealed worlds with a known truth. Conceal, diagnose blind, reveal, score.
 
-Nothing that makes the truth (`running`, `drawing`, and what they import) imports `gpsim.effects`, `gpsim.simulators` or
-`gpsim.diagnosis`: the laws are written down a second time, so that a mistake in one cannot hide behind the same mistake
-in the other. Only the rule for equivalents fits with the diagnosis's engine, after the reveal. `gpsim.diagnosis` can
-never import this package, which knows the answers.
-"""
+The rooms, each of which knows only those before it:
 
-__all__ = ["blind", "concealing", "drawing", "goals", "summary", "trial_scores", "worlds"]
+    worlds      what a concealed world is, as plain data
+    catalogue   the catalogue's laws and their strengths, written a second time
+    outside     physics outside the catalogue, a class a kind
+    truth       what truly happens in a world, and how visible each effect is
+    drawing     a world from a seed and a trial's number
+    blinding    conceal, diagnose blind, reveal
+    rivals      other explanations of a world, and another program's
+    scoring     one diagnosis against its answer
+    statistics  figures of all trials, and the goals
+
+Nothing that makes the truth (all up to `drawing`) imports `gpsim.effects`, `gpsim.simulators` or `gpsim.diagnosis`: the
+laws are written down a second time, so that a mistake in one cannot hide behind the same mistake in the other. Only the
+rule for equivalents in `rivals` fits with the diagnosis's engine, after the reveal. `gpsim.diagnosis` can never import
+this package, which knows the answers.
+"""

@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gpsim.trials import drawing
-from gpsim.trials.mechanics import Body
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.replaying import Replay
-from gpsim.trials.running import run
-from gpsim.trials.strengths import Dial, Scales
-from gpsim.trials.systems import SYSTEMS
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.drawing import draws, places_of
+from gpsim.trials.outside import KINDS
+from gpsim.trials.truth import run
+from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.replay import Replay
+from gpsim.trials.truth.vehicle import Vehicle
+from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
 
+CART = {"gravity": 9.8, "cart_mass": 1.2, "pole_mass": 0.2, "pole_half_length": 0.4}
+BOB = {"gravity": 9.8, "mass": 0.8, "length": 0.5}
 H = 1e-3  # s, a fine step
 
 
@@ -21,7 +22,7 @@ def world_of(system, effects=(), **changes):
     """A short, perfect world of a system."""
     place = SYSTEMS[system]
     velocities = None if place.vehicle else "measured"
-    base = drawing._world(3001, 7, 1, "unknown", False, place, velocities, [], np.random.default_rng(3))
+    base = draws._world(3001, 7, 1, "unknown", False, place, velocities, [], np.random.default_rng(3))
     small = {"episodes": 4, "steps": 60, "dt": 0.02, "noise": dict.fromkeys(place.state, 0.0)}
     return replace(base, **{**small, "effects": tuple(effects), "excitation": "sines", **changes})
 
@@ -29,8 +30,8 @@ def world_of(system, effects=(), **changes):
 def effect_of(kind, system, strength, place=0):
     """The kind on one of its places (the first), as strong as asked."""
     world = world_of(system)
-    on = drawing.places_of(kind, SYSTEMS[system], "measured")[place]
-    values = OUTSIDE[kind](Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
+    on = places_of(kind, SYSTEMS[system], "measured")[place]
+    values = KINDS[kind].strength(Scales(world, run(world, ())), on, Dial(np.random.default_rng(1), strength))
     return TrueEffect(kind, on, values, outside=True)
 
 
@@ -45,6 +46,32 @@ def driven(system, parameters, effect, start, push, seconds):
         states.append(s[0])
         hidden.append(z[0])
     return np.array(states), np.array(hidden)
+
+
+def slid(kind, k, start, push, seconds):
+    """State and hidden state of a slider of 2 kg, every fine step."""
+    return driven("slider", {"mass": 2.0}, TrueEffect(kind, "q", k), start, push, seconds)
+
+
+def rolled(kind, k, u, seconds, yaw=0.0):
+    """(K + 1, 3) and (K + 1, H) pose and hidden state under the twist u (2,)."""
+    vehicle = Vehicle([TrueEffect(kind, "vehicle", k)])
+    s, t = np.array([[0.0, 0.0, yaw]]), np.zeros(1)
+    z = vehicle.begin(s)
+    poses, hidden = [s[0]], [z[0]]
+    for _ in range(round(seconds / H)):
+        s, z = vehicle.step(s, z, np.array([u]), t, t, H)
+        poses.append(s[0])
+        hidden.append(z[0])
+    return np.array(poses), np.array(hidden)
+
+
+def acted(actuator, commands, start=0.0):
+    """What acts in each fine step under commands (K,)."""
+    none = np.zeros((1, 4))
+    return np.array(
+        [actuator.act(np.array([u]), none, np.full(1, start + i * H), H)[0] for i, u in enumerate(commands)]
+    )
 
 
 def reference(slope, start, seconds, points):

@@ -19,10 +19,8 @@ from gpsim.files import file_digest
 from gpsim.recordings import read_recording
 from gpsim.recordings.files import write_recording
 from gpsim.recordings.recording import Recording
-from gpsim.trials import concealing
-from gpsim.trials.blind import diagnose_blind, read_report
-from gpsim.trials.revealing import reveal
-from gpsim.trials.trial_scores import score_trial
+from gpsim.trials.blinding import diagnose_blind, publish_hashes, read_report, reveal, write_trial
+from gpsim.trials.scoring import score_trial
 
 EPISODES, ROWS = 8, 131
 SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias
@@ -31,9 +29,9 @@ SEED, NUMBER, NAME = 5, 10, "0010"  # a slider whose actuator has a bias
 @pytest.fixture(scope="module")
 def concealed(tmp_path_factory):
     out = tmp_path_factory.mktemp("proof")
-    concealing.write_trial(out, SEED, NUMBER)
+    write_trial(out, SEED, NUMBER)
     _shorten(out)
-    concealing.publish_hashes(out, {NAME: file_digest(out / "private" / NAME / "answer.json")})
+    publish_hashes(out, {NAME: file_digest(out / "private" / NAME / "answer.json")})
     return out
 
 
@@ -69,7 +67,7 @@ def diagnosed(concealed, tmp_path_factory):
 
 
 def test_the_public_half_is_a_recording_and_nothing_else(tmp_path):
-    concealing.write_trial(tmp_path, SEED, NUMBER)
+    write_trial(tmp_path, SEED, NUMBER)
     answer = json.loads((tmp_path / "private" / NAME / "answer.json").read_text())
     folder = tmp_path / "public" / NAME
     assert sorted(p.name for p in folder.iterdir()) == ["recording.csv", "recording.yaml"]
@@ -81,7 +79,7 @@ def test_the_public_half_is_a_recording_and_nothing_else(tmp_path):
 
 
 def test_the_same_trial_gives_the_same_bytes(tmp_path):
-    first, second = (concealing.write_trial(tmp_path / side, SEED, NUMBER) for side in "ab")
+    first, second = (write_trial(tmp_path / side, SEED, NUMBER) for side in "ab")
     assert first == second
     for path in (tmp_path / "a").rglob("*.*"):
         if path.is_file():

@@ -4,9 +4,7 @@ from collections import Counter
 
 import pytest
 
-from gpsim.trials import drawing, outside
-from gpsim.trials.kinds_everybody import EVERYBODYS
-from gpsim.trials.strengths import CATALOGUE
+from gpsim.trials import catalogue, drawing, outside
 
 
 def test_a_deck_holds_every_stratum_in_its_share():
@@ -31,9 +29,9 @@ def test_ranks_count_up_within_a_stratum():
 
 
 def test_every_family_comes_once_a_cycle():
-    names = [drawing._family(4, "single", rank) for rank in range(2 * len(CATALOGUE))]
-    assert sorted(names[: len(CATALOGUE)]) == sorted(CATALOGUE)
-    assert sorted(names[len(CATALOGUE) :]) == sorted(CATALOGUE)
+    names = [drawing.first_family(4, "single", rank) for rank in range(2 * len(catalogue.STRENGTHS))]
+    assert sorted(names[: len(catalogue.STRENGTHS)]) == sorted(catalogue.STRENGTHS)
+    assert sorted(names[len(catalogue.STRENGTHS) :]) == sorted(catalogue.STRENGTHS)
 
 
 def test_the_same_trial_is_the_same_world():
@@ -41,53 +39,78 @@ def test_the_same_trial_is_the_same_world():
     assert drawing.draw(7, 3) != drawing.draw(8, 3)
 
 
-EVERY_SEEDS = set(EVERYBODYS.kinds)
-OF_2026, OF_2028, OF_2029, OF_2030, OF_2031 = (set(g.kinds) for g in outside.GENERATIONS)
+FOR_EVERY_SEED = {name for name, kind in outside.KINDS.items() if kind.since is None}
 
 
-def drawn(seed):
-    return {kind for system in drawing.SYSTEMS for kind in outside.allowed(seed, system)}
+@pytest.mark.parametrize("seed", [1, 50, 99])
+def test_tuning_never_sees_the_kinds_kept_for_measurements(seed):
+    assert set(outside.drawn(seed)) == FOR_EVERY_SEED
+    assert len(FOR_EVERY_SEED) == 10
 
 
-def test_tuning_never_sees_the_kinds_kept_for_measurements():
-    for seed in (1, 50, 99):
-        assert drawn(seed) == EVERY_SEEDS
+@pytest.mark.parametrize(
+    ("seed", "since"),
+    [
+        (0, 0),
+        (100, 0),
+        (2026, 0),
+        (2027, 0),
+        (2028, 2028),
+        (2029, 2029),
+        (2030, 2030),
+        (2031, 2031),
+        (3000, 2031),
+    ],
+)
+def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them(seed, since):
+    new = {name for name, kind in outside.KINDS.items() if kind.since == since}
+    assert len(new) == 10
+    assert set(outside.drawn(seed)) == FOR_EVERY_SEED | new
+    assert {drawing.first_family(seed, "unknown", rank) for rank in range(20)} == FOR_EVERY_SEED | new
 
 
-def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them():
-    for seeds, new in (
-        ((0, 100, 2026, 2027), OF_2026),
-        ((2028,), OF_2028),
-        ((2029,), OF_2029),
-        ((2030,), OF_2030),
-        ((2031, 3000), OF_2031),
-    ):
-        for seed in seeds:
-            assert len(drawn(seed)) == 20
-            assert drawn(seed) == EVERY_SEEDS | new
-            assert {drawing._family(seed, "unknown", rank) for rank in range(20)} == drawn(seed)
-
-
-def test_newer_kinds_leave_the_draws_of_earlier_seeds_as_they_were():
-    before = [
+KINDS_IN_THEIR_ORDER = {
+    7: [
+        "heading_slope", "curve_slowdown", "cogging", "bouc_wen", "hardening_spring",
+        "quantised_actuator", "position_gain", "fan", "exponential_aero", "gusts",
+    ],
+    2027: [
         "bouc_wen", "flexible_coupling", "exponential_aero", "gusts", "eccentric_encoder", "carpet",
-        "heading_slope", "fading_damping", "fan", "vibrating_pivot", "curve_slowdown", "quantised_actuator",
-        "cogging", "hardening_spring", "speed_ripple", "soft_stop", "gyroscopic", "position_gain",
-        "magnetic_detent", "ringing_actuator",
-    ]  # fmt: skip
-    assert [drawing._family(2027, "unknown", rank) for rank in range(20)] == before
-    before = [
-        "heading_slope", "curve_slowdown", "cogging", "bouc_wen", "hardening_spring", "quantised_actuator",
-        "position_gain", "fan", "exponential_aero", "gusts",
-    ]  # fmt: skip
-    assert [drawing._family(7, "unknown", rank) for rank in range(10)] == before
-    before = [
-        "eddy_brake", "slow_sensor", "hot_motor", "cogging", "curve_slowdown", "bouc_wen", "heading_slope",
-        "fisheye_camera", "uneven_inertia", "hardening_spring", "fan", "quantised_actuator", "towed_trolley",
-        "rubber_buffer", "position_gain", "lost_commands", "exponential_aero", "worm_gear",
-        "wheel_speed_limit", "gusts",
-    ]  # fmt: skip
-    assert [drawing._family(2028, "unknown", rank) for rank in range(20)] == before
+        "heading_slope", "fading_damping", "fan", "vibrating_pivot", "curve_slowdown",
+        "quantised_actuator", "cogging", "hardening_spring", "speed_ripple", "soft_stop", "gyroscopic",
+        "position_gain", "magnetic_detent", "ringing_actuator",
+    ],
+    2028: [
+        "eddy_brake", "slow_sensor", "hot_motor", "cogging", "curve_slowdown", "bouc_wen",
+        "heading_slope", "fisheye_camera", "uneven_inertia", "hardening_spring", "fan",
+        "quantised_actuator", "towed_trolley", "rubber_buffer", "position_gain", "lost_commands",
+        "exponential_aero", "worm_gear", "wheel_speed_limit", "gusts",
+    ],
+    2029: [
+        "gusts", "eccentric_wheel", "loose_load", "tyre_relaxation", "hardening_spring", "loose_marker",
+        "shear_thinning", "fan", "curve_slowdown", "exponential_aero", "power_limit", "sticky_valve",
+        "cogging", "quantised_actuator", "position_gain", "tip_sail", "thixotropic_grease", "bouc_wen",
+        "centrifugal_governor", "heading_slope",
+    ],
+    2030: [
+        "curve_slowdown", "quantised_actuator", "hardening_spring", "cogging", "gusts", "heading_slope",
+        "bouc_wen", "exponential_aero", "slipping_flywheel", "tip_tether", "pneumatic_valve",
+        "expo_curve", "warming_sensor", "position_gain", "coarse_encoder", "hill", "fan", "leaking_tank",
+        "dragged_cable", "one_way_damper",
+    ],
+    2031: [
+        "hardening_spring", "lagging_wheel", "bouc_wen", "rubbing_axle", "overload_foldback",
+        "encoder_play", "quantised_actuator", "curve_slowdown", "heaped_chain", "heading_slope", "gusts",
+        "pulsed_thrusters", "running_belt", "exponential_aero", "weathervane", "toggle_spring",
+        "position_gain", "cogging", "towed_sledge", "fan",
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", KINDS_IN_THEIR_ORDER)
+def test_newer_kinds_leave_the_draws_of_earlier_seeds_as_they_were(seed):
+    before = KINDS_IN_THEIR_ORDER[seed]
+    assert [drawing.first_family(seed, "unknown", rank) for rank in range(len(before))] == before
 
 
 @pytest.mark.parametrize(
@@ -96,6 +119,9 @@ def test_newer_kinds_leave_the_draws_of_earlier_seeds_as_they_were():
         (7, "unicycle", 35, 191, ("heading_slope", "vehicle", {"amplitude": 0.1138, "phase": 5.159})),
         (2027, "slider", 27, 173, ("bouc_wen", "q", {"amplitude": 0.9112, "width": 0.03284})),
         (2028, "slider", 28, 390, ("eddy_brake", "q", {"amplitude": 1.001, "speed": 0.4529})),
+        (2029, "pendulum", 10, 239, ("gusts", "theta", {"amplitude": 0.2985, "phase": 5.442})),
+        (2030, "unicycle", 47, 169, ("curve_slowdown", "vehicle", {"loss": 0.07735})),
+        (2031, "cartpole", 47, 233, ("hardening_spring", "theta", {"cubic": 0.7324})),
     ],
 )
 def test_worlds_of_earlier_seeds_are_what_they_were(seed, system, episodes, steps, effect):

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from gpsim.trials import concealing
+from gpsim.trials.blinding import Answer, concealment
 from gpsim.trials.drawing import draw
-from gpsim.trials.equivalents import Rival, rivals
-from gpsim.trials.revealing import Answer
+from gpsim.trials.rivals import Rival, rivals
 from gpsim.trials.worlds import TrueEffect
 
 SEED, NUMBER = 5, 10
@@ -22,9 +21,9 @@ def concealed_slider(monkeypatch, effects, **how):
         usual = {"engine": "rk4", "velocities": "differentiated", "episodes": 10, "steps": 260}
         return replace(world, effects=effects, **(usual | how))
 
-    monkeypatch.setattr(concealing, "draw", drawn)
-    concealed = concealing.conceal(SEED, NUMBER)
-    content = concealing.answer_of(concealed, "")
+    monkeypatch.setattr(concealment, "draw", drawn)
+    concealed = concealment.conceal(SEED, NUMBER)
+    content = concealment.answer_of(concealed, "")
     return Answer(content, [e.states for e in concealed.clean.episodes], None, None), concealed.recording
 
 
@@ -65,9 +64,9 @@ def test_a_gain_of_a_swinging_pendulum_is_a_mass(monkeypatch):
         [("actuator_gain", "torque")],
     )
     short = replace(whole, episodes=10, steps=200)
-    monkeypatch.setattr(concealing, "draw", lambda seed, number, attempt=0: short)
-    concealed = concealing.conceal(2027, 770)
-    content = concealing.answer_of(concealed, "")
+    monkeypatch.setattr(concealment, "draw", lambda seed, number, attempt=0: short)
+    concealed = concealment.conceal(2027, 770)
+    content = concealment.answer_of(concealed, "")
     answer = Answer(content, [e.states for e in concealed.clean.episodes], None, None)
     equal = {r.claims for r in rivals(answer, concealed.recording) if r.equivalent}
     assert (("parameter_offset", "mass"),) in equal

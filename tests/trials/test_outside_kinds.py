@@ -1,33 +1,45 @@
-"""Kinds outside the catalogue since seed 2028: a law and a strength each, visible when plain, nothing at strength zero."""
+"""Kinds outside the catalogue: a law and a strength each, visible when plain, nothing at strength zero."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gpsim.trials import drawing, kinds_2028, kinds_2029, kinds_2030, kinds_2031, outside
-from gpsim.trials.kinds_everybody import EVERYBODYS
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.running import run
-from gpsim.trials.systems import SYSTEMS
-from gpsim.trials.visibility import visibilities
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.drawing import of_body, places_of
+from gpsim.trials.outside import KINDS, kind, registry
+from gpsim.trials.truth import run, visibilities
+from gpsim.trials.worlds import SYSTEMS, TrueEffect
 
-from .outside_worlds import effect_of, world_of
+from .outside_worlds import check_replay, effect_of, world_of
 
-KINDS = {
-    name: kind
-    for generation in (kinds_2028, kinds_2029, kinds_2030, kinds_2031)
-    for name, kind in generation.GENERATION.kinds.items()
-}
 CASES = [
     (kind, system, place)
     for kind in sorted(KINDS)
     for system in KINDS[kind].systems
-    for place in range(len(drawing.places_of(kind, SYSTEMS[system], "measured")))
+    for place in range(len(places_of(kind, SYSTEMS[system], "measured")))
 ]
 WAVES = {"wave_number": 5.0, "phase": 0.4}
 NOTHING = {
+    "cogging": {"amplitude": 0.0, **WAVES},
+    "hardening_spring": {"cubic": 0.0},
+    "fan": {"amplitude": 0.0, "frequency": 1.0, "phase": 0.4},
+    "bouc_wen": {"amplitude": 0.0, "width": 0.1},
+    "gusts": {"amplitude": 0.0, "phase": 0.4},
+    "exponential_aero": {"amplitude": 0.0, "speed": 0.5},
+    "position_gain": {"depth": 0.0, **WAVES},
+    "quantised_actuator": {"step": 1e-14},
+    "curve_slowdown": {"loss": 0.0},
+    "heading_slope": {"amplitude": 0.0, "phase": 0.4},
+    "magnetic_detent": {"amplitude": 0.0, "centre": 0.1, "reach": 0.2},
+    "flexible_coupling": {"inertia": 1e-3, "stiffness": 0.0, "damping": 0.0},
+    "gyroscopic": {"coupling": 0.0},
+    "fading_damping": {"damping": 0.0, "time": 10.0},
+    "soft_stop": {"edge": 0.1, "stiffness": 0.0, "loss": 0.1},
+    "vibrating_pivot": {"lever": 0.5, "acceleration": 0.0, "frequency": 1.0},
+    "speed_ripple": {"amplitude": 0.0, "speed": 0.1},
+    "ringing_actuator": {"frequency": 1e9, "damping_ratio": 0.9},
+    "eccentric_encoder": {"amplitude": 0.0, **WAVES},
+    "carpet": {"depth": 0.0, "x": 0.1, "y": 0.2, "radius": 0.5},
     "eddy_brake": {"amplitude": 0.0, "speed": 1.0},
     "rubber_buffer": {"stiffness": 0.0, "time": 0.5},
     "uneven_inertia": {"amplitude": 0.0, **WAVES},
@@ -75,6 +87,7 @@ SHORT = {
     "tyre_relaxation": 4e-3,
     "lagging_wheel": 4e-3,
     "pulsed_thrusters": 1e-9,
+    "ringing_actuator": 2e-2,  # half a fine step late: the mean of its two ends
 }  # m, rad: what is left of one that vanishes in a limit only, w length / v
 
 
@@ -90,7 +103,7 @@ def test_plain_ones_are_finite_and_visible(kind, system, place):
 
 @pytest.mark.parametrize(("kind", "system", "place"), CASES)
 def test_strength_zero_is_no_effect(kind, system, place):
-    on = drawing.places_of(kind, SYSTEMS[system], "measured")[place]
+    on = places_of(kind, SYSTEMS[system], "measured")[place]
     assert set(NOTHING[kind]) == set(effect_of(kind, system, 0.0, place).values)
     world = world_of(system)
     with_it = run(world, [TrueEffect(kind, on, NOTHING[kind], outside=True)])
@@ -119,7 +132,7 @@ BESIDE_IT = {
 def test_what_acts_before_or_after_the_body_is_mujocos_too(kind):
     pytest.importorskip("mujoco")
     effect = effect_of(kind, "slider", 0.8)
-    assert (effect.on, drawing._outside_of_body(effect)) == (BESIDE_IT[kind], True)
+    assert (effect.on, of_body(kind)) == (BESIDE_IT[kind], False)
     world = world_of("slider", [effect])
     with_mujoco = run(replace(world, engine="mujoco"), [effect])
     np.testing.assert_allclose(with_mujoco.clean, run(world, [effect]).clean, atol=1e-6)
@@ -127,18 +140,75 @@ def test_what_acts_before_or_after_the_body_is_mujocos_too(kind):
 
 @pytest.mark.parametrize("kind", OF_THE_BODY)
 def test_what_acts_on_the_body_is_not(kind):
-    assert not drawing._outside_of_body(effect_of(kind, "slider", 0.8))
+    assert of_body(effect_of(kind, "slider", 0.8).family)
 
 
-def test_every_kind_has_one_law_one_strength_and_one_generation():
-    generations = (EVERYBODYS, *outside.GENERATIONS)
-    assert sum(len(g.kinds) for g in generations) == len(outside.KINDS)
-    assert list(OUTSIDE) == list(outside.KINDS)
+@pytest.mark.parametrize(
+    ("kind", "system"),
+    [
+        ("rubber_buffer", "cartpole"),
+        ("thixotropic_grease", "cartpole"),
+        ("loose_load", "pendulum"),
+        ("slipping_flywheel", "cartpole"),
+        ("towed_sledge", "cartpole"),
+        ("centrifugal_governor", "cartpole"),
+        ("leaking_tank", "pendulum"),
+        ("heaped_chain", "pendulum"),
+        ("tip_tether", "cartpole"),
+        ("rubbing_axle", "cartpole"),
+        ("overload_foldback", "unicycle"),
+        ("pulsed_thrusters", "slider"),
+        ("hill", "unicycle"),
+        ("towed_trolley", "unicycle"),
+        ("eccentric_wheel", "unicycle"),
+        ("tyre_relaxation", "unicycle"),
+        ("lagging_wheel", "unicycle"),
+    ],
+)
+def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
+    check_replay(kind, system)
+
+
+@pytest.mark.parametrize(
+    ("kind", "system", "velocities", "places"),
+    [
+        ("fisheye_camera", "unicycle", None, ["pose"]),
+        ("slow_sensor", "unicycle", None, ["yaw"]),
+        ("slow_sensor", "slider", "differentiated", []),
+        ("centrifugal_governor", "cartpole", "measured", ["theta"]),
+        ("centrifugal_governor", "slider", "measured", []),
+        ("tip_sail", "cartpole", "measured", ["x"]),
+        ("loose_marker", "unicycle", None, ["yaw"]),
+        ("tip_tether", "cartpole", "measured", ["x"]),
+        ("tip_tether", "slider", "measured", []),
+        ("coarse_encoder", "unicycle", None, ["yaw"]),
+        ("warming_sensor", "slider", "differentiated", ["q"]),
+        ("rubbing_axle", "cartpole", "measured", ["x"]),
+        ("rubbing_axle", "slider", "measured", []),
+        ("pulsed_thrusters", "unicycle", None, []),
+        ("quantised_actuator", "unicycle", None, ["v_cmd", "w_cmd"]),
+        ("encoder_play", "unicycle", None, ["yaw"]),
+        ("weathervane", "unicycle", None, ["vehicle"]),
+        ("weathervane", "pendulum", "measured", []),
+    ],
+)
+def test_where_they_act(kind, system, velocities, places):
+    assert places_of(kind, SYSTEMS[system], velocities) == places
+
+
+def below(site):
+    """Classes without subclasses, at any depth."""
+    return [leaf for child in site.__subclasses__() for leaf in below(child)] or [site]
+
+
+def test_no_kind_is_forgotten_and_every_one_says_how_strong_it_is():
+    assert sorted(law.__name__ for law in below(kind.Kind)) == sorted(law.__name__ for law in KINDS.values())
+    for law in KINDS.values():
+        assert law.strength is not kind.Kind.strength
+        assert law.__doc__
     assert set(NOTHING) == set(KINDS)
-    for generation in generations:
-        assert len(generation.kinds) == 10
-        laws = [name for part in vars(generation).values() if isinstance(part, dict) for name in part]
-        assert sorted(laws) == sorted(
-            [*generation.kinds, *generation.kinds]
-        )  # in `kinds` and where its law is
-    assert [g.since for g in outside.GENERATIONS] == sorted(g.since for g in outside.GENERATIONS)
+
+
+def test_two_kinds_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="two kinds are called fan"):
+        registry._named((KINDS["fan"], KINDS["fan"]))

@@ -7,13 +7,18 @@ import pytest
 
 from gpsim.reports.prove_sheets import proof_sheets
 from gpsim.trials import drawing
-from gpsim.trials.claims import iou
-from gpsim.trials.concealing import answer_of, conceal
-from gpsim.trials.equivalents import Rival
-from gpsim.trials.intervals import interval, median_interval, rate, share_interval
-from gpsim.trials.revealing import Answer
-from gpsim.trials.scoring import held_out_fit, score
-from gpsim.trials.summary import parameter_figures, summarise, worst_fit
+from gpsim.trials.blinding import Answer, answer_of, conceal
+from gpsim.trials.rivals import Rival
+from gpsim.trials.scoring import held_out_fit, iou, score
+from gpsim.trials.statistics import (
+    interval,
+    median_interval,
+    parameter_figures,
+    rate,
+    share_interval,
+    summarise,
+    worst_fit,
+)
 from gpsim.trials.worlds import TrueEffect, effect_json, world_json
 
 

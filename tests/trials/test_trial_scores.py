@@ -11,10 +11,18 @@ from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
 from gpsim.stages import prove
-from gpsim.trials import blind, concealing, listing, sindy
-from gpsim.trials.equivalents import Rival
-from gpsim.trials.revealing import reveal
-from gpsim.trials.trial_scores import score_trial
+from gpsim.trials.blinding import (
+    blind_diagnosis,
+    diagnose_blind,
+    publish_hashes,
+    published,
+    read_report,
+    reveal,
+    trial_name,
+    write_trial,
+)
+from gpsim.trials.rivals import Rival, cache, sindy
+from gpsim.trials.scoring import score_trial
 
 SEED, NUMBERS = 5, (10, 2)
 NAME, OTHER = "0010", "0002"  # a slider whose actuator has a bias, and another world
@@ -50,8 +58,8 @@ def made_up(room):
 @pytest.fixture(scope="module")
 def concealed(tmp_path_factory):
     out = tmp_path_factory.mktemp("proof")
-    digests = {concealing.trial_name(n): concealing.write_trial(out, SEED, n) for n in NUMBERS}
-    concealing.publish_hashes(out, digests)
+    digests = {trial_name(n): write_trial(out, SEED, n) for n in NUMBERS}
+    publish_hashes(out, digests)
     return out
 
 
@@ -59,9 +67,9 @@ def concealed(tmp_path_factory):
 def proof(concealed, tmp_path, monkeypatch):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(blind, "_run", made_up)
+    monkeypatch.setattr(blind_diagnosis, "_run", made_up)
     for name in (NAME, OTHER):
-        blind.diagnose_blind(out, name)
+        diagnose_blind(out, name)
     return out
 
 
@@ -69,7 +77,7 @@ def proof(concealed, tmp_path, monkeypatch):
 def fits(monkeypatch):
     """The rule for equivalents, made up; the list counts how often it was asked."""
     asked = []
-    monkeypatch.setattr(listing, "rivals", lambda *given: asked.append(given) or [TWIN])
+    monkeypatch.setattr(cache, "rivals", lambda *given: asked.append(given) or [TWIN])
     monkeypatch.setattr(sindy, "installed", lambda: False)
     return asked
 
@@ -124,22 +132,22 @@ def test_the_hash_on_record_is_the_one_that_stood_there_before_the_diagnosis(
 ):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    before = blind.published(out)[NAME]
+    before = published(out)[NAME]
 
     def meanwhile(room):
         path = out / "public" / "answers.sha256"
         path.write_text(path.read_text().replace(before, "0" * 64))
         return made_up(room)
 
-    monkeypatch.setattr(blind, "_run", meanwhile)
-    assert blind.diagnose_blind(out, NAME)["answer_sha256"] == before
+    monkeypatch.setattr(blind_diagnosis, "_run", meanwhile)
+    assert diagnose_blind(out, NAME)["answer_sha256"] == before
 
 
 def test_a_published_hash_is_never_replaced(proof):
-    before = blind.published(proof)
+    before = published(proof)
     with pytest.raises(UsageError, match=f"another answer to trial {NAME} was published"):
-        concealing.publish_hashes(proof, {NAME: "0" * 64})
-    assert blind.published(proof) == before
+        publish_hashes(proof, {NAME: "0" * 64})
+    assert published(proof) == before
 
 
 def test_recordings_that_somebody_else_concealed_are_not_drawn_anew(proof):
@@ -162,16 +170,18 @@ def test_a_copy_beside_the_diagnoses_is_nobodys_trial(proof, fits, monkeypatch):
 def test_a_diagnosis_that_failed_after_it_was_written_is_none(concealed, tmp_path, monkeypatch, code, words):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(blind, "_run", lambda room: (made_up(room) and code, "error: the disk is full\n"))
-    outcome = blind.diagnose_blind(out, NAME)
+    monkeypatch.setattr(
+        blind_diagnosis, "_run", lambda room: (made_up(room) and code, "error: the disk is full\n")
+    )
+    outcome = diagnose_blind(out, NAME)
     assert outcome["error"] == words
-    assert blind.read_report(out, NAME) is None
+    assert read_report(out, NAME) is None
 
 
 def test_a_recording_without_a_published_hash_is_not_diagnosed(proof):
     shutil.copytree(proof / "public" / NAME, proof / "public" / "0099")
     with pytest.raises(UsageError, match="no hash of the answer to trial 0099"):
-        blind.diagnose_blind(proof, "0099")
+        diagnose_blind(proof, "0099")
     assert not (proof / "diagnoses" / "0099").exists()
 
 
@@ -222,7 +232,7 @@ def test_a_file_in_place_of_the_proofs_folder_is_one_line(tmp_path):
 def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypatch, written):
     monkeypatch.setattr(prove, "run_trials", run_here)
     with monkeypatch.context() as during:
-        during.setattr(prove if written == "prove.json" else listing, "write_json", full_disk)
+        during.setattr(prove if written == "prove.json" else cache, "write_json", full_disk)
         with pytest.raises(UsageError, match="proof: no space left on the device"):
             prove.reveal(proof, None, 1, lambda *_: None)
     assert not list(proof.glob("*prove.json*"))
@@ -233,12 +243,12 @@ def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypat
 def test_a_diagnosis_for_which_the_disk_had_no_space_is_made_again(concealed, tmp_path, monkeypatch, words):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(blind, "_run", lambda room: (1, f"{words}\n"))
+    monkeypatch.setattr(blind_diagnosis, "_run", lambda room: (1, f"{words}\n"))
     with pytest.raises(UsageError, match="no space left"):
-        blind.diagnose_blind(out, NAME)
+        diagnose_blind(out, NAME)
     assert not (out / "diagnoses").exists()
-    monkeypatch.setattr(blind, "_run", made_up)
-    assert blind.diagnose_blind(out, NAME)["exit"] == 0
+    monkeypatch.setattr(blind_diagnosis, "_run", made_up)
+    assert diagnose_blind(out, NAME)["exit"] == 0
 
 
 def test_where_no_disk_has_room_to_diagnose_in_it_is_said(concealed, tmp_path, monkeypatch):
@@ -248,6 +258,6 @@ def test_where_no_disk_has_room_to_diagnose_in_it_is_said(concealed, tmp_path, m
     def nowhere():
         raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found in ['/tmp']")
 
-    monkeypatch.setattr(blind.tempfile, "gettempdir", nowhere)
+    monkeypatch.setattr(blind_diagnosis.tempfile, "gettempdir", nowhere)
     with pytest.raises(UsageError, match=r"\['/tmp'\]: free space there, or name a folder with TMPDIR"):
-        blind.diagnose_blind(out, NAME)
+        diagnose_blind(out, NAME)

@@ -8,23 +8,30 @@ import pytest
 from gpsim.corrected.effects_plant import EffectsPlant
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
-from gpsim.trials import drawing, laws
-from gpsim.trials.actuators import ACTUATORS
-from gpsim.trials.mechanics import Body
-from gpsim.trials.outside_strengths import OUTSIDE
-from gpsim.trials.replaying import Replay
-from gpsim.trials.running import H, run
-from gpsim.trials.sensors import sense
-from gpsim.trials.strengths import CATALOGUE, Dial, Scales
-from gpsim.trials.systems import SYSTEMS, dynamics
-from gpsim.trials.worlds import TrueEffect, effect_json, world_from_json, world_json
+from gpsim.trials import catalogue, drawing, outside
+from gpsim.trials.drawing import draws
+from gpsim.trials.truth import run
+from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.replay import Replay
+from gpsim.trials.truth.running import H
+from gpsim.trials.truth.sensing import sense
+from gpsim.trials.worlds import (
+    SYSTEMS,
+    Dial,
+    Scales,
+    TrueEffect,
+    dynamics,
+    effect_json,
+    world_from_json,
+    world_json,
+)
 
 
 def world_of(system, effects=(), engine="rk4", **changes):
     """A short, perfect world of a system."""
     rng = np.random.default_rng(3)
     place = SYSTEMS[system]
-    base = drawing._world(3, 7, 1, "single", False, place, None if place.vehicle else "measured", [], rng)
+    base = draws._world(3, 7, 1, "single", False, place, None if place.vehicle else "measured", [], rng)
     small = {"episodes": 3, "steps": 30, "dt": min(place.steps), "noise": dict.fromkeys(place.state, 0.0)}
     return replace(base, effects=tuple(effects), engine=engine, **{**small, **changes})
 
@@ -32,14 +39,14 @@ def world_of(system, effects=(), engine="rk4", **changes):
 def effect_of(family, on, system, strength=0.6):
     world = world_of(system)
     scales = Scales(world, run(world, (), world.dt / 4))
-    return drawing._effect(
+    return draws._effect(
         family, on, scales, Dial(np.random.default_rng(1), strength), False, np.random.default_rng(2)
     )
 
 
 CASES = [
     (family, system, drawing.places_of(family, SYSTEMS[system], "measured")[-1])
-    for family in sorted(CATALOGUE)
+    for family in sorted(catalogue.STRENGTHS)
     for system in drawing.systems_of(family)
     if family != "sensor_delay"  # its history is not at hand here
 ]
@@ -135,7 +142,7 @@ def test_a_free_pendulum_keeps_its_energy():
     assert energy(s) == pytest.approx(before, abs=1e-8)
 
 
-@pytest.mark.parametrize("kind", sorted(OUTSIDE))
+@pytest.mark.parametrize("kind", sorted(outside.KINDS))
 def test_physics_outside_the_catalogue_moves_a_system_it_belongs_to(kind):
     system = drawing.systems_of(kind)[-1]
     on = drawing.places_of(kind, SYSTEMS[system], "measured")[0]
@@ -149,9 +156,9 @@ def test_physics_outside_the_catalogue_moves_a_system_it_belongs_to(kind):
 def test_no_kind_outside_is_a_family_of_the_catalogue():
     from gpsim.effects import FAMILIES
 
-    assert set(CATALOGUE) == set(FAMILIES)
-    assert not set(OUTSIDE) & set(FAMILIES)
-    assert set(laws.SMOOTH) | set(laws.GRIP) | set(laws.TWIST) <= set(FAMILIES)
+    assert set(catalogue.STRENGTHS) == set(FAMILIES)
+    assert not set(outside.KINDS) & set(FAMILIES)
+    assert set(catalogue.SMOOTH) | set(catalogue.GRIP) | set(catalogue.TWIST) <= set(FAMILIES)
 
 
 def test_a_world_survives_its_json():
@@ -162,7 +169,7 @@ def test_a_world_survives_its_json():
 
 def test_a_rate_limit_acts_for_the_part_of_a_millisecond_that_it_takes():
     """A command that is reached inside a step counts by what it does, not as if it took all of the step."""
-    once, finely = (ACTUATORS["actuator_rate_limit"]({"rate": 500.0}) for _ in range(2))
+    once, finely = (catalogue.ACTUATORS["actuator_rate_limit"]({"rate": 500.0}) for _ in range(2))
     nowhere, at, pieces = np.zeros((4, 2)), np.zeros(4), 2000
     for u in (np.array([0.1, -0.3, 0.5, 2.0]), np.array([0.15, 0.3, -0.7, 2.0]), np.zeros(4)):
         small = [finely.act(u, nowhere, at, H / pieces) for _ in range(pieces)]

@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.simulators import make_simulator
-from gpsim.trials.concealing import conceal
+from gpsim.trials.blinding import conceal
 
 
 def test_a_spring_that_begins_late_under_heavy_noise_is_named():

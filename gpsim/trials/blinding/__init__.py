@@ -1,0 +1,50 @@
+"""The blind protocol: conceal worlds, diagnose their recordings without the answers, reveal the answers.
+
+Whoever conceals publishes the recordings and the answers' hashes; a diagnosis runs in a process and a folder of its own
+that hold nothing but one recording; an answer counts only if its hash is the one that was published.
+"""
+
+from gpsim.trials.blinding.answers import Answer, reveal
+from gpsim.trials.blinding.blind_diagnosis import (
+    DIAGNOSES,
+    OUTCOME,
+    diagnose_blind,
+    diagnosis_digest,
+    read_outcome,
+    read_report,
+)
+from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
+from gpsim.trials.blinding.trial_files import (
+    ANSWER,
+    HASHES,
+    NAME,
+    PRIVATE,
+    PUBLIC,
+    publish_hashes,
+    published,
+    trial_name,
+    write_trial,
+)
+
+__all__ = [
+    "ANSWER",
+    "DIAGNOSES",
+    "HASHES",
+    "NAME",
+    "OUTCOME",
+    "PRIVATE",
+    "PUBLIC",
+    "Answer",
+    "Concealed",
+    "answer_of",
+    "conceal",
+    "diagnose_blind",
+    "diagnosis_digest",
+    "publish_hashes",
+    "published",
+    "read_outcome",
+    "read_report",
+    "reveal",
+    "trial_name",
+    "write_trial",
+]

@@ -1,0 +1,46 @@
+"""Physics outside the catalogue: kinds that no family of `gpsim.effects` describes, and never will.
+
+A kind is one class: its docstring says the law, its methods are the law, `strength` draws its parameters, `since` is
+the first seed whose worlds may hold it (None: those of every seed may). Files go by the site where kinds act. A new
+kind is one class and its name in KINDS at the end of its file; `since` must be a seed of which no world has been drawn
+yet, or published proofs could not be repeated. Twenty kinds a measurement: ten for every seed, ten that are new to it.
+
+Laws here are never shared with `gpsim.effects`.
+"""
+
+from gpsim.trials.outside.kind import (
+    EVERY,
+    MECHANICAL,
+    VEHICLE,
+    Actuator,
+    CoupledForce,
+    Distortion,
+    Force,
+    HiddenForce,
+    HiddenTwist,
+    Inertia,
+    Kind,
+    SensorWithMemory,
+    Twist,
+)
+from gpsim.trials.outside.registry import KINDS, TUNING, at_site, drawn
+
+__all__ = [
+    "EVERY",
+    "KINDS",
+    "MECHANICAL",
+    "TUNING",
+    "VEHICLE",
+    "Actuator",
+    "CoupledForce",
+    "Distortion",
+    "Force",
+    "HiddenForce",
+    "HiddenTwist",
+    "Inertia",
+    "Kind",
+    "SensorWithMemory",
+    "Twist",
+    "at_site",
+    "drawn",
+]

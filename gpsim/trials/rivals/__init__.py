@@ -1,0 +1,18 @@
+"""What else could be said of a world: explanations as good as the truth, and another program's answer.
+
+The rule for equivalents fits with the diagnosis's own engine, after the reveal; PySINDy is optional. Both are dear, so
+what they find is kept.
+"""
+
+from gpsim.trials.rivals.cache import Listing, cached_listing
+from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
+
+__all__ = [
+    "EQUIVALENTS_VERSION",
+    "Claims",
+    "Listing",
+    "Rival",
+    "as_hypothesis",
+    "cached_listing",
+    "rivals",
+]

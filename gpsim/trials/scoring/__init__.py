@@ -1,0 +1,7 @@
+"""What a diagnosis claims, held against the answer: families and places, gates, parameters, held-out fit."""
+
+from gpsim.trials.scoring.gates import iou
+from gpsim.trials.scoring.rules import held_out_fit, score
+from gpsim.trials.scoring.trial_scores import score_trial
+
+__all__ = ["held_out_fit", "iou", "score", "score_trial"]

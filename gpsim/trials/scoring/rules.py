@@ -1,0 +1,195 @@
+"""What counts as right: one diagnosis against its answer. Pure functions of the two: no files, no fits.
+
+Claims are sets of (family, place). A claim is right when it is the truth or one of the world's listed equivalents.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.trials.blinding import Answer
+from gpsim.trials.rivals import Rival
+from gpsim.trials.scoring.claims import Claim, Json, claims_of, identity
+from gpsim.trials.scoring.gates import failed_gates, gate_figures
+from gpsim.trials.worlds import SYSTEMS
+
+FACTORS = (
+    "gain",
+    "ratio",
+    "scale",
+    "gain_positive",
+    "gain_negative",
+)  # they change nothing at 1, others at 0
+WRONG_ODDS = 10.0  # a wrong name asserted with odds above this counts as such
+LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is
+LEADING_RATE = 0.5  # a rate with at least this share of the largest true share is a right one to point at
+
+
+def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
+    """Everything that can be said of one diagnosis; a missing report is a failed diagnosis, wrong in all."""
+    truth = frozenset(answer.claims)
+    inside = not any(e["outside"] for e in answer.content["effects"])
+    equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
+    right_claims = (equal | {truth}) if inside else equal
+    out: dict[str, Any] = {
+        "stratum": answer.content["stratum"],
+        "visible": bool(answer.content["visible"]),
+        "identifiable": not equal,
+        "equivalents": sorted(sorted(map(list, claims)) for claims in equal),
+        "truth": sorted(map(list, truth)) or [[e["family"], e["on"]] for e in answer.content["effects"]],
+    }
+    if report is None:
+        wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
+        return out | {"verdict": "failed", "said": []} | wrong | failed_gates(answer.content["effects"])
+    verdict, leader = str(report["verdict"]), claims_of(report["effects"])
+    others = [claims_of(a["effects"]) for a in report["alternatives"]]
+    out |= {
+        "verdict": verdict,
+        "said": sorted(map(list, leader)),
+        "alternatives": sorted(sorted(map(list, o)) for o in others),
+        "leading_right": leader in right_claims and bool(leader),
+        "families_right": _families(leader) in {_families(c) for c in right_claims} and bool(leader),
+        "found": len(leader & truth),
+        "verdict_right": verdict in _verdicts(str(out["stratum"]), equal),
+        "right": _right(str(out["stratum"]), verdict, leader, others, truth, right_claims),
+    }
+    if out["stratum"] == "none":
+        out["false_alarm"] = verdict in ("named", "ambiguous") or bool(leader)
+    if not inside:
+        out |= _outside(verdict, report, out["leading_right"])
+    if inside and truth:
+        out |= _location(answer, report, leader, right_claims)
+        out["parameters"] = (
+            parameters(answer.content["effects"], report["effects"]) if leader == truth else []
+        )
+    out["fit"] = held_out_fit(answer, report)
+    return out
+
+
+def parameters(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[str, Any]]:
+    """Errors of every true parameter, relative to its value and to what it changes; whether its interval holds it."""
+    found = {identity(e): e["parameters"] for e in said}
+    out = []
+    for effect in truth:
+        for name, value in effect["parameters"].items():
+            given = found[effect["family"], effect["on"]].get(name)
+            if given is None:
+                continue
+            covered = given["low"] is not None and given["low"] <= value <= given["high"]
+            error, neutral = abs(given["value"] - value), 1.0 if name in FACTORS else 0.0
+            out.append(
+                {
+                    "family": effect["family"],
+                    "name": name,
+                    "relative_error": error / max(abs(value), 1e-300),
+                    "error_of_effect": error / max(abs(value - neutral), 1e-300),
+                    "covered": bool(covered),
+                    # Where zero is an arbitrary point, an error relative to the value says nothing.
+                    "has_scale": name != "rest_position",
+                }
+            )
+    return out
+
+
+def held_out_fit(answer: Answer, report: Json) -> dict[str, dict[str, float]]:
+    """Rate -> each model's held-out one-step error over the true model's own on the same episodes."""
+    held = [int(name) for name in report["fit"]["held_out"] if str(name).isdigit()]
+    rows = np.isin(answer.episode, held)
+    own = answer.own[rows if rows.any() else slice(None)]
+    rates = SYSTEMS[answer.world.system].rates
+    out = {}
+    for rate, errors in report["fit"]["one_step"].items():
+        best = max(float(np.sqrt(np.mean(own[:, rates.index(rate)] ** 2))), 1e-12)
+        kinds = ("before", "tuned", "gp", "after", "after_gp")
+        out[rate] = {kind: float(errors[kind]) / best for kind in kinds if errors.get(kind) is not None}
+    return out
+
+
+def _visited(answer: Answer) -> dict[str, tuple[float, float]]:
+    """From where to where each channel went."""
+    readings = np.concatenate(answer.clean)
+    edges = zip(readings.min(axis=0).tolist(), readings.max(axis=0).tolist(), strict=True)
+    return dict(zip(SYSTEMS[answer.world.system].names, edges, strict=True))
+
+
+def _families(claims: Claim) -> tuple[str, ...]:
+    return tuple(sorted(family for family, _ in claims))
+
+
+def _right(
+    stratum: str, verdict: str, leader: Claim, others: Sequence[Claim], truth: Claim, right_claims: set[Claim]
+) -> bool:
+    """`ambiguous` is right only if the truth is in the set and every member is the truth or a listed equivalent."""
+    if stratum == "none":
+        return verdict == "none"
+    if stratum == "unknown":
+        return bool(verdict == "unknown" or (verdict == "named" and leader in right_claims))
+    if verdict == "named":
+        return bool(leader in right_claims)
+    if verdict == "ambiguous":
+        members = {leader, *others}
+        return truth in members and members <= right_claims
+    return verdict == "none" and frozenset() in right_claims
+
+
+def _verdicts(stratum: str, equal: set[Claim]) -> set[str]:
+    """The verdicts that a world calls for; with listed equivalents there is more than one."""
+    if stratum == "none":
+        return {"none"}
+    if stratum == "unknown":
+        return {"unknown", "named"} if equal else {"unknown"}
+    return {"named"} | ({"ambiguous"} if equal else set()) | ({"none"} if frozenset() in equal else set())
+
+
+def _outside(verdict: str, report: Json, excused: bool) -> dict[str, Any]:
+    """Of a world outside the catalogue: whether it was said so, and whether a wrong name was asserted.
+
+    The odds are an effect's own, against the best that was found without it: what `ambiguous` answers have in common is
+    asserted, too.
+    """
+    named = verdict in ("named", "ambiguous") and not excused
+    sure = any(_odds_in_nats(e) > math.log(WRONG_ODDS) for e in report["effects"])
+    return {"said_so": verdict == "unknown", "named_wrong": bool(named and sure)}
+
+
+def _odds_in_nats(effect: Json) -> float:
+    """Of an effect against the best without it; where nothing else was tried, of the whole answer."""
+    nats = effect["odds"]["nats"]
+    if nats is not None:
+        return float(nats)
+    probability = float(effect["probability"] or 0.0)
+    return math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
+
+
+def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Claim]) -> dict[str, Any]:
+    """Whether the rate, the place and the gates are right."""
+    truth, world = frozenset(answer.claims), answer.world
+    duration = float(world.clock_offsets[-1] + world.steps * world.dt)
+    out: dict[str, Any] = {
+        "rate_right": _rate_right(answer.content["one_step"], report["location"]["channels"]),
+        "place_right": leader in right_claims or {on for _, on in leader} == {on for _, on in truth},
+        **gate_figures(
+            answer.content["effects"],
+            report["effects"],
+            _visited(answer),
+            duration,
+            stands_in=leader in right_claims,
+        ),
+    }
+    out["location_right"] = bool(out["rate_right"] and out["place_right"] and out["gate_right"])
+    return out
+
+
+def _rate_right(one_step: Json, said: Mapping[str, float]) -> bool:
+    """Whether the rate with the largest share in the diagnosis is one of the leading ones in truth."""
+    shares = {r: max(0.0, 1.0 - (e["own"] / max(e["base"], 1e-300)) ** 2) for r, e in one_step.items()}
+    if not said or max(said.values()) <= 0:
+        return bool(max(shares.values()) < LEAST_SEEN)
+    if max(shares.values()) < LEAST_SEEN:
+        return True
+    pointed = max(said, key=lambda rate: said[rate])
+    return bool(shares.get(pointed, 0.0) >= LEADING_RATE * max(shares.values()))

@@ -1,0 +1,74 @@
+"""The score of one trial: its answer revealed, its equivalents listed, the diagnosis and PySINDy judged by them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gpsim.files import plain, tells_of_full_disk, written_whole
+from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
+from gpsim.trials.rivals import Listing, cached_listing
+from gpsim.trials.scoring.rules import score
+
+SCORES = "scores"
+
+
+def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
+    """Score a diagnosed trial anew and write OUT/scores/NAME.json; raises UsageError when its answer is refused.
+
+    What goes wrong after that, a full disk apart, is the trial's own error: it counts as wrong and stops no other.
+    """
+    answer = reveal(out, answers, name)
+    outcome = read_outcome(out, name)
+    try:
+        listed = cached_listing(out, name, answer, outcome)
+        found = score(answer, read_report(out, name), listed.rivals)
+        found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
+    except Exception as error:  # whatever it is, it must not block the reveal of the others
+        if isinstance(error, OSError) and tells_of_full_disk(str(error)):
+            raise
+        found = score(answer, None, []) | {"scored": False, "rivals": [], "sindy": None}
+        found["error"] = f"not scored: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
+    found |= _of_world(answer) | {
+        "trial": name,
+        "diagnosis_sha256": diagnosis_digest(out, name),
+        "git_commit": outcome.get("git_commit"),
+        "seconds": outcome["seconds"],
+    }
+    path = out / SCORES / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as made:
+        made.write_text(json.dumps(plain(found), indent=1) + "\n", encoding="utf-8")
+    return found
+
+
+def _of_world(answer: Answer) -> dict[str, Any]:
+    """What the strata need."""
+    content, world = answer.content, answer.world
+    effects = content["effects"]
+    gates = {"region" if e["region"] else "since" for e in effects if e["region"] or e["since"] is not None}
+    order = ("subtle", "medium", "plain")
+    return {
+        "long": content["long"],
+        "transitions": content["transitions"],
+        "system": world.system,
+        "engine": world.engine,
+        "noise_level": world.noise_level,
+        "noise_known": world.noise_known,
+        "velocities": world.velocities,
+        "excitation": world.excitation,
+        "strength": min((e["strength"] for e in effects), key=order.index, default=""),
+        "gate": ", ".join(sorted(gates)) or "everywhere",
+        "effects": effects,
+    }
+
+
+def _beside(answer: Answer, listed: Listing) -> dict[str, Any]:
+    """The rivals that came nearest, and whether PySINDy was right."""
+    right = {frozenset(answer.claims)} | {frozenset(r.claims) for r in listed.rivals if r.equivalent}
+    said = listed.sindy
+    return {
+        "rivals": [{"claims": list(map(list, r.claims)), "nats_lost": r.loss} for r in listed.rivals[:6]],
+        "sindy": None if said is None else {"said": list(map(list, said)), "right": frozenset(said) in right},
+    }

@@ -1,0 +1,12 @@
+"""What truly happens in a concealed world, what its sensors say, and how visible each of its effects is.
+
+Command, actuators, body, sensors, noise. Nothing here, nor what it imports, is of `gpsim.effects`, `gpsim.simulators`
+or `gpsim.diagnosis`.
+"""
+
+from gpsim.trials.truth.mujoco_body import native
+from gpsim.trials.truth.running import run
+from gpsim.trials.truth.true_model import OneStep, one_step
+from gpsim.trials.truth.visibility import Visibility, visibilities
+
+__all__ = ["OneStep", "Visibility", "native", "one_step", "run", "visibilities"]

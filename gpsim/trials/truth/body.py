@@ -1,0 +1,177 @@
+"""The truth of a body: Runge-Kutta steps, dry friction handled as events, effects that are no code of the diagnosis.
+
+A body whose velocity changes sign inside a step stops there; it stays, or starts again when the other forces exceed
+what friction can hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.trials import catalogue, outside
+from gpsim.trials.worlds import SYSTEMS, TrueEffect, dynamics, load_on_track
+
+FORCES, COUPLED = outside.at_site(outside.Force), outside.at_site(outside.CoupledForce)
+INERTIAS, HIDDEN = outside.at_site(outside.Inertia), outside.at_site(outside.HiddenForce)
+STILL = 1e-12  # below this a velocity is rounding
+
+
+class Body:
+    """Steps a batch of a mechanical system with its effects. Hidden states live in `hidden`, (B, 2) an effect."""
+
+    def __init__(self, system: str, parameters: Mapping[str, float], effects: Sequence[TrueEffect]) -> None:
+        self._system, self._parameters = SYSTEMS[system], dict(parameters)
+        index = {name: i for i, name in enumerate(self._system.coordinates)}
+        self._offsets = [e for e in effects if e.family == "parameter_offset"]
+        self._smooth = [(e, index[e.on]) for e in effects if e.family in catalogue.SMOOTH]
+        self._outside = [(FORCES[e.family](e.values), index[e.on]) for e in effects if e.family in FORCES]
+        self._coupled = [COUPLED[e.family](e.values) for e in effects if e.family in COUPLED]
+        self._inertias = [
+            (INERTIAS[e.family](e.values), index[e.on]) for e in effects if e.family in INERTIAS
+        ]
+        self._hidden = [(HIDDEN[e.family](e.values), index[e.on]) for e in effects if e.family in HIDDEN]
+        self._dry = [(e, index[e.on]) for e in effects if e.family in catalogue.GRIP]
+        self._dry_columns = sorted({c for _, c in self._dry})
+        self._loaded = any("coefficient" in e.values for e, _ in self._dry)
+
+    def begin(self, s: FloatArray) -> FloatArray:
+        """(B, 2 H) hidden states at the start."""
+        parts = [law.begin(s[:, 2 * c], s[:, 2 * c + 1]) for law, c in self._hidden]
+        return np.hstack(parts) if parts else np.empty((len(s), 0))
+
+    def step(
+        self, s: FloatArray, z: FloatArray, u: FloatArray, t: FloatArray, wall: FloatArray, h: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """State and hidden state after h s with u (B, A) acting."""
+        direction = np.sign(s[:, 1::2])
+        new, hidden = self._runge_kutta(s, z, u, t, wall, np.full(len(s), h), direction)
+        for c in self._dry_columns:
+            column = 2 * c + 1
+            turned = (direction[:, c] != 0) & (new[:, column] * direction[:, c] < 0)
+            rows = np.flatnonzero(turned)
+            if rows.size:
+                share = s[rows, column] / (s[rows, column] - new[rows, column])
+                still = np.sign(s[rows, 1::2])
+                a, b = self._runge_kutta(s[rows], z[rows], u[rows], t[rows], wall[rows], share * h, still)
+                a[:, column], still[:, c] = 0.0, 0.0
+                late, rest = share * h, (1.0 - share) * h
+                new[rows], hidden[rows] = self._runge_kutta(
+                    a, b, u[rows], t[rows] + late, wall[rows] + late, rest, still
+                )
+            new[np.abs(new[:, column]) < STILL, column] = 0.0
+        return new, hidden
+
+    def _runge_kutta(
+        self,
+        s: FloatArray,
+        z: FloatArray,
+        u: FloatArray,
+        t: FloatArray,
+        wall: FloatArray,
+        h: FloatArray,
+        direction: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        half, width = h / 2, s.shape[1]
+        y = np.hstack([s, z]) if z.shape[1] else s
+
+        def slope(at: FloatArray, late: FloatArray | float) -> FloatArray:
+            return self._slope(at[:, :width], at[:, width:], u, t + late, wall + late, direction)
+
+        k1 = slope(y, 0.0)
+        k2 = slope(y + half[:, None] * k1, half)
+        k3 = slope(y + half[:, None] * k2, half)
+        k4 = slope(y + h[:, None] * k3, h)
+        y = y + (h / 6)[:, None] * (k1 + 2 * (k2 + k3) + k4)
+        return y[:, :width].copy(), y[:, width:].copy()
+
+    def _slope(
+        self,
+        s: FloatArray,
+        z: FloatArray,
+        u: FloatArray,
+        t: FloatArray,
+        wall: FloatArray,
+        direction: FloatArray,
+    ) -> FloatArray:
+        names, p = self._system.names, self._actual(s, t)
+        inverse, force = dynamics(self._system.name, p, s, u)
+        for uneven, c in self._inertias:
+            extra, slope = uneven.inertia(s[:, 2 * c])
+            inverse = with_inertia(inverse, c, extra)
+            force[:, c] -= 0.5 * slope * s[:, 2 * c + 1] ** 2  # Lagrange: d/dt (I v) - I' v^2 / 2
+        for effect, c in self._smooth:
+            push = catalogue.SMOOTH[effect.family](effect.values, s[:, 2 * c], s[:, 2 * c + 1])
+            force[:, c] += push * effect.acts(s, t, names) if effect.gated else push
+        for law, c in self._outside:
+            force[:, c] += law.force(s[:, 2 * c], s[:, 2 * c + 1], wall)
+        for both in self._coupled:
+            force += both.forces(s)
+        drift = []
+        for i, (hidden, c) in enumerate(self._hidden):
+            part = z[:, 2 * i : 2 * i + 2]
+            if (more := hidden.inertia(part)) is not None:
+                inverse = with_inertia(inverse, c, more)
+            force[:, c] += hidden.force(s[:, 2 * c], s[:, 2 * c + 1], part)
+            drift.append(hidden.drift(s[:, 2 * c], s[:, 2 * c + 1], part))
+        acceleration = (inverse * force[:, None, :]).sum(axis=2)
+        if self._dry:
+            acceleration = self._with_friction(acceleration, inverse, p, s, t, direction)
+        out = np.empty((len(s), s.shape[1] + z.shape[1]))
+        out[:, 0 : s.shape[1] : 2], out[:, 1 : s.shape[1] : 2] = s[:, 1::2], acceleration
+        if drift:
+            out[:, s.shape[1] :] = np.hstack(drift)
+        return out
+
+    def _actual(self, s: FloatArray, t: FloatArray) -> dict[str, float | FloatArray]:
+        """The parameters as they really are, at the moments t."""
+        p: dict[str, float | FloatArray] = dict(self._parameters)
+        for effect in self._offsets:
+            ratio = effect.values["ratio"]
+            gate = effect.acts(s, t, self._system.names) if effect.gated else 1.0
+            p[effect.on] = p[effect.on] * (1.0 + (ratio - 1.0) * gate)
+        return p
+
+    def _with_friction(
+        self,
+        free: FloatArray,
+        inverse: FloatArray,
+        p: Mapping[str, float | FloatArray],
+        s: FloatArray,
+        t: FloatArray,
+        direction: FloatArray,
+    ) -> FloatArray:
+        """Accelerations (B, C) with dry friction; direction (B, C): of motion, 0 holds still what can be held."""
+        friction = np.zeros_like(free)
+        rounds = 1 if len(self._dry_columns) == 1 and not self._loaded else 4
+        total = free
+        for _ in range(
+            rounds
+        ):  # friction, load and the other coordinate's friction depend a little on each other
+            for c in self._dry_columns:
+                load = load_on_track(p, s, total) if self._loaded else np.zeros(len(s))
+                most = self._grip(c, s, t, load)
+                mobility = inverse[:, c, c]
+                others = total[:, c] - mobility * friction[:, c]
+                hold = np.maximum(np.minimum(-others / mobility, most), -most)
+                new = np.where(direction[:, c] == 0, hold, -direction[:, c] * most)
+                total = total + inverse[:, :, c] * (new - friction[:, c])[:, None]
+                friction[:, c] = new
+        return total
+
+    def _grip(self, coordinate: int, s: FloatArray, t: FloatArray, load: FloatArray) -> FloatArray:
+        most = np.zeros(len(s))
+        for effect, c in self._dry:
+            if c == coordinate:
+                force = catalogue.GRIP[effect.family](effect.values, s[:, 2 * c + 1], load)
+                most += force * effect.acts(s, t, self._system.names) if effect.gated else force
+        return most
+
+
+def with_inertia(inverse: FloatArray, coordinate: int, extra: FloatArray) -> FloatArray:
+    """(B, C, C) inverse mass matrix with `extra` (B,) more on one diagonal element (Sherman and Morrison, 1950)."""
+    column, row = inverse[:, :, coordinate], inverse[:, coordinate, :]
+    share = extra / (1.0 + extra * inverse[:, coordinate, coordinate])
+    return np.asarray(inverse - share[:, None, None] * column[:, :, None] * row[:, None, :])

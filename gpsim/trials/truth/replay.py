@@ -1,0 +1,108 @@
+"""Replaying a concealed run from chosen states with some of its effects absent, and the base simulator's own step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import FloatArray, IntArray
+from gpsim.trials.truth.actuator_chain import ActuatorChain
+from gpsim.trials.truth.running import body_of
+from gpsim.trials.truth.sensing import sense
+from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
+
+
+class Replay:
+    """The same run with only `effects` present. Picks are (2, N): sample and episode at which pieces begin."""
+
+    def __init__(self, world: World, truth: Run, effects: Sequence[TrueEffect]) -> None:
+        self._world, self._truth, self._effects = world, truth, effects
+
+    def residual(self, picks: IntArray) -> FloatArray:
+        """(N, S) per second, by how much one step differs from the base simulator's, started at what is read."""
+        before, after = pick(self._read, picks, 0), pick(self._read, picks, 1)
+        gap = self.states(picks, 1) - pick(self._truth.sampled, picks, 1)
+        return base_residual(self._world, before, after + gap, pick(self._truth.commands, picks, 0))
+
+    def moved(self, picks: IntArray, length: int) -> FloatArray:
+        """(N, S) how far the readings move within `length` transitions."""
+        true = pick(self._truth.sampled, picks, length)
+        change = pick(self._read, picks, length) - pick(self._read, picks, 0)
+        return np.asarray(change + self.states(picks, length) - true)
+
+    def states(self, picks: IntArray, length: int, starts: FloatArray | None = None) -> FloatArray:
+        """(N, S) true states `length` transitions after the picks, from `starts` (N, S), by default the true ones."""
+        world, truth, n = self._world, self._truth, self._truth.per_sample
+        body = body_of(world, self._effects, "rk4", truth.h)
+        state = pick(truth.sampled, picks, 0) if starts is None else starts
+        hidden = body.begin(state)
+        if hidden.shape[1]:  # what was hidden then, as the effect that hides it is present
+            hidden = pick(truth.hidden, picks, 0)
+        first, late = picks[0] * n, world.dt * picks[0]
+        with np.errstate(all="ignore"):
+            for j in range(length * n):
+                t = truth.clock[picks[1]] + late + j * truth.h
+                wall = truth.wall[picks[1]] + late + j * truth.h
+                acting = self._acting[first + j, picks[1]]
+                state, hidden = body.step(state, hidden, acting, t, wall, truth.h)
+        return np.asarray(state)
+
+    @cached_property
+    def _read(self) -> FloatArray:
+        """(K + 1, E, S) what the sensors say of the true states."""
+        truth, names = self._truth, SYSTEMS[self._world.system].names
+        steps = range(0, len(truth.fine), truth.per_sample)
+        return np.stack([sense(self._effects, names, truth.fine, i, truth.h) for i in steps])
+
+    @cached_property
+    def _acting(self) -> FloatArray:
+        """(K n, E, A) what the actuators make of the commands, along the true states."""
+        truth, n = self._truth, self._truth.per_sample
+        chain = ActuatorChain(self._world.system, self._effects)
+        out = np.empty((len(truth.commands) * n, *truth.commands.shape[1:]))
+        for i in range(len(out)):
+            t = truth.clock + i * truth.h
+            out[i] = chain.act(truth.commands[i // n], truth.fine[i], t, truth.h)
+        return out
+
+
+def pick(values: FloatArray, picks: IntArray, late: int) -> FloatArray:
+    """(N, ...) of values (K + 1, E, ...), `late` samples after the picks."""
+    return np.asarray(values[picks[0] + late, picks[1]])
+
+
+def base_residual(world: World, before: FloatArray, after: FloatArray, action: FloatArray) -> FloatArray:
+    """(N, S) per second: readings after a step, less the base simulator's step from the readings before it.
+
+    A vehicle's are in its body's frame: v, v_lateral, w.
+    """
+    if SYSTEMS[world.system].vehicle:
+        return _vehicle_residual(world, before, after, action)
+    dt = world.dt
+
+    def slope(s: FloatArray) -> FloatArray:
+        inverse, force = dynamics(world.system, world.parameters, s, action)
+        out = np.empty_like(s)
+        out[:, 0::2], out[:, 1::2] = s[:, 1::2], (inverse * force[:, None, :]).sum(axis=2)
+        return out
+
+    k1 = slope(before)
+    step = before + dt * k1
+    if world.integrator == "semi_implicit":
+        step[:, 0::2] = before[:, 0::2] + dt * step[:, 1::2]
+    elif world.integrator == "rk4":
+        k2 = slope(before + dt / 2 * k1)
+        k3 = slope(before + dt / 2 * k2)
+        step = before + dt / 6 * (k1 + 2 * (k2 + k3) + slope(before + dt * k3))
+    return np.asarray((after - step) / dt)
+
+
+def _vehicle_residual(world: World, before: FloatArray, after: FloatArray, action: FloatArray) -> FloatArray:
+    """In the body's frame at the step's start."""
+    moved = (after - before) / world.dt
+    moved[:, 2] = (moved[:, 2] * world.dt + np.pi) % (2 * np.pi) / world.dt - np.pi / world.dt
+    sin, cos = np.sin(before[:, 2]), np.cos(before[:, 2])
+    ahead, aside = moved[:, 0] * cos + moved[:, 1] * sin, moved[:, 1] * cos - moved[:, 0] * sin
+    return np.stack([ahead - action[:, 0], aside, moved[:, 2] - action[:, 1]], axis=1)

@@ -1,0 +1,46 @@
+"""What a concealed world is, as plain data: its system, its effects, how it is driven, how large things are in it.
+
+Nothing here knows a law. `World` and `TrueEffect` decide a recording, `SYSTEMS` has the four systems, `drive` and
+`starts` say how a world is driven, `Run` is what came of it, `Scales` and `Dial` are what strengths are drawn with.
+"""
+
+from gpsim.trials.worlds.excitation import BODY_SIGNALS, GRADED_SIGNALS, VEHICLE_SIGNALS, drive, sound, starts
+from gpsim.trials.worlds.run import Run
+from gpsim.trials.worlds.scales import Dial, Scales, rounded, waves
+from gpsim.trials.worlds.systems import SYSTEMS, System, dynamics, load_on_track
+from gpsim.trials.worlds.world import (
+    STRATA,
+    Stratum,
+    TrueEffect,
+    Values,
+    World,
+    effect_json,
+    world_from_json,
+    world_json,
+)
+
+__all__ = [
+    "BODY_SIGNALS",
+    "GRADED_SIGNALS",
+    "STRATA",
+    "SYSTEMS",
+    "VEHICLE_SIGNALS",
+    "Dial",
+    "Run",
+    "Scales",
+    "Stratum",
+    "System",
+    "TrueEffect",
+    "Values",
+    "World",
+    "drive",
+    "dynamics",
+    "effect_json",
+    "load_on_track",
+    "rounded",
+    "sound",
+    "starts",
+    "waves",
+    "world_from_json",
+    "world_json",
+]

@@ -1,0 +1,126 @@
+"""What a concealed world is, as plain data: everything that decides its recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+
+Values = Mapping[str, float]
+"""Parameters of an effect: name -> value in SI units."""
+Stratum = Literal["single", "pair", "triple", "none", "unknown"]
+STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown")
+
+
+@dataclass(frozen=True)
+class TrueEffect:
+    """One effect of the truth: a family of the catalogue, or a kind of physics outside it.
+
+    values: the parameters under the catalogue's names, in SI units. region: intervals of channels in which it acts;
+    since: the moment [s] of the recording's clock at which it began. strength: subtle, medium or plain.
+    """
+
+    family: str
+    on: str
+    values: Values
+    region: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    since: float | None = None
+    outside: bool = False
+    strength: str = ""
+
+    def acts(self, state: FloatArray, t: FloatArray, names: tuple[str, ...]) -> FloatArray:
+        """(B,) 1 where and when it acts, else 0; state (B, S) has the columns `names`, t (B,) s."""
+        mask = np.ones(len(t))
+        for name, (low, high) in self.region.items():
+            values = state[:, names.index(name)]
+            mask = mask * ((values >= low) & (values <= high))
+        return np.asarray(mask if self.since is None else mask * (t >= self.since), dtype=np.float64)
+
+    @property
+    def gated(self) -> bool:
+        """Whether it is limited in space or time."""
+        return bool(self.region) or self.since is not None
+
+
+@dataclass(frozen=True)
+class World:
+    """A concealed world. Its randomness comes from (seed, number, attempt) alone."""
+
+    seed: int
+    number: int
+    attempt: int
+    stratum: Stratum
+    long: bool
+    system: str
+    parameters: Mapping[str, float]  # the base simulator's
+    integrator: str
+    dt: float  # s
+    engine: Literal["rk4", "mujoco"]
+    effects: tuple[TrueEffect, ...]
+    episodes: int
+    steps: int
+    clock: Literal["session", "episode"]
+    excitation: str
+    posture: str  # upright, hanging (cart-pole); else ""
+    noise_level: str
+    noise: Mapping[str, float]  # standard deviation by channel
+    noise_known: bool
+    velocities: Literal["measured", "differentiated"] | None
+    smoothing: str  # of differentiated velocities: central, savgol
+    wrapped: bool  # yaw is written modulo 2 pi
+    held_out: int | None  # episodes from this number on
+
+    def generator(self, purpose: int) -> np.random.Generator:
+        """A stream of its own for every purpose."""
+        return np.random.default_rng([self.seed, self.number, self.attempt, purpose])
+
+    @property
+    def offsets(self) -> FloatArray:
+        """(E,) wall time [s] at which each episode began; a second lies between two."""
+        return np.asarray(np.arange(self.episodes) * (self.steps * self.dt + 1.0), dtype=np.float64)
+
+    @property
+    def clock_offsets(self) -> FloatArray:
+        """(E,) what the recording's clock says then."""
+        return np.asarray(self.offsets if self.clock == "session" else np.zeros(self.episodes))
+
+
+def effect_json(effect: TrueEffect) -> dict[str, Any]:
+    """Plain data."""
+    return {
+        "family": effect.family,
+        "on": effect.on,
+        "parameters": {k: float(v) for k, v in effect.values.items()},
+        "region": {k: [float(low), float(high)] for k, (low, high) in effect.region.items()},
+        "since": effect.since,
+        "outside": effect.outside,
+        "strength": effect.strength,
+    }
+
+
+def world_json(world: World) -> dict[str, Any]:
+    """Plain data: the world without its effects, which an answer lists apart."""
+    skip = {"effects"}
+    plain = {k: v for k, v in vars(world).items() if k not in skip}
+    return {k: dict(v) if isinstance(v, Mapping) else v for k, v in plain.items()}
+
+
+def world_from_json(data: Mapping[str, Any], effects: list[Mapping[str, Any]]) -> World:
+    """The inverse of `world_json` and `effect_json`."""
+    made = tuple(
+        TrueEffect(
+            e["family"],
+            e["on"],
+            e["parameters"],
+            {k: (v[0], v[1]) for k, v in e["region"].items()},
+            e["since"],
+            e["outside"],
+            e["strength"],
+        )
+        for e in effects
+    )
+    return World(**data, effects=made)
