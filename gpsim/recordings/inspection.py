@@ -114,7 +114,8 @@ def render_inspection(found: Inspection) -> RenderableType:
         table.add_row(*cells, *(Text(cell) for cell in _pace_cells(found.paces.get(topic.name))))
     fields = [Text(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
     more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
-    more += [Text(""), *(Text(line, style="yellow") for line in _fault_lines(found.faults))]
+    more += [Text(line, style="yellow") for line in ("", *_fault_lines(found.faults))]
+    more += [Text("")] if found.faults else []
     ready = [f"--mapping {name} comes with gpsim and finds all it wants here" for name in found.ready]
     return Group(table, *more, Text("numeric fields"), *fields, Text(""), *(Text(line) for line in ready))
 

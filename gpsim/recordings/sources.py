@@ -72,9 +72,9 @@ def find_logs(
     """
     found: list[NamedLog] = []
     for path in paths:
-        check_name(path.name or ".", f"{one_line(path.parent)}")
         if not _exists(path):
-            raise UsageError(f"{path}: does not exist")
+            raise UsageError(f"{one_line(path)}: does not exist")
+        check_name(path.name or ".", one_line(path.parent))
         found += _folders(path, pattern, opener) if layout == "folder" else _files(path, pattern, opener)
     names = [log.name for log in found]
     if len(set(names)) != len(names):  # the same file name from two paths
@@ -86,7 +86,7 @@ def _exists(path: Path) -> bool:
     try:
         return path.exists()
     except OSError as error:
-        raise UsageError(f"{path}: cannot be read ({error.strerror or error})") from error
+        raise UsageError(f"{one_line(path)}: cannot be read ({error.strerror or error})") from error
 
 
 def _files(path: Path, pattern: str, opener: Opener) -> list[NamedLog]:
@@ -141,7 +141,7 @@ def _walk(folder: Path) -> Iterator[Path]:
             raise UsageError(f"{folder}: more than {MOST} files below; name a folder of logs")
         for child in children:
             if _is_log(child):
-                check_name(child.name, f"{one_line(here)}")
+                check_name(child.name, one_line(here))
             if child.is_dir() and not is_bag_folder(child):
                 if not child.is_symlink():
                     waiting.append(child)

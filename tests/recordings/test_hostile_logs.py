@@ -209,5 +209,5 @@ def test_a_file_whose_name_would_break_the_line_is_refused(cartpole_log, tmp_pat
     cartpole_log.rename(strange)
     assert "the name 'a b.csv' holds a line break" in refused(read_logs, [strange], None, WORDS)
     assert "the name 'a b.csv' holds a line break" in refused(read_logs, [tmp_path], None, WORDS)
-    assert "has 300 characters" in refused(read_logs, [tmp_path / ("x" * 300)], None, WORDS)
+    assert "File name too long" in refused(read_logs, [tmp_path / ("x" * 300)], None, WORDS)
     assert "neither a file nor one of" in refused(read_logs, [tmp_path], "x" * 300, WORDS)
