@@ -17,7 +17,7 @@ from gpsim.diagnosis.ratios import rms
 from gpsim.diagnosis.rolling import Model, rolled
 from gpsim.diagnosis.simulate import Extra
 from gpsim.diagnosis.windows import Windows
-from gpsim.features import Features
+from gpsim.features import Feature, Features
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
 ROWS, AT_MOST = 250, 0.8  # transitions it learns from: so many, and no larger a share of those there are
@@ -57,9 +57,9 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
 
 def _features(problem: Problem) -> Features:
     """State and action, and the signs of the velocities: friction jumps there."""
-    names = (*problem.simulator.state.names, *problem.simulator.action.names)
-    signs = tuple(f"sign({c.velocity})" for c in problem.simulator.coordinates)
-    return Features.of((*names, *signs), problem.simulator.state + problem.simulator.action)
+    channels = problem.simulator.state + problem.simulator.action
+    signs = (Feature(coordinate.velocity, "sign") for coordinate in problem.simulator.coordinates)
+    return Features.of([*map(Feature, channels.names), *signs], channels)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from gpsim.diagnosis.holding_out import first_held_out
 from gpsim.diagnosis.pool import cores
 from gpsim.diagnosis.traces import course, traces
 from gpsim.errors import UsageError
-from gpsim.features import Features
 from gpsim.files import Json, file_digest, plain, write_json
 from gpsim.recording_checks import check_match, check_rates
 from gpsim.recordings import HeldOut, Recording, read_recording
@@ -91,9 +90,8 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
     simulator = wrapping(simulator, _wrapped(simulator.state, data.get("wraps", ())))
     correction = None
     if gp and data["gp"]:
-        predictor, inputs = read_gp(artifact.path)
-        channels = simulator.state + simulator.action
-        correction = GpCorrection(predictor, Features.of(inputs, channels), "mean", sample_noise=False)
+        predictor, features = read_gp(artifact.path, simulator.state + simulator.action)
+        correction = GpCorrection(predictor, features, "mean", sample_noise=False)
         data |= data.get("with_gp", {})  # it may stand in the effects' place
     return plant_from(data, simulator, correction)
 
@@ -217,7 +215,7 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     write_json(folder / "corrected.json", described)
     if found.comparison.corrected is not None:
         learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features.names)
+        write_gp(folder, learnt.predictor, learnt.features)
     (folder / "figures").mkdir()
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout["horizon_s"]
     pictures = figures(found, traces(found.question, leader, horizon), course(found.question, leader))
