@@ -10,6 +10,7 @@ import pandas as pd
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
+from gpsim.recordings.files import read_csv
 from gpsim.recordings.recording import Episode, Recording
 
 
@@ -33,7 +34,7 @@ def read_bare_table(
     _check_columns(path, table, needed, system)
     if "episode" not in table.columns:
         table = table.assign(episode="0")
-    unnamed = np.flatnonzero(table["episode"].isna())
+    unnamed = np.flatnonzero(table["episode"].isna() | (table["episode"] == ""))
     if unnamed.size:
         raise UsageError(f"{path}: row {unnamed[0]}: no episode; give every row its episode's name")
     episodes = tuple(
@@ -48,7 +49,7 @@ def read_bare_table(
 
 def _read(path: Path) -> pd.DataFrame:
     try:
-        return pd.read_parquet(path) if path.suffix == ".parquet" else pd.read_csv(path)
+        return pd.read_parquet(path) if path.suffix == ".parquet" else read_csv(path)
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
         raise UsageError(f"{path}: cannot be read: {' '.join(str(error).split())[:160]}") from error
 

@@ -79,8 +79,8 @@ class LoopReport:
     (recording, diagnosis); fits: seed to the content of fit.json; outside: seed to the share of what each driver
     visited outside the recording; rollouts: simulator to (B, T + 1, S) states
     in the order of `states`; velocities: those states that are the velocity of another one;
-    units: channel or rate to unit; limits: channel to the absolute value beyond which an episode ends; settings: the resolved configuration worth
-    knowing; command: what makes this report again.
+    units: channel or rate to unit; limits: channel to the absolute value beyond which an episode ends;
+    settings: the resolved configuration worth knowing; command: what makes this report again.
     """
 
     experiment: str
