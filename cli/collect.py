@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from .configuration import as_yaml, resolve
+from .printing import say
 from .stages import ConfigDir, Out, ShowConfig, Words, run_stage
 
 Plan = Annotated[
@@ -35,4 +36,4 @@ def collect_command(
     from gpsim.stages.sweep import write_plan
 
     rows = write_plan(config, plan)
-    typer.echo(f"collect: {plan}, {rows} commands, one a control step")
+    say(f"collect: {plan}, {rows} commands, one a control step")

@@ -13,6 +13,7 @@ import typer
 from gpsim.errors import UsageError
 
 from .configuration import as_yaml, resolve
+from .printing import say
 from .progress import single_progress
 from .stages import ConfigDir, ShowConfig, shown_words
 
@@ -70,14 +71,14 @@ def diagnose_command(
         )
         artifact, existed = stage.make(request)
     report = read_diagnosis(artifact.path)
-    typer.echo(f"Verdict: {report['verdict']}\n")
+    say(f"Verdict: {report['verdict']}\n")
     for text in paragraphs(report):
-        typer.echo(textwrap.fill(text, 100) + "\n")
+        say(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) + "\n")
     if explain:
-        typer.echo("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
+        say("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
         for line in ranking(report):
-            typer.echo(line)
-    typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+            say(line)
+    say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir")

@@ -9,6 +9,8 @@ import typer
 
 from gpsim.errors import UsageError
 
+from .printing import say
+
 Sources = Annotated[
     list[str],
     typer.Argument(
@@ -50,7 +52,7 @@ def import_command(
 
     made = import_log(paths, out, mapping, words, salvage)
     Console(highlight=False).print(render(made.report))
-    typer.echo(f"import: {out}")
+    say(f"import: {out}")
 
 
 def _sorted(words: list[str]) -> tuple[list[Path], list[str]]:
@@ -71,4 +73,4 @@ def _inspect(paths: list[Path], salvage: bool) -> None:
     for path in paths:
         found = inspect_source(path, salvage)
         Console(highlight=False).print(render_inspection(found))
-        typer.echo(found.proposal)
+        say(found.proposal)

@@ -16,6 +16,7 @@ import typer
 from gpsim import __version__
 from gpsim.errors import UsageError
 from gpsim.files import FULL, REFUSED
+from gpsim.printable import printable
 
 from .diagnose import diagnose_command
 from .export import export_app
@@ -83,7 +84,7 @@ def main() -> None:
     try:
         app()
     except UsageError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {printable(error)}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
         _drop_output()
@@ -94,7 +95,7 @@ def main() -> None:
         _drop_output()
         with suppress(OSError):
             where = "output" if error.filename is None else str(error.filename)
-            print(f"error: {_short(where)}: {error.strerror}", file=sys.stderr)
+            print(f"error: {printable(_short(where))}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
 
 

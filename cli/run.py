@@ -10,8 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
+
+from gpsim.printable import literal
 
 from .configuration import as_yaml, resolve
+from .printing import say
 from .progress import Board
 from .stages import ConfigDir, ShowConfig, Words, shown_words
 
@@ -53,8 +57,8 @@ def full_loop(
     with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
-            mark = "[dim]kept[/]" if existed else "[green]made[/]"
-            board.finish(job, f"{mark} {job:<34} {artifact.path}", existed)
+            mark = Text("kept", "dim") if existed else Text("made", "green")
+            board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
 
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
@@ -73,9 +77,9 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
         console.print(table)
         console.print()
     for note in notes:
-        typer.echo(note)
-    typer.echo(f"report: {folder / 'report.html'}")
-    typer.echo(folder / "summary.json")  # the path alone on the last line, for programs
+        say(note)
+    say(f"report: {folder / 'report.html'}")
+    say(folder / "summary.json")  # the path alone on the last line, for programs
 
 
 def report_command(

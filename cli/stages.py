@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from .configuration import as_yaml, resolve
+from .printing import say
 from .progress import single_progress
 
 Words = Annotated[
@@ -86,6 +87,6 @@ def run_stage(
     with single_progress(name) as progress:
         request = Request(config, shown_words(words, config_dir), progress, out)
         artifact, existed = registry.STAGES[name].make(request)
-    typer.echo(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
+    say(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
     for line in registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact):
-        typer.echo(f"  {line}")
+        say(f"  {line}")

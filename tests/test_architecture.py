@@ -41,7 +41,7 @@ LEVELS = [
     {"evenly", "gaps", "store"},
     {"channels", "artifacts", "provenance", "workers"},
     {"files"},
-    {"errors"},
+    {"errors", "printable"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 FILES = sorted([*ROOT.glob("gpsim/**/*.py"), *ROOT.glob("cli/**/*.py")])

@@ -176,10 +176,7 @@ def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
     if not table.is_file():
         raise UsageError(f"{folder}: neither recording.csv nor recording.parquet")
     try:
-        if table == parquet:
-            frame = pd.read_parquet(table)
-        else:
-            frame = read_csv(table, float_precision="round_trip")
+        frame = pd.read_parquet(table) if table == parquet else read_csv(table, float_precision="round_trip")
     except Exception as error:  # pandas and pyarrow raise a dozen kinds on a damaged file
         raise UsageError(f"{table}: cannot be read: {' '.join(str(error).split())[:200]}") from error
     if frame.empty:

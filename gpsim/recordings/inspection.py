@@ -14,6 +14,7 @@ from rich.text import Text
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
+from gpsim.printable import literal
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
@@ -77,18 +78,18 @@ def _telling(topic: Topic) -> str:
 
 def render_inspection(found: Inspection) -> RenderableType:
     """The inspection for a terminal."""
-    table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
+    table = Table(title=literal(found.name), title_justify="left", box=None, pad_edge=False)
     for name in ("topic", "type"):
         table.add_column(name, overflow="fold")
     for name in ("count", "Hz", "gaps", "from [s]", "to [s]"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("noticed", overflow="fold")
     for topic in found.topics:
-        cells = [Text(topic.name), Text(topic.type.split("/")[-1]), Text(str(topic.count))]
-        table.add_row(*cells, *(Text(cell) for cell in _pace_cells(found.paces.get(topic.name))))
-    fields = [Text(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
-    more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
-    return Group(table, *more, Text(""), Text("numeric fields"), *fields, Text(""))
+        cells = [literal(topic.name), literal(topic.type.split("/")[-1]), literal(str(topic.count))]
+        table.add_row(*cells, *(literal(cell) for cell in _pace_cells(found.paces.get(topic.name))))
+    fields = [literal(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
+    more = [literal(f"and {found.others} more log(s) in this folder")] if found.others else []
+    return Group(table, *more, Text(""), literal("numeric fields"), *fields, Text(""))
 
 
 def _pace_cells(pace: Statistics | None) -> list[str]:

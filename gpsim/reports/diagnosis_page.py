@@ -202,7 +202,9 @@ def _inputs(found: Diagnosis) -> bytes:
         axis.set_ylim(
             low - margin, high + margin
         )  # a sensor's leaps would flatten the rest: they are counted
-    axes[0, 0].set_ylabel(f"residual of {named(simulator.rate.names[rate], simulator.rate.items[rate].unit)}")
+    axes[0, 0].set_ylabel(
+        f"residual of {named(simulator.rate.names[rate], simulator.rate.items[rate].unit, LABEL)}"
+    )
     if outside > 0:
         axes[0, -1].set_title(f"{in_percent(outside)} % lie outside", fontsize=9)
     legend_above(figure, axes[0, 0], markerscale=4)
