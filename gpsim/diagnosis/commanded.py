@@ -12,7 +12,7 @@ from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.windows import Windows
 from gpsim.effects.chain import Chain
 from gpsim.effects.effect import Values
-from gpsim.effects.term import EPISODE
+from gpsim.effects.term import IN_EPISODE
 from gpsim.simulators.plant import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
@@ -47,7 +47,7 @@ def values_of(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray
     values = list(spread(thetas, len(windows)))
     for i, term in enumerate(chain.terms):
         if term.gate.since_episode is not None:
-            values[i] = {**values[i], EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
+            values[i] = {**values[i], IN_EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
     return values
 
 

@@ -34,6 +34,7 @@ from gpsim.diagnosis.replacing import AS_WELL, left_open, specialised, swapped
 from gpsim.diagnosis.screening import Directions, child_of, screened
 from gpsim.diagnosis.search import STRUCTURED, grown, may_pay, pays
 from gpsim.diagnosis.shooting import Fit, fit
+from gpsim.effects.term import LooksAt
 
 MOST_TERMS = 7
 MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
@@ -258,7 +259,7 @@ def _gated(
     if term.gate or not itself:
         return []
     values = tuple(term.values[p.name] for p in itself[0].declared)
-    channels: list[str | None] | None = None
+    channels: list[LooksAt] | None = None
     if around is not None:
         without = Directions(part, replace(left_open(part, seen, index), variance=seen.variance))
         laws = [(c, cases.get(c.family, values) if c.only_gated else values) for c in itself]

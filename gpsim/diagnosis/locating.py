@@ -60,7 +60,11 @@ def _concentrated(question: Question, comparison: Comparison) -> dict[str, Any] 
         inputs["episode"] = comparison.episodes
     ages = {f"{SINCE_REVERSAL}{of}": age for of, age in comparison.since_reversal.items()}
     part = concentrated(inputs, residual**2, comparison.one_step[name]["noise_floor"] ** 2, ages)
-    return None if part is None else {"rate": name} | part.entry
+    if part is None:
+        return None
+    # A channel may be called as an age is: a reader must know which one it is.
+    alike = not part.age and part.channel.startswith(SINCE_REVERSAL)
+    return {"rate": name} | part.entry | ({"is_channel": True} if alike else {})
 
 
 def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, float]:

@@ -11,6 +11,7 @@ from gpsim.diagnosis.hypothesis import Hypothesis
 from gpsim.diagnosis.problem import Problem
 from gpsim.diagnosis.shooting import Fit
 from gpsim.effects import Gate
+from gpsim.effects.term import Moment
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,9 @@ def ranked(
 def _limited_in(gate: Gate) -> str:
     if not gate:
         return ""
-    return gate.looks_at or "time"
+    at = gate.looks_at
+    return "time" if at is None else at.value if isinstance(at, Moment) else at
 
 
 def _key(hypothesis: Hypothesis) -> object:
-    return hypothesis.scheme, frozenset((t.identity, _limited_in(t.gate)) for t in hypothesis.terms)
+    return hypothesis.scheme, frozenset((t.identity, bool(t.gate), t.gate.looks_at) for t in hypothesis.terms)

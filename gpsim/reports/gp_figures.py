@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gpsim.reports.canvas import legend_above, panels, style
-from gpsim.reports.lettering import LONGEST_UNIT, legend_label, named, shortened
+from gpsim.reports.lettering import LABEL, LONGEST_UNIT, legend_label, named, shortened
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
 from gpsim.reports.model_sheets import coverage_levels, data_of, rates, scores
 from gpsim.reports.palette import BAND, FAINT, GP, INK, RATES
@@ -41,7 +41,7 @@ def _residual(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
         cut.grid, cut.mean - half, cut.mean + half, color=BAND, alpha=0.7, linewidth=0, label="GP, ±2 std"
     )
     axis.plot(cut.grid, cut.mean, color=GP, linewidth=1.8, label="GP, mean", zorder=3)
-    axis.set_ylabel(f"residual of {named(cut.rate, unit(report.units.get(cut.rate, '')))}")
+    axis.set_ylabel(f"residual of {named(cut.rate, unit(report.units.get(cut.rate, '')), LABEL)}")
     others = (
         f"{shortened(name, AT)} = {significant(value, 2)} {shortened(unit(report.units.get(name, '')), LONGEST_UNIT)}"
         for name, value in cut.at.items()

@@ -190,6 +190,14 @@ def _recipe(request: Request, task: Task) -> Recipe:
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 
+def _check_names(simulator: Simulator) -> None:
+    """diagnosis.json has one key of its own beside the state channels (`fit.rollout`)."""
+    if "horizon_s" in simulator.state.names:
+        raise UsageError(
+            "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
+        )
+
+
 def _title(recording: Recording) -> str:
     """Not the folder's name: the same recording elsewhere makes the same page."""
     return f"{recording.system}, {recording.transition_count} transitions"
@@ -201,6 +209,7 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     parameters = simulator.defaults(recording.parameters)
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)
+    _check_names(simulator)
     check_rates(guessed(recording, simulator), simulator, parameters)
     rng = generator(request.seed, "diagnose")
     with cores(request.cores):
