@@ -51,10 +51,17 @@ STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Matplotlib's defaults and ours on top, whatever the caller's own settings are."""
+def defaults() -> Iterator[None]:
+    """Matplotlib's defaults, whatever the caller's own settings are."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
+        yield
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Matplotlib's defaults and ours on top, whatever the caller's own settings are."""
+    with defaults():
         matplotlib.rcParams.update(STYLE)
         yield
 

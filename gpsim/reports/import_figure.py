@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import FloatArray
 from gpsim.recordings.recording import Recording
+from gpsim.reports.canvas import defaults
 from gpsim.reports.lettering import LONGEST_UNIT, make_literal, shortened
 
 STATE_COLOUR, ACTION_COLOUR, HELD_COLOUR = "#1f4e79", "#b5541c", "#e9e4d4"
@@ -23,6 +24,13 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
 
     Episodes on their own clocks are laid one after the other.
     """
+    with defaults():
+        figure = _drawn(recording, title)
+        make_literal(figure)
+        figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def _drawn(recording: Recording, title: str) -> Figure:
     starts = _starts(recording)
     names = [*recording.state.names, *recording.action.names]
     height = 1.0 + 1.25 * len(names)
@@ -39,8 +47,7 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
     )
     what = title or f"{recording.system}: {len(recording.episodes)} episode(s)"
     figure.suptitle(shortened(what, LONGEST_TITLE), fontsize=11)
-    make_literal(figure)
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    return figure
 
 
 def _starts(recording: Recording) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,7 +106,10 @@ def _leading_comments(lines: list[str]) -> int:
 
 
 def cells(line: str, separator: str) -> list[str]:
-    """A line's cells without quotes."""
+    """A line's cells without quotes; a separator between two of them is part of a cell."""
+    if '"' in line and separator != r"\s+":
+        quoted = csv.reader([line.strip("\r\n")], delimiter=separator, skipinitialspace=True)
+        return [part.strip() for part in next(quoted)]
     parts = line.split() if separator == r"\s+" else line.strip("\r\n").split(separator)
     return [part.strip().strip('"').strip() for part in parts]
 
