@@ -13,7 +13,11 @@ class Slider:
         return {"q_dot": (action["force"] + forces["q"]) / p["mass"]}
 """
 
-ODD_NAMES = (r"_x (m), $\frac{", "x_dot $v$ 'e' \"q\" & é" + "ü" * 150 + "[end]", "F <script>alert(1)</script>")
+ODD_NAMES = (
+    r"_x (m), $\frac{",
+    "x_dot $v$ 'e' \"q\" & é" + "ü" * 150 + "[end]",
+    "F <script>alert(1)</script>",
+)
 """Position, velocity and action of the slider below, as a spreadsheet or an attacker may call them."""
 ODD_SLIDER = f"""
 X, V, F = {ODD_NAMES!r}

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gpsim.cli.main import app
+from pages import check_policy
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
@@ -14,7 +15,6 @@ from gpsim.recordings.files import write_recording
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import read_corrected
 
-from pages import check_policy
 from .own_systems import ODD_NAMES, ODD_SLIDER
 from .worlds import World, record
 
