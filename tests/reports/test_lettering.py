@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from matplotlib.text import Text
 from odd_names import ODD, odd_report
 
+from gpsim.channels import Channels
+from gpsim.recordings import Episode, Recording
 from gpsim.reports.canvas import legend_above, panels, png, style, svg
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
+from gpsim.reports.import_figure import draw_channels
 from gpsim.reports.lettering import drawable, legend_label, make_literal, named, shortened
 from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
 
@@ -114,3 +119,12 @@ def test_every_text_but_numbers_is_literal(make_report: Any) -> None:
     texts: list[Text] = [axis.title, axis.xaxis.label, axis.yaxis.label, *axis.texts]
     texts += figure.legends[0].get_texts()
     assert not any(text.get_parse_math() for text in texts)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_recording_of_odd_names_is_drawn(tmp_path: Path) -> None:
+    names = list(ODD.values())
+    episode = Episode("$e_{$ 位", np.arange(3.0), np.zeros((3, len(names))), np.zeros((2, 1)))
+    units = Channels.of(dict.fromkeys(names, "$m^2$ " * 9)), Channels.of({"_F $": ""})
+    draw_channels(Recording("$s_{", *units, (episode,), 1.0), tmp_path / "channels.png")
+    assert (tmp_path / "channels.png").read_bytes().startswith(b"\x89PNG")
