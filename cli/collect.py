@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
+from .configuration import as_yaml, resolve
 from .options import ConfigDir, Out, ShowConfig, Words, run_stage
+from .printing import say
 
 Plan = Annotated[
     Path | None,
@@ -23,8 +25,6 @@ def collect_command(
     plan: Plan = None,
 ) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
-
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
@@ -36,4 +36,4 @@ def collect_command(
     from gpsim.stages.sweep import write_plan
 
     rows = write_plan(config, plan)
-    typer.echo(f"collect: {plan}, {rows} commands, one a control step")
+    say(f"collect: {plan}, {rows} commands, one a control step")

@@ -12,7 +12,9 @@ import typer
 
 from gpsim.errors import UsageError
 
+from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, shown_words
+from .printing import say
 from .progress import single_progress, warn
 
 Words = Annotated[
@@ -46,8 +48,6 @@ def diagnose_command(
     show_config: ShowConfig = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
-
     recording, settings = _split(words or [])
     if recording is not None:
         _refuse(settings)
@@ -72,14 +72,14 @@ def diagnose_command(
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
-    typer.echo(f"Verdict: {found.verdict}\n")
+    say(f"Verdict: {found.verdict}\n")
     for text in paragraphs(found):
-        typer.echo(textwrap.fill(text, 100) + "\n")
+        say(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) + "\n")
     if explain:
-        typer.echo("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
+        say("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
         for line in ranking(found):
-            typer.echo(line)
-    typer.echo(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+            say(line)
+    say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir")

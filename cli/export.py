@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from .printing import say
+
 export_app = typer.Typer(
     help="Write a recording or a policy in the formats of other programs.", no_args_is_help=True
 )
@@ -30,9 +32,9 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
     from gpsim.stages.export_recording import export_recording
 
     notes = export_recording(path, form, out)
-    typer.echo(f"export: {out}")
+    say(f"export: {out}")
     for line in notes:
-        typer.echo(f"  {line}")
+        say(f"  {line}")
 
 
 Policy = Annotated[
@@ -47,6 +49,6 @@ def policy_command(path: Policy, out: OutFolder) -> None:
     from gpsim.stages.export_policy import export_policy
 
     notes = export_policy(path, out)
-    typer.echo(f"export: {out}")
+    say(f"export: {out}")
     for line in notes:
-        typer.echo(f"  {line}")
+        say(f"  {line}")

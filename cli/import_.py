@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from gpsim.errors import UsageError
+from gpsim.printable import printable
 
+from .printing import say
 from .progress import warn
 
 Sources = Annotated[
@@ -61,7 +63,7 @@ def import_command(
     made = import_log(paths, out, mapping, words, salvage, say=_aside)
     warn(out)
     Console(highlight=False).print(render(made.report))
-    typer.echo(f"import: {out}")
+    say(f"import: {out}")
 
 
 def _sorted(words: list[str]) -> tuple[list[Path], list[str]]:
@@ -82,7 +84,7 @@ def _exists(word: str) -> bool:
 
 def _aside(line: str) -> None:
     """To stderr: stdout is for what other programs read."""
-    typer.echo(line, err=True)
+    typer.echo(printable(line), err=True)
 
 
 def _what_is_missing(paths: list[Path], mapping: str | None, words: list[str]) -> str:

@@ -14,9 +14,10 @@ from contextlib import suppress
 import typer
 
 from gpsim import __version__
-from gpsim.ending import Terminated, ends_when_asked
-from gpsim.errors import UsageError
+from gpsim.errors import Terminated, UsageError
 from gpsim.files import FULL, REFUSED
+from gpsim.printable import printable
+from gpsim.workers import ends_when_asked
 
 from .diagnose import diagnose_command
 from .export import export_app
@@ -94,7 +95,7 @@ def main() -> None:
             print(INTERRUPTED, file=sys.stderr)
         sys.exit(ended.code)
     except UsageError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {printable(error)}", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
         _drop_output()
@@ -105,7 +106,7 @@ def main() -> None:
         _drop_output()
         with suppress(OSError):
             where = "output" if error.filename is None else str(error.filename)
-            print(f"error: {_short(where)}: {error.strerror}", file=sys.stderr)
+            print(f"error: {printable(_short(where))}: {error.strerror}", file=sys.stderr)
         sys.exit(2)
     finally:
         QUIET.reset(loud)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from .printing import say
 from .progress import single_progress, warn
 
 Words = Annotated[
@@ -40,6 +41,6 @@ def run_stage(
         request = Request(config, shown_words(words, config_dir), progress, out)
         artifact, existed = registry.STAGES[name].make(request)
     warn(artifact.path)
-    typer.echo(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
+    say(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
     for line in registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact):
-        typer.echo(f"  {line}")
+        say(f"  {line}")

@@ -11,14 +11,24 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
 
 from gpsim.artifacts import read_warnings
+from gpsim.printable import literal, printable
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
 INTERRUPTED = "interrupted: finished artifacts are whole, run the same command to carry on"
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 """Whether `--quiet` was given: progress and notes are left out, results and errors are not."""
+
+LONGEST = 60  # letters of what a bar says beside it
+
+
+def shown(text: str) -> str:
+    """A bar has one line: its text without control characters, and no longer than that."""
+    line = " ".join(printable(text).split())
+    return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"
 
 
 class Board:
@@ -31,13 +41,13 @@ class Board:
         self._quiet = QUIET.get()
         self._live = self._console.is_terminal and not self._quiet
         self._bars = Progress(
-            TextColumn("{task.description:<34}"),
+            TextColumn("{task.description:<34}", markup=False),
             BarColumn(bar_width=28),
             TextColumn("{task.percentage:>3.0f} %"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            TextColumn("[dim]{task.fields[note]}"),
+            TextColumn("{task.fields[note]}", style="dim", markup=False),
             console=self._console,
             transient=True,
         )
@@ -68,8 +78,9 @@ class Board:
         now = time.monotonic()
         self._started.setdefault(job, now)
         if self._live:
+            note = shown(note)
             if job not in self._tasks:
-                self._tasks[job] = self._bars.add_task(job, total=total or None, note=note)
+                self._tasks[job] = self._bars.add_task(shown(job), total=total or None, note=note)
             self._bars.update(self._tasks[job], completed=done, total=total or None, note=note)
             return
         if now - self._spoken.setdefault(job, now) >= SECONDS_BETWEEN_LINES and done < total:
@@ -77,19 +88,20 @@ class Board:
             left = (now - self._started[job]) * (total - done) / max(done, 1)
             _say(f"  {job}: {100 * done // max(total, 1)} %, {left:.0f} s left, {note}")
 
-    def finish(self, job: str, line: str, kept: bool = False) -> None:
-        """Job `job` is done: say so and drop its bar. kept: it was there already."""
+    def finish(self, job: str, line: str | Text, kept: bool = False) -> None:
+        """Job `job` is done: say so, letter by letter, and drop its bar. kept: it was there already."""
+        said = literal(line) if isinstance(line, str) else line
         if job in self._tasks:
             self._bars.remove_task(self._tasks.pop(job))
         self._done, self._kept = self._done + 1, self._kept + kept
         if self._all is not None:
             self._bars.update(self._all, completed=self._done, note=self.overall())
         elif self._jobs:
-            line = f"{line} [dim]({self.overall()})[/]"
+            said = said + Text(f" ({self.overall()})", "dim")
         if self._quiet:
             return
         with suppress(OSError):
-            (self._bars.console if self._live else self._console).print(line, highlight=False, soft_wrap=True)
+            (self._bars.console if self._live else self._console).print(said, highlight=False, soft_wrap=True)
 
     def overall(self) -> str:
         """How many jobs are done and, once one was made, about how long the rest takes at that pace."""
@@ -119,7 +131,7 @@ def warn(folder: Path) -> None:
 def _say(line: str) -> None:
     """A log on a full disk is no reason to stop what is under way."""
     with suppress(OSError):
-        print(line, file=sys.stderr, flush=True)
+        print(printable(line), file=sys.stderr, flush=True)
 
 
 @contextmanager

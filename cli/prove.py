@@ -11,6 +11,7 @@ from rich.console import Console
 
 from gpsim.errors import UsageError
 
+from .printing import say
 from .progress import single_progress
 from .quiet import NAME
 
@@ -84,7 +85,7 @@ def conceal_command(
     numbers = prove.numbers_of(trials, stratum or (), long)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, jobs, progress)
-    typer.echo(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
+    say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
 
 
 @prove_app.command("diagnose")
@@ -94,7 +95,7 @@ def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
 
     with single_progress("diagnose") as progress:
         count = prove.diagnose(out, jobs, progress)
-    typer.echo(f"diagnose: {count} diagnoses in {out / 'diagnoses'}")
+    say(f"diagnose: {count} diagnoses in {out / 'diagnoses'}")
 
 
 @prove_app.command("reveal")
@@ -110,12 +111,12 @@ def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> Non
     for sheet in (goals_sheet(content), rivals_sheet(content), namers_sheet(content)):
         if sheet.rows:
             console.print(terminal_table(sheet, {}))
-    typer.echo(
+    say(
         f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
     )
     for line in beside(content):
-        typer.echo(line)
-    typer.echo(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")
+        say(line)
+    say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")
 
 
 @prove_app.command("answers")
@@ -129,7 +130,7 @@ def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proo
             f"{e['family']} on {e['on']} {_numbers(e)} ({e['strength']}{'' if e['visible'] else ', not visible'})"
             for e in answer["effects"]
         )
-        typer.echo(
+        say(
             f"{answer['trial']:04d} {answer['stratum']:<7} {world['system']:<9} {world['noise_level']:<6} "
             f"{world['velocities'] or '':<14} {world['engine']:<6} {effects}"
         )

@@ -10,8 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from gpsim.printable import literal
+
+from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, Words, shown_words
+from .printing import say
 from .progress import Board, note, warn
 
 if TYPE_CHECKING:
@@ -40,8 +45,6 @@ def full_loop(
     show_config: ShowConfig = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
-
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
@@ -58,8 +61,8 @@ def full_loop(
     with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
-            mark = "[dim]kept[/]" if existed else "[green]made[/]"
-            board.finish(job, f"{mark} {job:<34} {artifact.path}", existed)
+            mark = Text("kept", "dim") if existed else Text("made", "green")
+            board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
             warn(artifact.path)
 
         loop.run(request, chosen, jobs, board.update, finished)
@@ -79,17 +82,15 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
         console.print(table)
         console.print()
     for line in notes:
-        typer.echo(line)
-    typer.echo(f"report: {folder / 'report.html'}")
-    typer.echo(folder / "summary.json")  # the path alone on the last line, for programs
+        say(line)
+    say(f"report: {folder / 'report.html'}")
+    say(folder / "summary.json")  # the path alone on the last line, for programs
 
 
 def report_command(
     words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
-
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -80,6 +80,20 @@ class Channels:
 
     def __add__(self, other: Channels) -> Channels:
         return Channels(self.items + other.items)
+
+
+def columns_beside(names: Sequence[str], others: Collection[str], prefix: str) -> list[str]:
+    """What a table calls `names` beside its `others` columns: a name that is taken gets `prefix.` before it.
+
+    As often as it takes to be unlike all others; the same names always get the same columns.
+    """
+    columns: list[str] = []
+    for name in names:
+        column = name
+        while column in others or column in columns or (column != name and column in names):
+            column = f"{prefix}.{column}"
+        columns.append(column)
+    return columns
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:

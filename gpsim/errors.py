@@ -1,4 +1,6 @@
-"""The one exception whose message is meant for the person at the terminal."""
+"""The exceptions that end a command: bad input, in one line, and being asked to end."""
+
+import signal
 
 
 class UsageError(Exception):
@@ -6,3 +8,14 @@ class UsageError(Exception):
 
     The command line turns it into `error: <message>` and exit code 2, without a traceback.
     """
+
+
+ASKED = 128 + signal.SIGTERM
+"""The exit code of a process that ended because it was asked to."""
+
+
+class Terminated(SystemExit):
+    """The process is asked to end: it cleans up as after Ctrl-C."""
+
+    def __init__(self) -> None:
+        super().__init__(ASKED)

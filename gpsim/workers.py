@@ -15,12 +15,29 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from gpsim.ending import ASKED, Terminated
-from gpsim.errors import UsageError
+from gpsim.errors import ASKED, Terminated, UsageError
 
 PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when its parent is gone
 OURS = (None, ASKED, -signal.SIGTERM)  # exit codes of workers that run on, or that the pool itself ended
 PATIENCE = 20  # looks at the exit codes, a twentieth of a second apart
+
+
+@contextmanager
+def ends_when_asked() -> Iterator[None]:
+    """Within it SIGTERM raises Terminated, once: what cleans up then is not interrupted again."""
+    if threading.current_thread() is not threading.main_thread():  # whose process it is minds its signals
+        yield
+        return
+
+    def leave(number: int, frame: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, leave)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
 class WorkerDiedError(UsageError):

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from gpsim.ending import Terminated, ends_when_asked
+from gpsim.errors import Terminated
 from gpsim.stages.trial_jobs import run_trials
-from gpsim.workers import WorkerDiedError, begin_worker, worker_pool
+from gpsim.workers import WorkerDiedError, begin_worker, ends_when_asked, worker_pool
 
 
 def hold_a_folder(place: str) -> None:

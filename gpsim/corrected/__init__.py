@@ -2,7 +2,7 @@
 
 from gpsim.corrected.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
 from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
-from gpsim.corrected.features import Features
+from gpsim.corrected.features import Feature, Features
 from gpsim.corrected.gp_plant import PREDICTIONS, CorrectedPlant, GpCorrection, Prediction, arrived_inputs
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "CommandFilter",
     "CorrectedPlant",
     "EffectsPlant",
+    "Feature",
     "Features",
     "GpCorrection",
     "Prediction",

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,59 @@ from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.errors import UsageError
 
 _FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"sign": np.sign, "sin": np.sin, "cos": np.cos}
-_TERM = re.compile(r"(?P<function>\w+)\((?P<of>\w+)\)|(?P<channel>\w+)")
+_CALL = re.compile(rf"({'|'.join(_FUNCTIONS)})\s*\((.*)\)", re.DOTALL)
+_WORD = re.compile(r"\w+")
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One input: a channel, whatever it is called, or a function of it."""
+
+    channel: str
+    function: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.function is not None and self.function not in _FUNCTIONS:
+            raise UsageError(f"'{self.function}' is not one of {', '.join(_FUNCTIONS)}")
+
+    @classmethod
+    def parse(cls, text: str, channels: Channels) -> Feature:
+        """What a person wrote as an input: a channel's name, else `sign(NAME)`, `sin(NAME)` or `cos(NAME)`.
+
+        A channel of exactly that name comes first, then one without the spaces around it. Raises UsageError with the
+        channels and functions there are.
+        """
+        call = _CALL.fullmatch(text.strip())
+        written = [(text, None), *([(call[2], call[1])] if call else [])]
+        for name, function in written:
+            for spelled in (name, name.strip()):
+                if spelled in channels.names:
+                    return cls(spelled, function)
+        for name, _ in written:
+            if _WORD.fullmatch(name.strip()):  # well written: it is the channel that is not there
+                channels.index(name.strip())
+        raise UsageError(
+            f"gp.inputs: '{text}' is neither a channel nor one of {', '.join(_FUNCTIONS)} of a channel; "
+            f"channels: {', '.join(channels.names)}"
+        )
+
+    @property
+    def text(self) -> str:
+        """As a person would write it."""
+        return self.channel if self.function is None else f"{self.function}({self.channel})"
+
+    def to_json(self) -> dict[str, str | None]:
+        """Plain data: whatever its channel is called, it is read back as the same."""
+        return {"channel": self.channel, "function": self.function}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Feature:
+        """The inverse of `to_json`; raises UsageError."""
+        try:
+            function = data["function"]
+            return cls(str(data["channel"]), None if function is None else str(function))
+        except (KeyError, TypeError) as error:
+            raise UsageError(f"an input needs channel and function, got {data!r}") from error
 
 
 @dataclass(frozen=True)
@@ -26,28 +79,23 @@ class Features:
     column by column, whether its channel does; a fit and what predicts with it must have the same.
     """
 
-    names: tuple[str, ...]
+    items: tuple[Feature, ...]
     columns: tuple[int, ...]
-    functions: tuple[str | None, ...]
     wraps: tuple[bool, ...] = ()
 
     @classmethod
-    def of(cls, names: Sequence[str], channels: Channels) -> Features:
-        """Parse the names; raises UsageError with the channels and functions there are."""
-        columns, functions = [], []
-        for name in names:
-            match = _TERM.fullmatch(name.replace(" ", ""))
-            function = match["function"] if match else None
-            if match is None or (function is not None and function not in _FUNCTIONS):
-                raise UsageError(
-                    f"gp.inputs: '{name}' is neither a channel nor one of sign, sin, cos of a channel"
-                )
-            columns.append(channels.index(match["of"] or match["channel"]))
-            functions.append(function)
-        if not columns:
+    def of(cls, inputs: Sequence[Feature | str], channels: Channels) -> Features:
+        """Of these channels; a text is what a person wrote (`Feature.parse`). Raises UsageError."""
+        items = tuple(i if isinstance(i, Feature) else Feature.parse(i, channels) for i in inputs)
+        if not items:
             raise UsageError("gp.inputs is empty: name at least one channel")
-        wraps = tuple(bool(channels.wraps[column]) for column in columns)
-        return cls(tuple(names), tuple(columns), tuple(functions), wraps)
+        columns = tuple(channels.index(item.channel) for item in items)
+        return cls(items, columns, tuple(bool(channels.wraps[column]) for column in columns))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The inputs as a person would write them."""
+        return tuple(item.text for item in self.items)
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """(B, S + A) state and action -> (B, D)."""
@@ -64,7 +112,7 @@ class Features:
     def _changes(self) -> list[tuple[int, Callable[[FloatArray], FloatArray]]]:
         """Which columns are not the channel itself, and what is made of it: worked out once for all steps."""
         changes: list[tuple[int, Callable[[FloatArray], FloatArray]]] = []
-        for i, function in enumerate(self.functions):
+        for i, function in enumerate(item.function for item in self.items):
             if self.wraps and self.wraps[i] and function in (None, "sign"):
                 changes.append((i, wrap_angle))
             if function is not None:

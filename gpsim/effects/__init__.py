@@ -12,12 +12,13 @@ from gpsim.effects.effect import (
 )
 from gpsim.effects.elapsed import even, last_at_most
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
-from gpsim.effects.term import EPISODE, FROM, TO, Gate, Term, from_json, to_json
+from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 
 __all__ = [
     "EPISODE",
     "FAMILIES",
     "FROM",
+    "IN_EPISODE",
     "PRE_ROLL",
     "TO",
     "ActuatorEffect",
@@ -26,6 +27,8 @@ __all__ = [
     "EffectParameter",
     "ForceEffect",
     "Gate",
+    "LooksAt",
+    "Moment",
     "ParameterEffect",
     "Place",
     "Scheme",

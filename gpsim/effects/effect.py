@@ -263,9 +263,10 @@ class PoseEffect(SensorEffect):
         return ("pose",) if set(POSE) <= set(simulator.state.names) else ()
 
 
-def columns_of(on: str, simulator: Simulator) -> tuple[int, ...]:
-    """The state columns that a sensor effect's place names."""
-    return tuple(simulator.state.index(n) for n in POSE) if on == "pose" else (simulator.state.index(on),)
+def columns_of(effect: SensorEffect, on: str, simulator: Simulator) -> tuple[int, ...]:
+    """The state columns that a sensor effect's place names; a channel, too, may be called `pose`."""
+    names = POSE if isinstance(effect, PoseEffect) else (on,)
+    return tuple(simulator.state.index(name) for name in names)
 
 
 def changed(measured: FloatArray, column: int, values: FloatArray) -> FloatArray:

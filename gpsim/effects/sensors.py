@@ -69,7 +69,7 @@ class Sensors:
     @cached_property
     def _effects(self) -> list[tuple[int, SensorEffect, tuple[int, ...]]]:
         found = [
-            (i, t.effect, columns_of(t.on, self.simulator))
+            (i, t.effect, columns_of(t.effect, t.on, self.simulator))
             for i, t in enumerate(self.terms)
             if isinstance(t.effect, SensorEffect)
         ]

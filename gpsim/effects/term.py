@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from enum import Enum
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,8 +14,19 @@ from gpsim.effects.effect import Effect, Values
 from gpsim.effects.registry import effect_of
 from gpsim.errors import UsageError
 
-FROM, TO, EPISODE = "from", "to", "episode"
+FROM, TO, IN_EPISODE = "from", "to", "episode"
 """Values that a search gives every row beside a law's own: edges of its gate, and which episode it is in."""
+
+
+class Moment(Enum):
+    """What a gate may look at that is no channel, whatever channels are called: which episode it is."""
+
+    EPISODE = "episode"
+
+
+EPISODE: Final = Moment.EPISODE
+LooksAt = str | Moment | None
+"""A channel's name, `EPISODE`, or None for time."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +45,7 @@ class Gate:
         return bool(self.region) or self.since is not None or self.since_episode is not None
 
     @property
-    def looks_at(self) -> str | None:
+    def looks_at(self) -> LooksAt:
         """The channel whose region it is; `EPISODE`, or None for time."""
         return next(iter(self.region), None if self.since_episode is None else EPISODE)
 
@@ -71,7 +83,7 @@ class Gate:
         if self.until is not None:
             share *= 1.0 - _after(values.get(TO, self.until), t, step)
         if self.since_episode is not None:
-            share *= np.asarray(values.get(EPISODE, np.inf)) >= self.since_episode
+            share *= np.asarray(values.get(IN_EPISODE, np.inf)) >= self.since_episode
         return share
 
 

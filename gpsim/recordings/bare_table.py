@@ -38,7 +38,7 @@ def read_bare_table(
     _check_columns(path, table, needed, system)
     if "episode" not in table.columns:
         table = table.assign(episode="0")
-    unnamed = np.flatnonzero(table["episode"].isna())
+    unnamed = np.flatnonzero(table["episode"].isna() | (table["episode"] == ""))
     if unnamed.size:
         raise UsageError(f"{path}: row {unnamed[0]}: no episode; give every row its episode's name")
     episodes = tuple(

@@ -12,7 +12,7 @@ import pandas as pd
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import Channels, FloatArray, columns_beside
 from gpsim.recordings.recording import Episode, Recording
 
 Predictions = Mapping[str, Sequence[FloatArray]]
@@ -41,15 +41,20 @@ def start_times(recording: Recording) -> list[float]:
 
 
 def wide_table(recording: Recording, predictions: Predictions) -> pd.DataFrame:
-    """One row a sample: episode, t, time [s], measured channels, actions, then PREDICTION.CHANNEL columns."""
-    frames = []
+    """One row a sample: episode, t, time [s], measured channels, actions, then PREDICTION.CHANNEL columns.
+
+    Channels keep their names: a column that is no channel's and would be called as one gets `export.` before it.
+    """
+    frames, names = [], recording.state.names
+    added = ["time", *(f"{label}.{name}" for label in predictions for name in names)]
+    time, *predicted = columns_beside(added, (*names, *recording.action.names), "export")
     for i, (episode, start) in enumerate(zip(recording.episodes, start_times(recording), strict=True)):
-        columns: dict[str, Any] = {"episode": episode.name, "t": episode.t, "time": episode.t + start}
+        columns: dict[str, Any] = {"episode": episode.name, "t": episode.t, time: episode.t + start}
         columns |= {name: episode.states[:, c] for c, name in enumerate(recording.state.names)}
         actions = np.vstack([episode.actions, np.full((1, len(recording.action)), np.nan)])
         columns |= {name: actions[:, c] for c, name in enumerate(recording.action.names)}
-        for label, states in predictions.items():
-            columns |= {f"{label}.{name}": states[i][:, c] for c, name in enumerate(recording.state.names)}
+        said = np.hstack([states[i] for states in predictions.values()]) if predictions else np.empty((0, 0))
+        columns |= dict(zip(predicted, said.T, strict=True))
         frames.append(pd.DataFrame(columns))
     return pd.concat(frames, ignore_index=True)
 
@@ -99,7 +104,7 @@ def _state(stamp: int, label: str, row: FloatArray, channels: Channels) -> Itera
     values = dict(zip(channels.names, row.tolist(), strict=True))
     for name, value in values.items():
         yield stamp, f"/{label}/{name}", "std_msgs/msg/Float64", (value,)
-    if {"x", "y", "yaw"} <= set(values):
+    if {"x", "y", "yaw"} <= set(values) and "pose" not in values:  # a topic holds messages of one type
         pose = (values["x"], values["y"], values["yaw"])
         yield stamp, f"/{label}/pose", "geometry_msgs/msg/PoseStamped", pose
 

@@ -85,7 +85,7 @@ def read_recording(path: Path) -> Recording:
     missing = [name for name in needed if name not in frame.columns]
     if missing:
         raise UsageError(f"{table}: column(s) {', '.join(missing)} missing; {META_NAME} names them")
-    unnamed = np.flatnonzero(frame["episode"].isna())
+    unnamed = np.flatnonzero(frame["episode"].isna() | (frame["episode"] == ""))
     if unnamed.size:
         raise UsageError(f"{table}: row {unnamed[0]}: no episode; give every row its episode's name")
     episodes = tuple(
@@ -183,6 +183,14 @@ def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
     if frame.empty:
         raise UsageError(f"{table}: no rows")
     return frame, table
+
+
+def read_csv(path: Path, float_precision: Literal["round_trip"] | None = None) -> pd.DataFrame:
+    """A table whose episodes are called letter by letter what it says: NA and 007 are names, too."""
+    frame = pd.read_csv(path, dtype={"episode": str}, float_precision=float_precision)
+    if "episode" in frame.columns and frame["episode"].isna().any():
+        frame["episode"] = pd.read_csv(path, usecols=["episode"], dtype=str, keep_default_na=False)["episode"]
+    return frame
 
 
 def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, table: Path) -> Episode:

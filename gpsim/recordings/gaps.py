@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import BoolArray, Channels, FloatArray, IntArray
+from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, columns_beside
 
 LONGEST_STEP = 1.8  # in control steps: a longer one may hide commands
 
@@ -82,7 +82,8 @@ class OverGaps:
 
     def to_table(self, action: Channels) -> pd.DataFrame:
         """One row a command: after, t, the action's channels."""
-        commands = {name: self.actions[:, i] for i, name in enumerate(action.names)}
+        columns = columns_beside(action.names, ("after", "t"), "command")
+        commands = {name: self.actions[:, i] for i, name in enumerate(columns)}
         return pd.DataFrame({"after": self.after, "t": self.t} | commands)
 
     @classmethod

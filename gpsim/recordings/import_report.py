@@ -11,6 +11,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from gpsim.printable import literal
 from gpsim.recordings.clock import Lag
 from gpsim.recordings.mapping import track_name
 
@@ -137,8 +138,8 @@ def render(report: ImportReport) -> RenderableType:
     """The report for a terminal."""
     parts: list[RenderableType] = [_topic_table(report.summed()), Text(""), _episode_table(report)]
     lines = [f"rate: {report.rate}", *_lag_lines(report), *report.notes]
-    parts += [Text(""), *(Text(line) for line in lines)]
-    parts += [Text(f"warning: {line}", style="yellow") for line in report.warnings]
+    parts += [Text(""), *(literal(line) for line in lines)]
+    parts += [literal(f"warning: {line}", style="yellow") for line in report.warnings]
     return Group(*parts)
 
 
@@ -164,8 +165,9 @@ def _topic_table(counts: Sequence[TopicCount]) -> Table:
             middle, low, high = (1e3 * value for value in count.delay)
             odd.append(f"(received {middle:.1f} ms after its stamp, 5-95 %: {low:.1f} to {high:.1f})")
         table.add_row(
-            Text(count.name), Text(count.clock), str(count.read), str(count.kept), str(sum(count.dropped.values())),
-            Text(", ".join(why) + (" " if why and odd else "") + " ".join(odd)),
+            literal(count.name), literal(count.clock),
+            str(count.read), str(count.kept), str(sum(count.dropped.values())),
+            literal(", ".join(why) + (" " if why and odd else "") + " ".join(odd)),
         )  # fmt: skip
     return table
 
@@ -176,14 +178,16 @@ def _episode_table(report: ImportReport) -> RenderableType:
     title = f"{len(episodes)} episode(s), {seconds:.2f} s, {steps} transitions"
     if len(episodes) > LISTED:
         lengths = sorted(e.duration for e in episodes)
-        return Text(f"{title}; {lengths[0]:.2f} s to {lengths[-1]:.2f} s long")
+        return literal(f"{title}; {lengths[0]:.2f} s to {lengths[-1]:.2f} s long")
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("episode")
     table.add_column("from", overflow="fold")
     for name in ("start [s]", "duration [s]", "transitions"):
         table.add_column(name, justify="right")
     for e in episodes:
-        table.add_row(e.name, Text(e.source), f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions))
+        table.add_row(
+            literal(e.name), literal(e.source), f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions)
+        )
     return table
 
 

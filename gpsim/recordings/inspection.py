@@ -14,6 +14,7 @@ from rich.text import Text
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
+from gpsim.printable import literal, printable
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
@@ -103,21 +104,23 @@ def _telling(topic: Topic) -> str:
 
 def render_inspection(found: Inspection) -> RenderableType:
     """The inspection for a terminal: a table of the topics, their fields, and what cannot be read."""
-    table = Table(title=Text(found.name), title_justify="left", box=None, pad_edge=False)
+    table = Table(title=literal(found.name), title_justify="left", box=None, pad_edge=False)
     for name in ("topic", "type"):
         table.add_column(name, overflow="fold")
     for name in ("count", "Hz", "gaps", "from [s]", "to [s]"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("noticed", overflow="fold")
     for topic in found.topics:
-        cells = [Text(topic.name), Text(topic.type.split("/")[-1]), Text(str(topic.count))]
-        table.add_row(*cells, *(Text(cell) for cell in _pace_cells(found.paces.get(topic.name))))
-    fields = [Text(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
-    more = [Text(f"and {found.others} more log(s) in this folder")] if found.others else []
-    more += [Text(line, style="yellow") for line in ("", *_fault_lines(found.faults))]
-    more += [Text("")] if found.faults else []
+        cells = [literal(topic.name), literal(topic.type.split("/")[-1]), literal(str(topic.count))]
+        table.add_row(*cells, *(literal(cell) for cell in _pace_cells(found.paces.get(topic.name))))
+    fields = [literal(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
+    more = [literal(f"and {found.others} more log(s) in this folder")] if found.others else []
+    more += [Text(printable(line), style="yellow") for line in ("", *_fault_lines(found.faults))]
+    more += [literal("")] if found.faults else []
     ready = [f"--mapping {name} comes with gpsim and finds all it wants here" for name in found.ready]
-    return Group(table, *more, Text("numeric fields"), *fields, Text(""), *(Text(line) for line in ready))
+    return Group(
+        table, *more, literal("numeric fields"), *fields, literal(""), *(literal(line) for line in ready)
+    )
 
 
 def _fault_lines(faults: Mapping[str, str]) -> list[str]:

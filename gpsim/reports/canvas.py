@@ -14,10 +14,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from gpsim.reports.lettering import FAMILY, make_literal
 from gpsim.reports.palette import FAINT, GRID, INK
 
 STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every machine
+    "font.family": FAMILY,
     "font.size": 10.5,
     "axes.titlesize": 11,
     "axes.titleweight": "bold",
@@ -50,10 +51,17 @@ STYLE: dict[Any, Any] = {
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Matplotlib's defaults and ours on top, whatever the caller's own settings are."""
+def defaults() -> Iterator[None]:
+    """Matplotlib's defaults, whatever the caller's own settings are."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
+        yield
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Matplotlib's defaults and ours on top, whatever the caller's own settings are."""
+    with defaults():
         matplotlib.rcParams.update(STYLE)
         yield
 
@@ -76,6 +84,7 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 6, markerscale: floa
 def svg(figure: Figure) -> bytes:
     """The figure as SVG without dates or program names."""
     stream = io.BytesIO()
+    make_literal(figure)
     with style():
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     return stream.getvalue()
@@ -84,6 +93,7 @@ def svg(figure: Figure) -> bytes:
 def png(figure: Figure, dpi: float = 110.0) -> bytes:
     """The figure as PNG without dates or program names."""
     stream = io.BytesIO()
+    make_literal(figure)
     with style():
         figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
     return stream.getvalue()

@@ -9,42 +9,47 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
 
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
 from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
 from gpsim.reports.canvas import legend_above, panels, png, style
 from gpsim.reports.diagnosis_text import in_percent, number, paragraphs, ranking
+from gpsim.reports.html import page_of
+from gpsim.reports.lettering import LABEL, LONGEST_UNIT, named, shortened
 from gpsim.reports.palette import FAINT
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Diagnosis of {{ name }}</title>
-<style>
+STYLE = """
 body { font-family: system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24; }
+h1, h2, p { overflow-wrap: anywhere; }
 h1 { font-size: 1.5rem; } .verdict { font-size: 1.2rem; font-weight: 600; }
 table { border-collapse: collapse; margin: 1rem 0; } td, th { padding: .25rem .8rem; text-align: right; }
 td:first-child, th:first-child { text-align: left; } tr { border-bottom: 1px solid #e5e7eb; }
 .typical td { color: #6b7280; font-size: .9rem; }
 .caption { color: #6b7280; font-size: .9rem; margin-top: .2rem; }
 img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: auto; }
-</style></head><body>
+"""
+PAGE = """<!doctype html>
+<html lang="en"><head>{{ head }}<title>Diagnosis of {{ name }}</title></head><body>
 <h1>Diagnosis of {{ name }}</h1>
 <p class="verdict">Verdict: {{ verdict }}</p>
 {% for text in paragraphs %}<p>{{ text }}</p>
 {% endfor %}
 {% for title, rows in tables.items() %}<h2>{{ title }}</h2>
 <table><tr><th>error (RMS)</th>{% for kind in kinds.values() %}<th>{{ kind }}</th>{% endfor %}<th>unit</th></tr>
-{% for name, errors in rows.items() %}<tr><td>{{ name }}</td>
-{% for kind in kinds %}<td>{{ number(errors.of(kind)) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% for name, errors in rows.items() %}<tr><td{{ name | title_of }}>{{ name | short }}</td>
+{% for kind in kinds %}<td>{{ number(errors.of(kind)) }}</td>{% endfor %}
+<td>{{ errors.unit | short(16) }}</td></tr>
 {% if errors.typical %}<tr class="typical"><td>typical (from the median)</td>
-{% for kind in kinds %}<td>{{ number(errors.typical.of(kind)) }}</td>{% endfor %}<td>{{ errors.unit }}</td></tr>
+{% for kind in kinds %}<td>{{ number(errors.typical.of(kind)) }}</td>{% endfor %}
+<td>{{ errors.unit | short(16) }}</td></tr>
 {%- endif %}
 <tr class="typical"><td>of the base's, 90 % interval</td>
 {% for kind in kinds %}<td>{{ share(errors, kind) }}</td>{% endfor %}<td>%</td></tr>
 {% endfor %}</table>
 {% endfor %}
-{% for picture in pictures %}<h2>{{ picture.title }}</h2><img alt="{{ picture.title }}" src="{{ picture.source }}">
+{% for picture in pictures %}<h2>{{ picture.title }}</h2>
+<img alt="{{ picture.title }}"{{ picture.shows | titles_of }} src="{{ picture.source }}">
 <p class="caption">{{ picture.caption }}</p>
 {% endfor %}{% if missing %}<h2>What could not be shown</h2>
 {% for line in missing %}<p>{{ line }}</p>
@@ -67,11 +72,12 @@ LINES = {BASE: (0, (4, 1.5)), EFFECTS: "-"}
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the page: what stands above and below it."""
+    """A figure of the page: what stands above and below it; shows: names in it, of which long ones are shortened."""
 
     title: str
     caption: str
     png: bytes
+    shows: Sequence[str] = ()
 
     @property
     def source(self) -> str:
@@ -83,9 +89,10 @@ def page(
     diagnosis: Diagnosis, pictures: Mapping[str, Picture], name: str, missing: Sequence[str] = ()
 ) -> str:
     """One self-contained HTML page: no network, no scripts, no dates. missing: lines about what it lacks."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
-    return environment.from_string(PAGE).render(
+    return page_of(
+        PAGE,
+        STYLE,
         name=name,
         verdict=diagnosis.verdict,
         paragraphs=paragraphs(diagnosis),
@@ -129,14 +136,18 @@ def figures(
 
     contained(name): the block in which that picture is drawn.
     """
+    simulator = found.question.everything.simulator
+    names = simulator.state.names
     with style():
         pictures = {}
         if found.comparison.one_step:
             with contained("residual_inputs"):
+                rate, telling = _plainest(found)
                 pictures["residual_inputs"] = Picture(
                     "Residual against its two most telling inputs",
                     "Measured minus simulated rate of single transitions, each from its measured state.",
                     _inputs(found),
+                    (simulator.rate.names[rate], *telling),
                 )
         if course is not None:
             with contained("residual_time"):
@@ -145,11 +156,18 @@ def figures(
                     f"Every dot is a window of {course.seconds:.3g} s that the diagnosis learnt from, simulated from "
                     "the state that was measured at its start; the base simulator takes its own step.",
                     _over_time(found, course),
+                    (names[course.channel],),
                 )
         if traces is not None and traces.traces:
             with contained("traces"):
                 pictures["traces"] = Picture(
-                    _traces_title(traces), _traces_caption(traces), _traces(found, traces)
+                    _traces_title(traces),
+                    _traces_caption(traces),
+                    _traces(found, traces),
+                    (
+                        *(names[i] for i in traces.shown),
+                        *(f"episode {trace.name}" for trace in traces.traces),
+                    ),
                 )
         return pictures
 
@@ -169,14 +187,20 @@ def _traces_caption(traces: Traces) -> str:
     )
 
 
+def _plainest(found: Outcome) -> tuple[int, list[str]]:
+    """The rate that stands out most, and the two inputs that tell most of it."""
+    comparison, simulator = found.comparison, found.question.everything.simulator
+    ratio = {n: e.before / max(e.noise_floor, 1e-300) for n, e in comparison.one_step.items()}
+    rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
+    return rate, most_telling(simulator, comparison, rate)
+
+
 def _inputs(found: Outcome) -> bytes:
     """The rate that stands out most against the two inputs that tell most of it, before and after."""
     comparison, simulator = found.comparison, found.question.everything.simulator
     channels = (*simulator.state, *simulator.action)
     names = [channel.name for channel in channels]
-    ratio = {n: e.before / max(e.noise_floor, 1e-300) for n, e in comparison.one_step.items()}
-    rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
-    telling = most_telling(simulator, comparison, rate)
+    rate, telling = _plainest(found)
     before, after = comparison.left_before[:, rate], comparison.left_after[:, rate]
     low, high = np.quantile(before, [0.002, 0.998])
     margin = 0.15 * (high - low) + 1e-12
@@ -195,11 +219,13 @@ def _inputs(found: Outcome) -> bytes:
                 color=COLOURS[label],
                 label=label,
             )
-        axis.set_xlabel(f"{name} [{channels[column].unit}]")
+        axis.set_xlabel(named(name, channels[column].unit))
         axis.set_ylim(
             low - margin, high + margin
         )  # a sensor's leaps would flatten the rest: they are counted
-    axes[0, 0].set_ylabel(f"residual of {simulator.rate.names[rate]} [{simulator.rate.items[rate].unit}]")
+    axes[0, 0].set_ylabel(
+        f"residual of {named(simulator.rate.names[rate], simulator.rate.items[rate].unit, LABEL)}"
+    )
     if outside > 0:
         axes[0, -1].set_title(f"{in_percent(outside)} % lie outside", fontsize=9)
     legend_above(figure, axes[0, 0], markerscale=4)
@@ -213,7 +239,7 @@ def _over_time(found: Outcome, course: Course) -> bytes:
     for label, size in course.sizes.items():
         axes[0, 0].semilogy(at, np.maximum(size, 1e-12), ".", markersize=4, color=COLOURS[label], label=label)
     axes[0, 0].set_xlabel(_clock(found) if course.session else "window, in the order of the recording")
-    axes[0, 0].set_ylabel(f"RMS error of {channel.name} [{channel.unit}]")
+    axes[0, 0].set_ylabel(f"RMS error of {named(channel.name, channel.unit, LABEL)}")
     legend_above(figure, axes[0, 0], markerscale=2)
     return png(figure)
 
@@ -239,7 +265,7 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
                 )
             axis.set_ylim(*_limits(trace, i))
             axis.ticklabel_format(useOffset=False)
-            unit = channels[i].unit
+            unit = shortened(channels[i].unit, LONGEST_UNIT)
             said_of = ", ".join(f"{k} {number(float(error[i]))} {unit}" for k, error in trace.errors.items())
             axis.annotate(
                 f"RMS error: {said_of}",
@@ -251,14 +277,14 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
                 color=FAINT,
             )
     for axis, channel in zip(axes[:, 0], channels, strict=True):
-        axis.set_ylabel(f"{channel.name} [{channel.unit}]")
+        axis.set_ylabel(named(channel.name, channel.unit, LABEL))
     figure.align_ylabels()
     legend_above(figure, axes[0, 0], markerscale=2)
     return png(figure)
 
 
 def _heading(trace: Trace) -> str:
-    what = f"{'' if trace.whole else 'part of '}episode {trace.name}"
+    what = f"{'' if trace.whole else 'part of '}episode {shortened(trace.name, LABEL)}"
     return f"{trace.place}: {what}" if trace.place else what[0].upper() + what[1:]
 
 

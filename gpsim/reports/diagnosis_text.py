@@ -83,7 +83,7 @@ def _part(diagnosis: Diagnosis) -> str:
     if part is None or named:
         return ""
     (low, high), name = part.interval, part.channel
-    of = name.removeprefix(SINCE_REVERSAL)
+    of = name if part.is_channel else name.removeprefix(SINCE_REVERSAL)
     where = f"{part.where} {name} = {_between(low, high)}" if of == name else _soon_after(of, high)
     return (
         f"; {100 * part.share_of_mismatch:.0f} % of {part.rate}'s lies {where}, "

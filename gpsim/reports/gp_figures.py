@@ -7,12 +7,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from gpsim.reports.canvas import legend_above, panels, style
+from gpsim.reports.lettering import LABEL, LONGEST_UNIT, legend_label, named, shortened
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
 from gpsim.reports.model_sheets import coverage_levels, data_of, rates, scores
 from gpsim.reports.palette import BAND, FAINT, GP, INK, RATES
-from gpsim.reports.sheets import significant, unit, with_unit
+from gpsim.reports.sheets import significant, unit
 
 DEVIATIONS = 2.0
+AT = 18  # letters of the names of what a slice holds
 
 
 def figure_residual_slices(report: LoopReport) -> Figure | None:
@@ -39,12 +41,12 @@ def _residual(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
         cut.grid, cut.mean - half, cut.mean + half, color=BAND, alpha=0.7, linewidth=0, label="GP, ±2 std"
     )
     axis.plot(cut.grid, cut.mean, color=GP, linewidth=1.8, label="GP, mean", zorder=3)
-    axis.set_ylabel(f"residual of {with_unit(cut.rate, report.units)}")
+    axis.set_ylabel(f"residual of {named(cut.rate, unit(report.units.get(cut.rate, '')), LABEL)}")
     others = (
-        f"{name} = {significant(value, 2)} {unit(report.units.get(name, ''))}"
+        f"{shortened(name, AT)} = {significant(value, 2)} {shortened(unit(report.units.get(name, '')), LONGEST_UNIT)}"
         for name, value in cut.at.items()
     )
-    axis.set_title(cut.rate, pad=19)
+    axis.set_title(shortened(cut.rate), pad=19)
     held = axis.annotate(
         "slice at " + ", ".join(text.strip() for text in others), (0.0, 1.0), (0.0, 5.0), fontsize=7.8, color=FAINT,
         xycoords="axes fraction", textcoords="offset points",
@@ -57,9 +59,9 @@ def _left(axis: Axes, cut: ResidualSlice, report: LoopReport) -> None:
     half = DEVIATIONS * cut.observed_std
     axis.fill_between(cut.grid, -half, half, color=BAND, alpha=0.7, linewidth=0)
     axis.axhline(0.0, color=GP, linewidth=1.4)
-    axis.set_ylabel(f"left by the mean\n[{unit(report.units.get(cut.rate, '-'))}]")
+    axis.set_ylabel(f"left by the mean\n[{shortened(unit(report.units.get(cut.rate, '-')), LONGEST_UNIT)}]")
     axis.set_xlim(cut.grid[0], cut.grid[-1])
-    axis.set_xlabel(with_unit(cut.channel, report.units))
+    axis.set_xlabel(named(cut.channel, unit(report.units.get(cut.channel, ""))))
 
 
 def _points(axis: Axes, cut: ResidualSlice, values: np.ndarray) -> None:
@@ -107,7 +109,9 @@ def _coverage(axis: Axes, report: LoopReport, key: str, levels: list[str]) -> No
         covered = scores(report, key, rate)["coverage"]
         heights = [100.0 * float(covered.get(level, np.nan)) for level in levels]
         at = np.arange(len(levels)) + (index - (len(known_rates) - 1) / 2) * width
-        axis.bar(at, heights, 0.92 * width, color=RATES[index % len(RATES)], alpha=0.85, label=rate)
+        axis.bar(
+            at, heights, 0.92 * width, color=RATES[index % len(RATES)], alpha=0.85, label=legend_label(rate)
+        )
         for x, height in zip(at, heights, strict=True):
             if np.isfinite(height):
                 axis.annotate(f"{height:.0f}", (x, 3.0), ha="center", va="bottom", fontsize=9, color="white")

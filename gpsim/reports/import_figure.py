@@ -11,8 +11,11 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import FloatArray
 from gpsim.recordings import Recording
+from gpsim.reports.canvas import defaults
+from gpsim.reports.lettering import LONGEST_UNIT, make_literal, shortened
 
 STATE_COLOUR, ACTION_COLOUR, HELD_COLOUR = "#1f4e79", "#b5541c", "#e9e4d4"
+LONGEST_TITLE = 100  # letters
 MOST_POINTS = 4000  # a curve; more is thinned to the extremes of each pixel column
 
 
@@ -21,6 +24,13 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
 
     Episodes on their own clocks are laid one after the other.
     """
+    with defaults():
+        figure = _drawn(recording, title)
+        make_literal(figure)
+        figure.savefig(path, dpi=110, metadata={"Software": None})
+
+
+def _drawn(recording: Recording, title: str) -> Figure:
     starts = _starts(recording)
     names = [*recording.state.names, *recording.action.names]
     height = 1.0 + 1.25 * len(names)
@@ -30,12 +40,14 @@ def draw_channels(recording: Recording, path: Path, title: str = "") -> None:
     units = {**recording.state.units, **recording.action.units}
     for row, (name, panel) in enumerate(zip(names, panels, strict=True)):
         _panel(panel, recording, starts, row)
-        panel.set_ylabel(f"{name}\n[{units[name]}]", rotation=0, ha="right", va="center", fontsize=9)
+        label = f"{shortened(name)}\n[{shortened(units[name], LONGEST_UNIT)}]"
+        panel.set_ylabel(label, rotation=0, ha="right", va="center", fontsize=9)
     panels[-1].set_xlabel(
         "time [s]" if recording.clock == "session" else "time [s], episodes one after the other"
     )
-    figure.suptitle(title or f"{recording.system}: {len(recording.episodes)} episode(s)", fontsize=11)
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    what = title or f"{recording.system}: {len(recording.episodes)} episode(s)"
+    figure.suptitle(shortened(what, LONGEST_TITLE), fontsize=11)
+    return figure
 
 
 def _starts(recording: Recording) -> FloatArray:

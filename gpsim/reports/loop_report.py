@@ -77,9 +77,9 @@ class LoopReport:
     named: seed to what its diagnosis found, in sentences; given: what the loop was given instead of making it
     (recording, diagnosis); fits: seed to the content of fit.json; outside: seed to the share of what each driver
     visited outside the recording; rollouts: simulator to (B, T + 1, S) states
-    in the order of `states`; units: channel or rate to unit;
-    limits: channel to the absolute value beyond which an episode ends; settings: the resolved configuration worth
-    knowing; command: what makes this report again.
+    in the order of `states`; velocities: those states that are the velocity of another one;
+    units: channel or rate to unit; limits: channel to the absolute value beyond which an episode ends;
+    settings: the resolved configuration worth knowing; command: what makes this report again.
     """
 
     experiment: str
@@ -100,6 +100,7 @@ class LoopReport:
     fits: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     outside: Mapping[int, Mapping[str, float | None]] = field(default_factory=dict)
     states: tuple[str, ...] = ()
+    velocities: tuple[str, ...] = ()
     rollouts: Mapping[str, FloatArray] = field(default_factory=dict)
     dt: float = 1.0
     units: Mapping[str, str] = field(default_factory=dict)

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from gpsim.reports import headline, thesis
 from gpsim.reports.canvas import data_uri
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
+from gpsim.reports.html import page_of
 from gpsim.reports.loop_report import LoopReport, MadeBy
 from gpsim.reports.model_sheets import (
     calibration_sheet,
     fit_sheet,
     gp_warnings,
     one_step_sheet,
+    rates,
     rollout_sheet,
     scale_sheet,
 )
@@ -35,24 +35,23 @@ from gpsim.reports.trip_figures import figure_steps, figure_trips
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as the source of an image, with what it shows in words."""
+    """A figure as the source of an image, with what it shows in words; shows: names in it, long ones shortened."""
 
     source: str
     words: str
     caption: str
+    shows: Sequence[str] = ()
 
 
 def render(report: LoopReport) -> str:
     """The page; equal reports give equal pages."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(_resource("loop_report.html.jinja"))
     sheets = return_sheets(report)
-    return template.render(
+    colour = colours([*report.policies, *report.rollouts])
+    return page_of(
+        _resource("loop_report.html.jinja"),
+        _resource("loop_report.css") + _tints(colour),
         report=report,
-        style=Markup(_resource("loop_report.css")),
-        colours=colours([*report.policies, *report.rollouts]),
+        tints={name: f"tint-{i}" for i, name in enumerate(colour)},
         paragraph=headline.paragraph(report),
         cards=headline.cards(report),
         success_sheets=success_sheets(report),
@@ -89,6 +88,14 @@ def _diagnosed_by(report: LoopReport) -> str:
     if "recording" in report.given:
         return "each seed's diagnosis of the recording that the loop was given"
     return "the diagnosis of each seed's recording"
+
+
+def _tints(colour: Mapping[str, str]) -> str:
+    """The colours as rules of the style sheet: a policy without inline styles has no room for attributes."""
+    return "".join(
+        f".dot.tint-{i} {{ background: {value}; }} .card.tint-{i} {{ border-left-color: {value}; }}\n"
+        for i, value in enumerate(colour.values())
+    )
 
 
 def _filled(sheet: Sheet) -> Sheet | None:
@@ -164,10 +171,22 @@ def _pictures(report: LoopReport) -> dict[str, Picture]:
         ),
     }
     return {
-        key: Picture(data_uri(figure), words, caption)
+        key: Picture(data_uri(figure), words, caption, _shown(report, key))
         for key, (figure, words, caption) in made.items()
         if figure is not None
     }
+
+
+def _shown(report: LoopReport, picture: str) -> list[str]:
+    """Names of channels and rates that a picture holds."""
+    cuts = report.slices.values()
+    named = {
+        "slices": (name for cut in cuts for name in (cut.rate, cut.channel, *cut.at)),
+        "calibration": rates(report),
+        "rollouts": report.states,
+        "divergence": report.states,
+    }
+    return list(dict.fromkeys(named.get(picture, ())))
 
 
 def _actions(report: LoopReport) -> str:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
-
+from gpsim.reports.html import page_of
 from gpsim.reports.prove_sheets import beside, confusion_sheet, miss_rows, proof_sheets
 
 Json = Mapping[str, Any]
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>gpsim prove</title>
-<style>
+STYLE = """
 body { font-family: system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24; }
 h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; font-size: .9rem; }
@@ -20,7 +17,9 @@ td, th { padding: .2rem .7rem; text-align: right; } td:first-child, th:first-chi
 th { vertical-align: bottom; } tr { border-bottom: 1px solid #e5e7eb; } .marked { color: #b42318; font-weight: 600; }
 .matrix th { writing-mode: vertical-rl; transform: rotate(180deg); font-weight: 400; }
 .matrix th:first-child { writing-mode: horizontal-tb; }
-</style></head><body>
+"""
+PAGE = """<!doctype html>
+<html lang="en"><head>{{ head }}<title>gpsim prove</title></head><body>
 <h1>Concealed worlds, diagnosed blind</h1>
 <p>{{ content.all.n }} worlds of 2&nbsp;000 to 12&nbsp;000 transitions and {{ content.long.n }} longer ones, seed
 {{ content.seed }}. Every answer was hashed before the diagnosis began and verified before it was scored. A world
@@ -49,8 +48,9 @@ the diagnoses: {{ content.diagnosed_under|join(", ") }}; of this page: {{ conten
 
 def page(content: Json, scores: Sequence[Json]) -> str:
     """The page; it stands beside the folder of diagnoses that it links to."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    return environment.from_string(PAGE).render(
+    return page_of(
+        PAGE,
+        STYLE,
         content=content,
         beside=beside(content),
         sheets=proof_sheets(content),

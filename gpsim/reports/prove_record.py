@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from gpsim.printable import printable
 from gpsim.reports.prove_sheets import beside, miss_rows, proof_sheets
 from gpsim.reports.sheets import Cell, Sheet, row
 
 Json = Mapping[str, Any]
+_TAG = re.compile(r"<(?=[A-Za-z/!?])")  # what Markdown hands on as HTML
 
 
 def record(content: Json, scores: Sequence[Json]) -> str:
@@ -44,7 +47,12 @@ def _section(sheet: Sheet) -> str:
 
 
 def _line(cells: Iterable[str]) -> str:
-    return "| " + " | ".join(text.replace("|", "\\|") for text in cells) + " |"
+    return "| " + " | ".join(map(_in_a_cell, cells)) + " |"
+
+
+def _in_a_cell(text: str) -> str:
+    """One line, in which neither a bar ends the cell nor a tag begins."""
+    return _TAG.sub(r"\\<", " ".join(printable(text).split("\n"))).replace("|", "\\|")
 
 
 def _text(cell: Cell) -> str:

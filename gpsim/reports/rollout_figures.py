@@ -6,10 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gpsim.reports.canvas import legend_above, panels, style
+from gpsim.reports.lettering import LABEL, LONGEST_UNIT, named, shortened
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.model_sheets import rollout_simulators
 from gpsim.reports.palette import FAINT, colours
-from gpsim.reports.sheets import unit, with_unit
+from gpsim.reports.sheets import unit
 
 EXAMPLES = 3
 DRAWN_LAST = ("Source", "GP-Sample", "GP-Mean", "Target")
@@ -17,7 +18,7 @@ DRAWN_LAST = ("Source", "GP-Sample", "GP-Mean", "Target")
 
 def figure_rollouts(report: LoopReport, channels: tuple[str, ...] | None = None) -> Figure | None:
     """Channels over time, a column per example. Without a choice: those that are no velocity, as in Figure 4.2."""
-    chosen = channels or tuple(name for name in report.states if not name.endswith("_dot")) or report.states
+    chosen = channels or tuple(n for n in report.states if n not in report.velocities) or report.states
     paths = {name: path for name, path in report.rollouts.items() if path.size}
     if not paths or not chosen:
         return None
@@ -40,7 +41,7 @@ def figure_rollouts(report: LoopReport, channels: tuple[str, ...] | None = None)
                     bounds = axis.get_ylim()
                     axis.axhspan(-limit, limit, color=FAINT, alpha=0.1, linewidth=0, zorder=0)
                     axis.set_ylim(bounds)
-            axes[row, 0].set_ylabel(with_unit(channel, report.units))
+            axes[row, 0].set_ylabel(named(channel, unit(report.units.get(channel, "")), LABEL))
         for example, axis in enumerate(axes[0]):
             axis.set_title(f"Start {example + 1}")
         for axis in axes[-1]:
@@ -87,8 +88,8 @@ def figure_divergence(report: LoopReport) -> Figure | None:
                 )
             if any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
                 axis.set_yscale("log")
-            axis.set_title(channel)
-            axis.set_ylabel(f"distance [{unit(report.units.get(channel, '-'))}]")
+            axis.set_title(shortened(channel))
+            axis.set_ylabel(f"distance [{shortened(unit(report.units.get(channel, '-')), LONGEST_UNIT)}]")
         for axis in axes.flat[len(channels) :]:
             axis.set_visible(False)
         for axis in axes[-1]:

@@ -9,6 +9,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from gpsim.printable import printable
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.model_sheets import calibration_sheet, gp_warnings, one_step_sheet, rollout_sheet
 from gpsim.reports.palette import POLICIES, colours
@@ -60,8 +61,8 @@ def _parts(sheet: Sheet) -> list[Sheet]:
 def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
     """One sheet as a table of the terminal; `colour` is that of names that have one."""
     table = Table(
-        title=sheet.title,
-        caption=sheet.note or None,
+        title=Text(printable(sheet.title), "table.title"),
+        caption=Text(printable(sheet.note), "table.caption") if sheet.note else None,
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
         pad_edge=False,
@@ -71,7 +72,9 @@ def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
     for index, name in enumerate(sheet.columns):
         label = index < sheet.labels
         table.add_column(
-            name if label else fill(name, HEADER), justify="left" if label else "right", no_wrap=label
+            Text(printable(name if label else fill(name, HEADER))),
+            justify="left" if label else "right",
+            no_wrap=label,
         )
     for cells in sheet.rows:
         table.add_row(*(_text(cell, colour) for cell in cells))
@@ -79,11 +82,12 @@ def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
 
 
 def _text(cell: Cell, colour: dict[str, str]) -> Text:
+    text = printable(cell.text)
     if cell.below:
-        return Text.assemble(cell.text, (f"\n{cell.below}", "dim"))
+        return Text.assemble(text, (f"\n{printable(cell.below)}", "dim"))
     if cell.marked:
-        return Text(f"{cell.text} !", style="bold red")
+        return Text(f"{text} !", style="bold red")
     # Target is nearly black in figures: invisible on a dark terminal.
     if cell.name and cell.name in colour and cell.name != "Target":
-        return Text(cell.text, style=colour[cell.name])
-    return Text(cell.text, style="bold" if cell.name in POLICIES else "")
+        return Text(text, style=colour[cell.name])
+    return Text(text, style="bold" if cell.name in POLICIES else "")

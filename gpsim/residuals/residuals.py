@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, wrap_angle
+from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, columns_beside, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.recordings import OverGaps, Recording, Transitions, gaps
 from gpsim.residuals.checks import check_clock, check_match, check_rates, check_varies, not_finite
@@ -175,13 +175,22 @@ def first_test_episode(count: int, test_fraction: float) -> int:
 
 
 def to_table(residuals: Residuals) -> pd.DataFrame:
-    """One row a transition: episode, t, inputs, measured.*, simulated.*, test, order; `over_gaps` has its own table."""
+    """One row a transition: episode, t, inputs, measured.*, simulated.*, test, order; `over_gaps` has its own table.
+
+    An input that is called as one of the others is `input.NAME`.
+    """
     columns = {"episode": residuals.episode, "t": residuals.t}
-    columns |= {name: residuals.inputs[:, i] for i, name in enumerate(residuals.channels.names)}
+    inputs = _input_columns(residuals.channels, residuals.rate)
+    columns |= {name: residuals.inputs[:, i] for i, name in enumerate(inputs)}
     for i, name in enumerate(residuals.rate.names):
         columns[f"measured.{name}"] = residuals.measured[:, i]
         columns[f"simulated.{name}"] = residuals.simulated[:, i]
     return pd.DataFrame(columns | {"test": residuals.test, "order": residuals.order})
+
+
+def _input_columns(channels: Channels, rate: Channels) -> list[str]:
+    of_rates = [f"{what}.{name}" for name in rate.names for what in ("measured", "simulated")]
+    return columns_beside(channels.names, {"episode", "t", "test", "order", *of_rates}, "input")
 
 
 def from_table(
@@ -191,7 +200,7 @@ def from_table(
     return Residuals(
         channels=channels,
         rate=rate,
-        inputs=table[list(channels.names)].to_numpy(dtype=np.float64),
+        inputs=table[_input_columns(channels, rate)].to_numpy(dtype=np.float64),
         measured=table[[f"measured.{name}" for name in rate.names]].to_numpy(dtype=np.float64),
         simulated=table[[f"simulated.{name}" for name in rate.names]].to_numpy(dtype=np.float64),
         t=table["t"].to_numpy(dtype=np.float64),

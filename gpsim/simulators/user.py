@@ -30,8 +30,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, difference
-from gpsim.ending import Terminated
-from gpsim.errors import UsageError
+from gpsim.errors import Terminated, UsageError
 from gpsim.simulators.first_contact import try_apart
 from gpsim.simulators.simulator import (
     INTEGRATORS,

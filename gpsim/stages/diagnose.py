@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
-from gpsim.corrected import EffectsPlant, Features, GpCorrection, plant_from
+from gpsim.corrected import EffectsPlant, GpCorrection, plant_from
 from gpsim.diagnosis import Diagnosis, diagnose
 from gpsim.diagnosis.data import first_held_out
 from gpsim.diagnosis.run import Run, cores
@@ -89,9 +89,8 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
     simulator = wrapping(simulator, _wrapped(simulator.state, data.get("wraps", ())))
     correction = None
     if gp and data["gp"]:
-        predictor, inputs = read_gp(artifact.path)
-        channels = simulator.state + simulator.action
-        correction = GpCorrection(predictor, Features.of(inputs, channels), "mean", sample_noise=False)
+        predictor, features = read_gp(artifact.path, simulator.state + simulator.action)
+        correction = GpCorrection(predictor, features, "mean", sample_noise=False)
         data |= data.get("with_gp", {})  # it may stand in the effects' place
     return plant_from(data, simulator, correction)
 
@@ -191,6 +190,14 @@ def _settings(request: Request) -> Settings:
     return read_settings({step: values for step, values in given.items() if step != "episodes"})
 
 
+def _check_names(simulator: Simulator) -> None:
+    """diagnosis.json has one key of its own beside the state channels (`fit.rollout`)."""
+    if "horizon_s" in simulator.state.names:
+        raise UsageError(
+            "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
+        )
+
+
 def _title(recording: Recording) -> str:
     """Not the folder's name: the same recording elsewhere makes the same page."""
     return f"{recording.system}, {recording.transition_count} transitions"
@@ -209,6 +216,7 @@ def _diagnosed(
     parameters = simulator.defaults(recording.parameters)
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)
+    _check_names(simulator)
     check_rates(guessed(recording, simulator), simulator, parameters)
     rng = generator(request.seed, "diagnose")
     with cores(request.cores) as workers:

@@ -60,7 +60,7 @@ def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
 def _write_process(folder: Path, found: Outcome) -> None:
     if found.comparison.corrected is not None:
         learnt = found.comparison.corrected.learnt
-        write_gp(folder, learnt.predictor, learnt.features.names)
+        write_gp(folder, learnt.predictor, learnt.features)
 
 
 def _pictures(folder: Path, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:

@@ -49,7 +49,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
     predictor = Predictor(gps)
     found = find_filter(residuals, base, predictor, features) if filtered else None
-    write_gp(folder, predictor, features.names, found, wraps=features.wraps)
+    write_gp(folder, predictor, features, found, wraps=features.wraps)
     reports = {
         name: gp.report.to_dict() for name, gp in zip(residuals.rate.names, gps, strict=True) if gp.report
     }

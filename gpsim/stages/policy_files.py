@@ -15,7 +15,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from gpsim.channels import Channels
-from gpsim.corrected import CommandFilter, Features, GpCorrection, Prediction
+from gpsim.corrected import CommandFilter, Feature, Features, GpCorrection, Prediction
 from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import Predictor, from_arrays, to_arrays
@@ -36,17 +36,19 @@ def read_policy(folder: Path) -> Policy:
 def write_gp(
     folder: Path,
     predictor: Predictor,
-    inputs: tuple[str, ...],
+    features: Features,
     command_filter: CommandFilter | None = None,
     *,
     wraps: tuple[bool, ...] = (),
 ) -> None:
-    """gp.safetensors and gp.json, with the names of the inputs and the filter before them, if there is one.
+    """gp.safetensors and gp.json, with the inputs and the filter before them, if there is one.
 
-    wraps: input by input, whether its angle was taken between -pi and pi; written where one was.
+    `inputs` says for people what `features` says for programs: a channel may be called as a function of another one is
+    written. wraps: input by input, whether its angle was taken between -pi and pi; written where one was.
     """
     arrays, metadata = to_arrays(predictor)
-    metadata = {**metadata, "inputs": list(inputs)}
+    written = [item.to_json() for item in features.items]
+    metadata = {**metadata, "inputs": list(features.names), "features": written}
     if any(wraps):
         metadata["wraps"] = list(wraps)
     if command_filter is not None:
@@ -54,13 +56,16 @@ def write_gp(
     _write(folder, "gp", arrays, metadata)
 
 
-def read_gp(folder: Path) -> tuple[Predictor, tuple[str, ...]]:
-    """The inverse of `write_gp`."""
+def read_gp(folder: Path, channels: Channels) -> tuple[Predictor, Features]:
+    """The inverse of `write_gp` for a simulator with these channels of state and action."""
     arrays, metadata = _read(folder, "gp")
     try:
-        return from_arrays(arrays, metadata), tuple(metadata["inputs"])
+        predictor, inputs = from_arrays(arrays, metadata), metadata["inputs"]
     except (ValueError, KeyError) as error:
         raise UsageError(f"{folder}: not a Gaussian process that this version reads: {error}") from error
+    if "features" in metadata:  # earlier versions wrote texts alone
+        inputs = [Feature.from_json(item) for item in metadata["features"]]
+    return predictor, Features.of(inputs, channels)
 
 
 def read_filter(folder: Path) -> CommandFilter | None:
@@ -76,11 +81,10 @@ def read_gp_correction(
 
     An angle wraps where it did in the fit: what the recording says of it counts, not the simulator.
     """
-    predictor, inputs = read_gp(folder)
+    predictor, features = read_gp(folder, channels)
     _, metadata = _read(folder, "gp")
-    wraps = tuple(bool(flag) for flag in metadata.get("wraps", [False] * len(inputs)))
-    features = dataclasses.replace(Features.of(inputs, channels), wraps=wraps)
-    return GpCorrection(predictor, features, prediction, sample_noise)
+    wraps = tuple(bool(flag) for flag in metadata.get("wraps", [False] * len(features.items)))
+    return GpCorrection(predictor, dataclasses.replace(features, wraps=wraps), prediction, sample_noise)
 
 
 def write_curve(folder: Path, curve: LearningCurve) -> None:

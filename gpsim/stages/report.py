@@ -115,6 +115,7 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
             for seed, evaluation in zip(seeds, evaluations, strict=True)
         },
         states=base.state.names,
+        velocities=tuple(coordinate.velocity for coordinate in base.simulator.coordinates),
         rollouts=_rollouts(evaluated[seeds[0]]),
         dt=base.dt,
         units=base.state.units | base.simulator.rate.units,

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from gpsim.ending import Terminated
-from gpsim.errors import UsageError
+from gpsim.errors import Terminated, UsageError
 from gpsim.simulators import source_file
 from gpsim.workers import WorkerDiedError
 

@@ -12,3 +12,24 @@ class Slider:
     def rates(self, state, action, p, forces):
         return {"q_dot": (action["force"] + forces["q"]) / p["mass"]}
 """
+
+ODD_NAMES = (
+    r"_x (m), $\frac{",
+    "x_dot $v$ 'e' \"q\" & é" + "ü" * 150 + "[end]",
+    "F <script>alert(1)</script>",
+)
+"""Position, velocity and action of the slider below, as a spreadsheet or an attacker may call them."""
+ODD_SLIDER = f"""
+X, V, F = {ODD_NAMES!r}
+M = "m_{{cart}}^2 [red]%s[/]"
+
+class Odd:
+    state = {{X: "m", V: "m/s"}}
+    action = {{F: "N"}}
+    parameters = {{M: ("kg", 2.0, 0.1, 10.0)}}
+    coordinates = {{X: V}}
+    force_units = {{X: "N"}}
+
+    def rates(self, state, action, p, forces):
+        return {{V: (action[F] + forces[X]) / p[M]}}
+"""

@@ -13,7 +13,7 @@ from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
-from gpsim.effects.term import EPISODE, from_json, to_json
+from gpsim.effects.term import EPISODE, IN_EPISODE, from_json, to_json
 from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
@@ -110,13 +110,13 @@ def test_clocks_of_their_own_are_seen():
 def test_a_gate_in_episodes_opens_once_and_stays_open():
     gate, three = Gate(since_episode=2), np.zeros(3)
     path = (np.zeros((3, 2)), np.zeros((3, 2)))
-    values = {EPISODE: np.array([1.0, 2.0, 3.0])}
+    values = {IN_EPISODE: np.array([1.0, 2.0, 3.0])}
     share = gate.share(path, np.zeros((3, 1)), three, three, SLIDER.state, values)
     np.testing.assert_array_equal(share, [0.0, 1.0, 1.0])
     afterwards = gate.share(path, np.zeros((3, 1)), three, three, SLIDER.state, {})
     np.testing.assert_array_equal(afterwards, 1.0)  # what no recording holds comes after it
     assert gate
-    assert gate.looks_at == EPISODE
+    assert gate.looks_at is EPISODE
     assert not gate.opened
 
 

@@ -65,6 +65,7 @@ def _report(seeds: int = 1, policies: tuple[str, ...] = tuple(POLICIES)) -> Loop
         slices={"x_acc": _slice("x_acc"), "theta_acc": _slice("theta_acc")},
         fits={seed: _fit() for seed in range(seeds)},
         states=STATES,
+        velocities=("x_dot", "theta_dot"),
         rollouts={name: rng.normal(size=(4, 21, 4)) for name in ("Target", "Source", "GP-Mean", "GP-Sample")},
         dt=0.02,
         units=UNITS,

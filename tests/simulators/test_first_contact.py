@@ -6,8 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gpsim.ending import Terminated
-from gpsim.errors import UsageError
+from gpsim.errors import Terminated, UsageError
 from gpsim.simulators import make_simulator
 from gpsim.stages.users_code import blamed
 from gpsim.workers import WorkerDiedError
@@ -144,7 +143,7 @@ def test_whose_fault_an_end_is():
 
 def test_a_request_to_end_is_not_taken_for_the_users_code(tmp_path):
     asked = (
-        "from gpsim.ending import Terminated; state['level'][0] > 5 and (_ for _ in ()).throw(Terminated())"
+        "from gpsim.errors import Terminated; state['level'][0] > 5 and (_ for _ in ()).throw(Terminated())"
     )
     found = make_simulator(tank(tmp_path, asked=asked))
     with pytest.raises(Terminated):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,7 +24,10 @@ FEWEST_SAMPLES, LEAST = 400, 0.25  # below, chance may put the squares beyond no
 
 @dataclass(frozen=True)
 class Part:
-    """The samples whose `channel` lies in [low, high], or outside of it; shares of the mismatch and of the samples."""
+    """The samples whose `channel` lies in [low, high], or outside of it; shares of the mismatch and of the samples.
+
+    age: whether `channel` is no channel but how long ago something happened.
+    """
 
     channel: str
     low: float
@@ -32,6 +35,7 @@ class Part:
     inside: bool
     share: float
     samples: float
+    age: bool = False
 
     def of(self, rate: str) -> Concentration:
         """As the mismatch of this rate is reported."""
@@ -65,7 +69,7 @@ def concentrated(
     for name, age in (ages or {}).items():
         part = _part(name, age, beyond)
         if part is not None and part.inside and part.low == age.min():
-            found.append(part)
+            found.append(replace(part, age=True))
     return min(found, key=lambda part: part.samples, default=None)
 
 

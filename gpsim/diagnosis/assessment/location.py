@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
@@ -59,7 +61,11 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
         inputs["episode"] = comparison.episodes
     ages = {f"{SINCE_REVERSAL}{of}": age for of, age in comparison.since_reversal.items()}
     part = concentrated(inputs, residual**2, comparison.one_step[name].noise_floor ** 2, ages)
-    return None if part is None else part.of(name)
+    if part is None:
+        return None
+    # A channel may be called as an age is: a reader must know which one it is.
+    alike = not part.age and part.channel.startswith(SINCE_REVERSAL)
+    return replace(part.of(name), is_channel=True) if alike else part.of(name)
 
 
 def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, float]:

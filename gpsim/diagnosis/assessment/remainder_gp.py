@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.corrected import Features
+from gpsim.corrected import Feature, Features
 from gpsim.diagnosis.assessment.bootstrap import rms
 from gpsim.diagnosis.assessment.rollouts import Model, rolled
 from gpsim.diagnosis.data import Windows
@@ -63,9 +63,9 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
 
 def _features(problem: Problem) -> Features:
     """State and action, and the signs of the velocities: friction jumps there."""
-    names = (*problem.simulator.state.names, *problem.simulator.action.names)
-    signs = tuple(f"sign({c.velocity})" for c in problem.simulator.coordinates)
-    return Features.of((*names, *signs), problem.simulator.state + problem.simulator.action)
+    channels = problem.simulator.state + problem.simulator.action
+    signs = (Feature(coordinate.velocity, "sign") for coordinate in problem.simulator.coordinates)
+    return Features.of([*map(Feature, channels.names), *signs], channels)
 
 
 @dataclass(frozen=True)

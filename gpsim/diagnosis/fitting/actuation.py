@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows
-from gpsim.effects import EPISODE, Chain, Values
+from gpsim.effects import IN_EPISODE, Chain, Values
 from gpsim.simulators import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
@@ -45,7 +45,7 @@ def values_of(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray
     values = list(spread(thetas, len(windows)))
     for i, term in enumerate(chain.terms):
         if term.gate.since_episode is not None:
-            values[i] = {**values[i], EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
+            values[i] = {**values[i], IN_EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
     return values
 
 

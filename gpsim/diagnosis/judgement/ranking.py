@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, scores
 from gpsim.diagnosis.report import RankedHypothesis
-from gpsim.effects import Gate
+from gpsim.effects import Gate, Moment
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,9 @@ def ranked(
 def _limited_in(gate: Gate) -> str:
     if not gate:
         return ""
-    return gate.looks_at or "time"
+    at = gate.looks_at
+    return "time" if at is None else at.value if isinstance(at, Moment) else at
 
 
 def _key(hypothesis: Hypothesis) -> object:
-    return hypothesis.scheme, frozenset((t.identity, _limited_in(t.gate)) for t in hypothesis.terms)
+    return hypothesis.scheme, frozenset((t.identity, bool(t.gate), t.gate.looks_at) for t in hypothesis.terms)

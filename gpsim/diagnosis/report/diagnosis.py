@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any, Literal
 
-from gpsim.diagnosis.report.codec import UNWRITTEN, read, written
+from gpsim.diagnosis.report.codec import OMITTED, UNWRITTEN, read, written
 from gpsim.diagnosis.report.effects import Alternative, NamedEffect, RankedHypothesis
 from gpsim.diagnosis.report.facts import Discrimination, NoGp
 from gpsim.diagnosis.report.fit import HeldOutFit
@@ -25,7 +25,8 @@ class Concentration:
     """The part of one input, or of time, that holds nearly all of a rate's mismatch and few of the samples.
 
     channel: a state, an action, `t` [s], `episode` (from 0), or `since_reversal:` of an action or a velocity [s];
-    interval: in its unit, the part lies inside or outside of it; shares of the mismatch and of the samples [1].
+    interval: in its unit, the part lies inside or outside of it; shares of the mismatch and of the samples [1];
+    is_channel: true where a channel is called as one of the others, else not written.
     """
 
     rate: str
@@ -34,6 +35,7 @@ class Concentration:
     interval: tuple[float, float]
     share_of_mismatch: float
     share_of_samples: float
+    is_channel: bool | None = field(default=None, metadata=OMITTED)
 
 
 @dataclass(frozen=True, kw_only=True)

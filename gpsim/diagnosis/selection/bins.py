@@ -10,20 +10,20 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.diagnosis.fitting import Problem
-from gpsim.effects import EPISODE
+from gpsim.effects import EPISODE, LooksAt
 from gpsim.recordings import evenly
 
 BINS, MARGIN = 24, 0.05  # and how far the outer edges lie beyond what was visited, of its range
 TURN = 2.0 * np.pi
 
 
-def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
+def bin_edges(problem: Problem, channel: LooksAt) -> FloatArray:
     """Edges of BINS bins of a channel, of time where it is None, of EPISODE: outer ones open, inner ones quantiles.
 
     Those of an angle that wraps go round the circle once at most, from where it was not visited.
     """
     windows = problem.windows
-    if channel == EPISODE:
+    if channel is EPISODE:
         return _between_episodes(windows.episode)
     if channel is None:
         return _bins(windows.t[windows.valid])
@@ -36,19 +36,19 @@ def bin_edges(problem: Problem, channel: str | None) -> FloatArray:
     return _bins(values)
 
 
-def turns(problem: Problem, channel: str | None) -> bool:
+def turns(problem: Problem, channel: LooksAt) -> bool:
     """Whether a channel is an angle known modulo a whole turn."""
     state = problem.simulator.state
     return channel in state.names and bool(state.wraps[state.names.index(channel)])
 
 
-def goes_round(problem: Problem, channel: str | None, edges: FloatArray) -> bool:
+def goes_round(problem: Problem, channel: LooksAt, edges: FloatArray) -> bool:
     """Whether the last bin of an angle has the first one for a neighbour."""
     return turns(problem, channel) and bool(np.isclose(edges[-1] - edges[0], TURN, rtol=1e-9))
 
 
 def range_around(
-    problem: Problem, channel: str | None, region: tuple[float, float] | None
+    problem: Problem, channel: LooksAt, region: tuple[float, float] | None
 ) -> tuple[float, float]:
     """Between which values the edges of a region of `channel` may move, in the turn in which the region lies."""
     edges = bin_edges(problem, channel)

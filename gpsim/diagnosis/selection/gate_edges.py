@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.selection.bins import range_around
-from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate
+from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate, LooksAt
 
 SCANNED = 8  # places on each side of an edge
 JOINT = 8  # iterations of a joint fit
@@ -26,9 +26,9 @@ SIZE = 0.1  # of a channel's range: what a joint fit takes for the typical size 
 EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO))
 
 
-def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Gate:
+def gate_between(channel: LooksAt, low: float, high: float, ends: bool) -> Gate:
     """A region of `channel`; where that is None the time from low on, to high where it `ends`; EPISODE: from low on."""
-    if channel == EPISODE:
+    if channel is EPISODE:
         return Gate(since_episode=int(np.ceil(low)))
     if channel is None:
         return Gate(since=float(low), until=float(high) if ends else None)
@@ -38,7 +38,7 @@ def gate_between(channel: str | None, low: float, high: float, ends: bool) -> Ga
 def declared_edges(
     hypothesis: Hypothesis,
     index: int,
-    channel: str | None,
+    channel: LooksAt,
     low: float,
     high: float,
     ends: bool,
@@ -63,9 +63,10 @@ def placed(
     effort: simulated rows after which no further scan begins.
     """
     gate, channel = at.hypothesis.terms[index].gate, at.hypothesis.terms[index].gate.looks_at
-    if channel == EPISODE:
+    if channel is EPISODE:
         return _first_episode(problem, at, index)
-    outer = range_around(problem, channel, gate.region.get(channel or ""))
+    region = gate.region[channel] if isinstance(channel, str) else None
+    outer = range_around(problem, channel, region)
     spread = outer[1] - outer[0]
     reach, stays = share * spread, 0
     sides, most = {0, 1}, problem.run.budget.spent + effort
@@ -112,7 +113,7 @@ def _first_episode(problem: Problem, at: Fit, index: int) -> Fit:
 class _Span:
     """What a term's gate lets through, an open edge at the end of the range `outer`; ends: whether it ends at all."""
 
-    channel: str | None
+    channel: LooksAt
     low: float
     high: float
     ends: bool
@@ -123,7 +124,7 @@ class _Span:
         """That of one term."""
         gate = at.hypothesis.terms[index].gate
         channel = gate.looks_at
-        low, high = gate.region[channel] if channel else (gate.since, gate.until)
+        low, high = gate.region[channel] if isinstance(channel, str) else (gate.since, gate.until)
         ends = channel is not None or high is not None
         return cls(channel, outer[0] if low is None else low, outer[1] if high is None else high, ends, outer)
 

@@ -28,7 +28,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.bins import TURN, bin_edges, goes_round, nearest_turn, turns
 from gpsim.diagnosis.selection.gate_edges import FAR, NEAR, declared_edges, gate_between, placed
-from gpsim.effects import EPISODE, effect_of, has_patch
+from gpsim.effects import EPISODE, LooksAt, effect_of, has_patch
 
 GATED, PROMISING, PLACED = (
     4,
@@ -36,7 +36,7 @@ GATED, PROMISING, PLACED = (
     2,
 )  # gated terms that are fitted, of so many plain ones; of which edges are placed
 GLIMPSE = 2.5e7  # simulated rows for the edges of one gate at first
-MOMENTS: tuple[str | None, ...] = (None, EPISODE)
+MOMENTS: tuple[LooksAt, ...] = (None, EPISODE)
 """What an onset is one of: it lasts to the end."""
 WORTH_PLACING = 1.0  # nats that thresholds gained, after which edges are placed anew
 WORTH = 5.0  # nats that a gate must promise over the effect everywhere
@@ -54,7 +54,7 @@ class Proposal:
     gain: float
     candidate: Candidate
     values: tuple[float, ...]
-    channel: str | None
+    channel: LooksAt
     low: float
     high: float
     ends: bool
@@ -65,7 +65,7 @@ def gated_children(
     directions: Directions,
     plain: Sequence[Fit],
     offers: Sequence[Candidate],
-    channels: Sequence[str | None] | None = None,
+    channels: Sequence[LooksAt] | None = None,
     *,
     few: Directions | None = None,
 ) -> list[Fit]:
@@ -82,7 +82,7 @@ def gated_children(
     promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
     best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
     claims = directions.parent.hypothesis.claims
-    looks: list[tuple[Directions, Candidate, tuple[float, ...], str | None, int]] = []
+    looks: list[tuple[Directions, Candidate, tuple[float, ...], LooksAt, int]] = []
     for candidate in (c for c in offers if c.gateable and c.identity not in claims):
         family = effect_of(candidate.family).patch_of or candidate.family
         everywhere = best.get((family, candidate.place.on))
@@ -144,7 +144,7 @@ def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:
     return at
 
 
-def makes_sense(candidate: Candidate, channel: str | None) -> bool:
+def makes_sense(candidate: Candidate, channel: LooksAt) -> bool:
     """A law in a region of its own coordinate may be a family of its own, a patch, and is nothing else then."""
     if candidate.only_gated:
         return channel == candidate.place.on
@@ -165,7 +165,7 @@ def _best_gate(
     directions: Directions,
     candidate: Candidate,
     values: tuple[float, ...],
-    channel: str | None,
+    channel: LooksAt,
     count_windows: int,
 ) -> Proposal | None:
     """The run of bins that promises most over acting everywhere; its gain is that on so many windows."""
@@ -191,7 +191,7 @@ def _best_gate(
 
 def may_be_limited(
     around: Directions, without: Directions, candidate: Candidate, values: tuple[float, ...]
-) -> list[str | None]:
+) -> list[LooksAt]:
     """Channels on which a term that acts everywhere could as well act in a region, from what it does in each bin.
 
     around: at the hypothesis with the term; without: at the one without it, in units of the first one's residual. Where
@@ -209,7 +209,7 @@ def _spares(
     without: Directions,
     candidate: Candidate,
     values: tuple[float, ...],
-    channel: str | None,
+    channel: LooksAt,
 ) -> bool:
     edges = bin_edges(without.problem, channel)
     if len(edges) < 4:
@@ -233,13 +233,13 @@ def _by_bin(
     directions: Directions,
     candidate: Candidate,
     values: tuple[float, ...],
-    channel: str | None,
+    channel: LooksAt,
     edges: FloatArray,
 ) -> FloatArray:
     """(bins, N): what the term takes off the residual when it acts in one bin of the channel alone."""
     hypothesis = directions.parent.hypothesis
     plain = hypothesis.plus(candidate.term(values), candidate.declared)
-    if channel == EPISODE:
+    if channel is EPISODE:
         return _by_episodes(directions, plain, np.array([*hypothesis.theta, *values]), edges)
     binned = declared_edges(plain, len(hypothesis.terms), channel, float(edges[0]), float(edges[-1]), True)
     thetas = np.array([[*hypothesis.theta, *values, low, high] for low, high in pairwise(edges)])
@@ -279,12 +279,12 @@ def _best_run(
     return first, last, float(gains[first, last]), whole
 
 
-def moments(problem: Problem) -> list[str | None]:
+def moments(problem: Problem) -> list[LooksAt]:
     """Where an onset may be looked for: time, and which episode it is where their clocks begin anew."""
     return list(MOMENTS) if problem.windows.own_clocks else [None]
 
 
-def region_channels(problem: Problem) -> list[str | None]:
+def region_channels(problem: Problem) -> list[LooksAt]:
     """Where a gate may look: positions, then moments."""
     velocities = {c.velocity for c in problem.simulator.coordinates}
     names = [c.name for c in problem.simulator.state if c.name not in velocities]

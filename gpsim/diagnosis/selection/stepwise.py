@@ -43,6 +43,7 @@ from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, swapped
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import LooksAt
 
 MOST_TERMS = 7
 MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
@@ -275,7 +276,7 @@ def _gated(
     if term.gate or not itself:
         return []
     values = tuple(term.values[p.name] for p in itself[0].declared)
-    channels: list[str | None] | None = None
+    channels: list[LooksAt] | None = None
     if around is not None:
         without = Directions(part, replace(left_open(part, seen, index), variance=seen.variance))
         laws = [(c, cases.get(c.family, values) if c.only_gated else values) for c in itself]

@@ -1,0 +1,294 @@
+"""Names are data: nothing that gpsim writes or keeps takes one for something else."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from gpsim.cli import main as cli
+from gpsim.cli import progress
+from hypothesis import given
+from hypothesis import strategies as st
+from made_diagnoses import made_diagnosis, made_location
+from rich.console import Console
+
+from gpsim.channels import Channels, columns_beside
+from gpsim.corrected.features import Feature, Features
+from gpsim.diagnosis.assessment import location as locating
+from gpsim.diagnosis.assessment.concentration import concentrated
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.judgement.ranking import Ranked, _key
+from gpsim.diagnosis.selection.gate_edges import gate_between
+from gpsim.effects import Gate, Term, effect_of
+from gpsim.effects.effect import columns_of
+from gpsim.effects.term import EPISODE
+from gpsim.errors import UsageError
+from gpsim.files import write_json
+from gpsim.gp import FitSettings, Predictor, fit_outputs
+from gpsim.printable import printable
+from gpsim.recordings import Episode, Recording, read_recording
+from gpsim.recordings.bare_table import read_bare_table
+from gpsim.recordings.export import wide_table, write_mcap
+from gpsim.recordings.files import write_recording
+from gpsim.recordings.gaps import OverGaps
+from gpsim.recordings.import_report import EpisodeCount, ImportReport, as_text
+from gpsim.recordings.readers import open_log
+from gpsim.reports.diagnosis_text import _part
+from gpsim.reports.sheets import Sheet, row
+from gpsim.reports.tables import terminal_table
+from gpsim.residuals import Residuals, from_table, to_table
+from gpsim.simulators import make_simulator
+from gpsim.stages.policy_files import read_gp, write_gp
+
+NAMES = st.lists(st.text(min_size=1, max_size=20), min_size=1, max_size=6, unique=True)
+MARKUP = "[red]x[/] [/] [bold"
+
+
+# Features on disk
+
+
+@pytest.fixture(scope="module")
+def predictor():
+    rng = np.random.default_rng(0)
+    settings = FitSettings(restarts=1, screening_iterations=2, max_iterations=5)
+    return Predictor(fit_outputs(rng.normal(size=(12, 2)), rng.normal(size=(12, 1)), settings, rng))
+
+
+def test_a_process_reads_the_inputs_that_it_was_fitted_to(predictor, tmp_path):
+    channels = Channels.of({"x (m)": "m", "sign(x (m))": "1"})
+    fitted = Features.of([Feature("x (m)"), Feature("x (m)", "sign")], channels)
+    write_gp(tmp_path, predictor, fitted)
+    _, read = read_gp(tmp_path, channels)
+    assert read == fitted
+
+
+def test_a_process_of_an_earlier_version_is_read(predictor, tmp_path):
+    channels = Channels.of({"x": "m"})
+    write_gp(tmp_path, predictor, Features.of(["x", "sign(x)"], channels))
+    content = json.loads((tmp_path / "gp.json").read_text())
+    assert content["inputs"] == ["x", "sign(x)"]
+    del content["features"]
+    write_json(tmp_path / "gp.json", content)
+    assert read_gp(tmp_path, channels)[1].items == (Feature("x"), Feature("x", "sign"))
+
+
+# Columns of tables
+
+
+@given(names=NAMES, others=NAMES)
+def test_columns_are_all_different_and_names_that_are_free_stay(names, others):
+    columns = columns_beside(names, others, "input")
+    assert len({*columns, *others}) == len(names) + len(others)
+    assert all(column == name for column, name in zip(columns, names, strict=True) if name not in others)
+    assert all(column.endswith(name) for column, name in zip(columns, names, strict=True))
+
+
+def test_residuals_of_channels_that_are_called_as_other_columns():
+    channels = Channels.of(dict.fromkeys(["test", "order", "episode", "measured.a_rate", "input.test"], "m"))
+    rng = np.random.default_rng(0)
+    written = Residuals(
+        channels=channels,
+        rate=Channels.of({"a_rate": "m/s"}),
+        inputs=rng.normal(size=(4, 5)),
+        measured=rng.normal(size=(4, 1)),
+        simulated=rng.normal(size=(4, 1)),
+        t=np.arange(4.0),
+        episode=np.arange(4),
+        test=np.array([True, False, True, False]),
+        order=np.arange(4),
+    )
+    read = from_table(to_table(written), channels, written.rate)
+    for name in ("inputs", "measured", "simulated", "t", "episode", "test", "order"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
+
+
+def test_commands_over_gaps_of_actions_that_are_called_as_other_columns():
+    written = OverGaps(np.array([3, 5]), np.array([0.1, 0.2]), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    read = OverGaps.from_table(written.to_table(Channels.of({"after": "N", "t": "s"})))
+    np.testing.assert_array_equal(read.actions, written.actions)
+    np.testing.assert_array_equal(read.t, written.t)
+
+
+# Recordings
+
+
+def recorded(state, action, episodes=("a",)):
+    rng = np.random.default_rng(0)
+    made = tuple(
+        Episode(name, 0.1 * np.arange(4), rng.normal(size=(4, len(state))), rng.normal(size=(3, len(action))))
+        for name in episodes
+    )
+    units = Channels.of(dict.fromkeys(state, "m")), Channels.of(dict.fromkeys(action, "N"))
+    return Recording("mine", *units, made, 0.1)
+
+
+def test_an_export_keeps_channels_that_are_called_as_its_own_columns():
+    recording = recorded(["time", "q", "simulated.q"], ["export.time"])
+    states = recording.episodes[0].states
+    table = wide_table(recording, {"simulated": [states + 1.0]})
+    np.testing.assert_array_equal(table[["time", "q", "simulated.q"]], states)
+    np.testing.assert_array_equal(table["export.time"][:3], recording.episodes[0].actions[:, 0])
+    np.testing.assert_array_equal(table["export.simulated.q"], states[:, 1] + 1.0)
+    np.testing.assert_allclose(table["export.export.time"], 0.1 * np.arange(4))
+
+
+def test_an_export_of_odd_names_is_read_back(tmp_path):
+    state = ["x (m)", "$v$ & <b>", "a/b", "x", "y", "yaw", "pose", "=1+1"]
+    recording = recorded(state, ["F, 'N' \"q\""])
+    write_mcap(recording, {}, tmp_path / "out.mcap")
+    topics = [topic.name for topic in open_log(tmp_path / "out.mcap").topics()]
+    assert sorted(topics) == sorted([*(f"/measured/{name}" for name in state), "/command/F, 'N' \"q\""])
+
+
+def test_episodes_may_be_called_what_a_table_calls_nothing(tmp_path):
+    names = ("NA", "007", "null", "nan", "1e3", " a", "None")
+    write_recording(recorded(["x"], ["u"], names), tmp_path, "csv")
+    assert tuple(e.name for e in read_recording(tmp_path).episodes) == names
+    bare = read_bare_table(
+        tmp_path / "recording.csv", "mine", Channels.of({"x": "m"}), Channels.of({"u": "N"}), {}
+    )
+    assert tuple(e.name for e in bare.episodes) == names
+
+
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda table: read_recording(table.parent),
+        lambda table: read_bare_table(table, "mine", Channels.of({"x": "m"}), Channels.of({"u": "N"}), {}),
+    ],
+    ids=["recording", "bare"],
+)
+def test_an_episode_without_a_name_is_refused(tmp_path, read):
+    write_recording(recorded(["x"], ["u"], ("NA", "b")), tmp_path, "csv")
+    table = tmp_path / "recording.csv"
+    table.write_text(table.read_text().replace("\nb,", "\n,"))
+    with pytest.raises(UsageError, match="row 4: no episode"):
+        read(table)
+
+
+def test_a_quoted_header_may_hold_the_separator(tmp_path):
+    names = ["t", "x, y (m)", 'say "q"', "F; N"]
+    frame = pd.DataFrame(np.arange(20.0).reshape(5, 4), columns=names)
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    (topic,) = open_log(tmp_path / "log.csv").topics()
+    assert list(topic.fields) == names
+
+
+# Gates, places and what a report says
+
+
+def test_a_channel_called_episode_is_not_the_count_of_episodes():
+    gate = gate_between("episode", 0.0, 1.0, True)
+    assert gate.region == {"episode": (0.0, 1.0)}
+    assert gate.looks_at == "episode"
+    assert gate.looks_at != EPISODE
+    assert Gate(since_episode=3).looks_at is EPISODE
+
+
+def test_gates_at_channels_called_as_moments_are_other_hypotheses():
+    def gated(gate):
+        return Hypothesis((Term("viscous_friction", "q", {"damping": 1.0}, gate),))
+
+    region = {"time": (0.0, 1.0)}
+    assert _key(gated(Gate(since=1.0))) != _key(gated(Gate(region=region)))
+    region = {"episode": (0.0, 1.0)}
+    assert _key(gated(Gate(since_episode=1))) != _key(gated(Gate(region=region)))
+    assert Ranked(gated(Gate(since_episode=1)), 0.0, True).entry["gates"] == ["episode"]
+    assert Ranked(gated(Gate(since=1.0)), 0.0, True).entry["gates"] == ["time"]
+
+
+def test_a_channel_called_pose_is_one_channel():
+    simulator = make_simulator("unicycle")
+    named = replace_state(simulator, {"pose": "m", "x": "m", "y": "m", "yaw": "rad"})
+    assert columns_of(effect_of("sensor_bias"), "pose", named) == (0,)
+    assert columns_of(effect_of("marker_offset"), "pose", named) == (1, 2, 3)
+
+
+def replace_state(simulator, units):
+    class Named(type(simulator)):
+        state = Channels.of(units)
+
+    return Named()
+
+
+def test_a_channel_called_as_an_age_is_told_as_a_channel():
+    name = f"{locating.SINCE_REVERSAL}F"
+    values = np.linspace(-1.0, 1.0, 2000)
+    squares = np.where(np.abs(values) < 0.1, 1.0, 0.0)
+    part = concentrated({name: values}, squares, 1e-3)
+    age = concentrated({}, squares[1000:], 1e-3, {name: values[1000:]})
+    assert (part.age, age.age) == (False, True)
+    entries = [replace(part.of("r"), is_channel=True), age.of("r")]
+    said = [_part(made_diagnosis(location=made_location(concentrated=entry))) for entry in entries]
+    assert f"inside {name} = [" in said[0]
+    assert "s of a reversal of F" in said[1]
+
+
+# The terminal
+
+
+@given(text=st.text())
+def test_what_is_printed_holds_no_control_characters(text):
+    said = printable(text)
+    said.encode()
+    assert not set(said) & ({chr(i) for i in (*range(32), *range(127, 160), 0x202E)} - {"\n", "\t"})
+    assert printable(said) == said
+
+
+def test_letters_of_all_kinds_are_printed_as_they_are():
+    text = "x (m) $v$ [red] ż位😀 \u202f é ‘q’"
+    assert printable(text) == text
+
+
+def test_an_error_cannot_command_the_terminal(monkeypatch, capsys):
+    def fails():
+        raise UsageError("no channel 'a\x1b[2J\u202eb'")
+
+    monkeypatch.setattr(cli, "app", fails)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == "error: no channel 'a[2Jb'\n"
+
+
+def test_bars_and_lines_show_markup_as_it_is(monkeypatch):
+    stream = io.StringIO()
+    console = Console(file=stream, force_terminal=True, width=160, color_system=None)
+    monkeypatch.setattr(progress, "Console", lambda **_: console)
+    with progress.Board(2) as board:
+        board.update(MARKUP, 1, 2, f"{MARKUP}\x1b[2J on x")
+        board._bars.refresh()
+        board.finish("other", f"made {MARKUP}")
+    said = stream.getvalue()
+    assert said.count(MARKUP) >= 3
+    assert "\x1b[2J" not in said
+
+
+def test_a_log_line_shows_no_control_characters(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", -1.0)
+    with progress.Board() as board:
+        board.update("job", 1, 2, f"{MARKUP}\x1b[2J")
+    assert f"{MARKUP}[2J" in capsys.readouterr().err
+
+
+def printed(renderable):
+    console = Console(file=io.StringIO(), width=200, color_system=None)
+    console.print(renderable)
+    return console.file.getvalue()
+
+
+def test_tables_show_markup_as_it_is():
+    sheet = Sheet(MARKUP, (MARKUP, "n"), (row(f"{MARKUP}\x1b[2J", "1"),), note=MARKUP)
+    said = printed(terminal_table(sheet, {}))
+    assert said.count(MARKUP) == 4
+    assert "\x1b" not in said
+
+
+def test_the_import_report_shows_markup_as_it_is():
+    episodes = (EpisodeCount(MARKUP, f"{MARKUP}.csv", 0.0, 1.0, 10),)
+    report = ImportReport((), episodes, "source", notes=(MARKUP,), warnings=(MARKUP,))
+    assert as_text(report, width=200).count(MARKUP) == 4
