@@ -58,7 +58,7 @@ def test_friction_is_named_from_a_recording_at_1_khz():
     (effect,) = report.effects
     assert (effect.family, effect.on) == ("coulomb_friction", "q")
     got = effect.parameters["force"]
-    assert not got["at_bound"]
+    assert not got.at_bound
     assert abs(got.value - FRICTION.values["force"]) < 0.03 * FRICTION.values["force"]
     held_out = report.fit.rollout.channels["q"]
     assert held_out.after < 0.2 * held_out.before
