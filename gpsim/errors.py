@@ -10,7 +10,7 @@ class UsageError(Exception):
     """
 
 
-ASKED = 128 + signal.SIGTERM
+CODE = 128 + signal.SIGTERM
 """The exit code of a process that ended because it was asked to."""
 
 
@@ -18,4 +18,4 @@ class Terminated(SystemExit):
     """The process is asked to end: it cleans up as after Ctrl-C."""
 
     def __init__(self) -> None:
-        super().__init__(ASKED)
+        super().__init__(CODE)

@@ -3,37 +3,55 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import multiprocessing
 import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from multiprocessing.process import BaseProcess
 from typing import Any
 
-from gpsim.errors import ASKED, Terminated, UsageError
+from gpsim.errors import CODE, Terminated, UsageError
 
 PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when its parent is gone
-OURS = (None, ASKED, -signal.SIGTERM)  # exit codes of workers that run on, or that the pool itself ended
+OURS = (None, CODE, -signal.SIGTERM)  # exit codes of workers that run on, or that the pool itself ended
+GRACE = 10.0  # s in which a worker that is asked to end may clean up
+AT_ONCE = 5.0  # s within which a process that was asked to end is not asked again
 PATIENCE = 20  # looks at the exit codes, a twentieth of a second apart
+
+
+class Asked:
+    """A handler of SIGTERM that raises Terminated.
+
+    Asked again at once it does not, so that what cleans up is not interrupted: a worker is asked by whoever asks all of
+    the processes, and by its parent.
+    """
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def __call__(self, number: int, frame: object) -> None:
+        """Raise, unless it has done so within the last seconds."""
+        now = time.monotonic()
+        if now - self._last > AT_ONCE:  # later it is asked by somebody who sees that nothing happens
+            self._last = now
+            raise Terminated
 
 
 @contextmanager
 def ends_when_asked() -> Iterator[None]:
-    """Within it SIGTERM raises Terminated, once: what cleans up then is not interrupted again."""
+    """Within it SIGTERM raises Terminated."""
     if threading.current_thread() is not threading.main_thread():  # whose process it is minds its signals
         yield
         return
 
-    def leave(number: int, frame: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise Terminated
-
-    before = signal.signal(signal.SIGTERM, leave)
+    before = signal.signal(signal.SIGTERM, Asked())
     try:
         yield
     finally:
@@ -64,7 +82,7 @@ def _run(job: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
     try:
         return job(*args, **kwargs)
     except Terminated:
-        os._exit(ASKED)
+        os._exit(CODE)
     except SystemExit:
         os._exit(1)
 
@@ -76,6 +94,7 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
     Spawned, not forked: torch does not survive a fork, nor does a parent that shows its progress from a thread. A
     worker that was killed, or crashed, raises WorkerDiedError.
     """
+    others = multiprocessing.active_children()  # of a program that uses this one as a library
     context = multiprocessing.get_context("spawn")
     pool = WorkerPool(count, context, initializer=begin, initargs=arguments)
     try:
@@ -85,8 +104,19 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
         raise _died(pool) from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in multiprocessing.active_children():
-            process.terminate()
+        _end([child for child in multiprocessing.active_children() if child not in others])
+
+
+def _end(processes: Sequence[BaseProcess]) -> None:
+    """Ask them to end and, those that do not, make them."""
+    for process in processes:
+        process.terminate()
+    until = time.monotonic() + GRACE
+    for process in processes:
+        process.join(max(0.0, until - time.monotonic()))
+    for process in processes:
+        if process.is_alive():
+            process.kill()
 
 
 def _died(pool: WorkerPool) -> WorkerDiedError:
@@ -114,12 +144,8 @@ def begin_worker(parent: int) -> None:
     Who is ended by the parent leaves as after an exception, so that temporary folders go with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGTERM, Asked())
     leave_with(parent)
-
-
-def _leave(number: int, frame: object) -> None:
-    raise Terminated
 
 
 def leave_with(parent: int) -> None:

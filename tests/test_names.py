@@ -197,8 +197,8 @@ def test_gates_at_channels_called_as_moments_are_other_hypotheses():
     assert _key(gated(Gate(since=1.0))) != _key(gated(Gate(region=region)))
     region = {"episode": (0.0, 1.0)}
     assert _key(gated(Gate(since_episode=1))) != _key(gated(Gate(region=region)))
-    assert Ranked(gated(Gate(since_episode=1)), 0.0, True).entry["gates"] == ["episode"]
-    assert Ranked(gated(Gate(since=1.0)), 0.0, True).entry["gates"] == ["time"]
+    assert Ranked(gated(Gate(since_episode=1)), 0.0, True).entry.gates == ("episode",)
+    assert Ranked(gated(Gate(since=1.0)), 0.0, True).entry.gates == ("time",)
 
 
 def test_a_channel_called_pose_is_one_channel():

@@ -142,6 +142,19 @@ def test_asked_to_end_the_block_is_left_once_and_the_old_handler_is_back(interru
     assert signal.getsignal(signal.SIGTERM) == before
 
 
+def test_a_programs_own_processes_are_left_alone(tmp_path: Path):
+    own = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
+    own.start()
+    try:
+        assert dict(run_trials(abs, [-1], 1, lambda *_: None)) == {-1: 1}
+        with pytest.raises(ArithmeticError):
+            list(run_trials(partial(failing_trial, tmp_path), [0], 1, lambda *_: None))
+        assert own.is_alive()
+    finally:
+        own.kill()
+        own.join()
+
+
 def slow_trial(place: Path, number: int) -> int:
     (place / str(number)).touch()
     time.sleep(30)
