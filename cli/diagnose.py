@@ -35,7 +35,9 @@ Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
 ]
 Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
-Explain = Annotated[bool, typer.Option("--explain", help="Print the whole ranking of explanations.")]
+Explain = Annotated[
+    bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
+]
 
 
 def diagnose_command(
@@ -57,8 +59,10 @@ def diagnose_command(
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.diagnosis_text import paragraphs, ranking
+    from gpsim.reports.trace_text import trace_lines
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
+    from gpsim.stages.diagnosis_files import read_trace
     from gpsim.stages.stage import Request
 
     if recording is None and simulator is not None:
@@ -78,6 +82,11 @@ def diagnose_command(
     if explain:
         say("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
         for line in ranking(found):
+            say(line)
+        say(
+            "\nEvery decision: nats by which it wins, share of what was left that it removes, rule, what it adds."
+        )
+        for line in trace_lines(read_trace(artifact.path)):
             say(line)
     say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
 

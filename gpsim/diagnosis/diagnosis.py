@@ -13,7 +13,7 @@ from gpsim.diagnosis.account import account
 from gpsim.diagnosis.assessment import Comparison, compare
 from gpsim.diagnosis.judgement import Judgement, judge
 from gpsim.diagnosis.report import Diagnosis
-from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import Note, prune_on_held_out, refine_grid, refit, search, stepwise
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme
@@ -25,13 +25,17 @@ USUAL_EFFORT = 1.5e8  # simulated rows that a judgement takes: a scale for its p
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was found, and what it rests on. plant: the corrected simulator, without its Gaussian process."""
+    """What was found, and what it rests on.
+
+    plant: the corrected simulator, without its Gaussian process; decisions: all that were made, in their order.
+    """
 
     diagnosis: Diagnosis
     plant: EffectsPlant
     judgement: Judgement
     comparison: Comparison
     question: Question
+    decisions: tuple[Decision, ...]
 
 
 def diagnose(
@@ -70,7 +74,7 @@ def diagnose(
     diagnosis = account(question, judgement, comparison)
     step("done", 100, "done")
     plant = _corrected(question, judgement, recording.dt)
-    return Outcome(diagnosis, plant, judgement, comparison, question)
+    return Outcome(diagnosis, plant, judgement, comparison, question, tuple(run.trace.decisions))
 
 
 def _scheme(recording: Recording) -> Scheme:

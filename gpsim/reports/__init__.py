@@ -12,6 +12,7 @@ __all__ = [
     "prove_sheets",
     "slices",
     "tables",
+    "trace_text",
     "trip_figures",
     "wording",
 ]

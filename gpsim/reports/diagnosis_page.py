@@ -13,11 +13,13 @@ import numpy as np
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
 from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
+from gpsim.diagnosis.run import Decision
 from gpsim.reports.canvas import legend_above, panels, png, style
 from gpsim.reports.diagnosis_text import in_percent, number, paragraphs, ranking
 from gpsim.reports.html import page_of
 from gpsim.reports.lettering import LABEL, LONGEST_UNIT, named, shortened
 from gpsim.reports.palette import FAINT
+from gpsim.reports.trace_text import trace_lines
 
 STYLE = """
 body { font-family: system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24; }
@@ -54,8 +56,12 @@ PAGE = """<!doctype html>
 {% endfor %}{% if missing %}<h2>What could not be shown</h2>
 {% for line in missing %}<p>{{ line }}</p>
 {% endfor %}{% endif %}
-<h2>All hypotheses that were fitted</h2><p>Nats behind the best, integration, explanation.</p><pre>{{ ranking }}</pre>
-<h2>diagnosis.json</h2><pre>{{ text }}</pre>
+<details><summary>All hypotheses that were fitted</summary>
+<p>Nats behind the best, integration, explanation.</p><pre>{{ ranking }}</pre></details>
+<details><summary>All decisions of the search</summary>
+<p>Nats by which what was looked at wins (its price paid), the share that it removes of what was left, the rule that
+took or refused it, what it adds (+) and drops (-).</p><pre>{{ trace }}</pre></details>
+<details><summary>diagnosis.json</summary><pre>{{ text }}</pre></details>
 </body></html>
 """
 KINDS: Mapping[Kind, str] = {
@@ -86,7 +92,11 @@ class Picture:
 
 
 def page(
-    diagnosis: Diagnosis, pictures: Mapping[str, Picture], name: str, missing: Sequence[str] = ()
+    diagnosis: Diagnosis,
+    pictures: Mapping[str, Picture],
+    name: str,
+    missing: Sequence[str] = (),
+    decisions: Sequence[Decision] = (),
 ) -> str:
     """One self-contained HTML page: no network, no scripts, no dates. missing: lines about what it lacks."""
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
@@ -103,6 +113,7 @@ def page(
         pictures=list(pictures.values()),
         missing=list(missing),
         ranking="\n".join(ranking(diagnosis)),
+        trace="\n".join(trace_lines(decisions)),
         text=json.dumps(short, indent=2),
     )
 

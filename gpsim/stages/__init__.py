@@ -6,6 +6,7 @@ __all__ = [
     "collect",
     "diagnose",
     "diagnose_loop",
+    "diagnosis_files",
     "export_policy",
     "export_recording",
     "fit_gp",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from gpsim.artifacts import Mishaps
@@ -12,11 +13,14 @@ from gpsim.corrected import EffectsPlant, ages_of, describe
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
-from gpsim.files import Json, write_json
+from gpsim.diagnosis.run import Decision
+from gpsim.files import Json, plain, write_json
 from gpsim.reports.diagnosis_page import Picture, figures, page
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
 from gpsim.stages.policy_files import write_gp
+
+TRACE = "trace.jsonl"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
@@ -24,6 +28,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
     mishaps = Mishaps(found.comparison.mishaps)
     diagnosis = worded(found.diagnosis)
     _write_result(folder, found, diagnosis, simulator)
+    _write_trace(folder, found.decisions)
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
         _write_process(folder, found)
@@ -35,7 +40,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         _write_result(folder, found, diagnosis, simulator)
     pictures = _pictures(folder, found, mishaps)
     with mishaps.contained("report.html is left out"):
-        text = page(diagnosis, pictures, title, mishaps.lines)
+        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions)
         (folder / "report.html").write_text(text, encoding="utf-8")
     mishaps.write(folder)
     return mishaps.lines
@@ -49,6 +54,23 @@ def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator:
     if gp is not None and gp.beside == "base":
         described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
     write_json(folder / "corrected.json", described)
+
+
+def _write_trace(folder: Path, decisions: Sequence[Decision]) -> None:
+    """trace.jsonl: every decision of the search, a line each."""
+    lines = [json.dumps(plain(asdict(decision))) for decision in decisions]
+    (folder / TRACE).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+
+
+def read_trace(folder: Path) -> list[Decision]:
+    """The decisions of a finished diagnosis; none of one by an earlier version."""
+    path = folder / TRACE
+    if not path.is_file():
+        return []
+    rows: list[Json] = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    return [
+        Decision(**row | {"candidate": tuple(row["candidate"]), "over": tuple(row["over"])}) for row in rows
+    ]
 
 
 def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:

@@ -60,6 +60,11 @@ class Hypothesis:
         return " + ".join(f"{t.family} on {t.on}" for t in self.terms) or "nothing missing"
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """What each term claims, and behind which gate."""
+        return tuple(f"{t.family} on {t.on}{_behind(t.gate)}" for t in self.terms)
+
+    @property
     def idle(self) -> bool:
         """Whether it says nothing, or holds a term that does nothing: all its parameters at the values for that."""
         return not self.terms or bool(self._idlers)
@@ -160,6 +165,16 @@ class Hypothesis:
             out.append(held | {p.name: columns[:, at + i] for i, p in enumerate(group)})
             at += len(group)
         return out
+
+
+def _behind(gate: Gate) -> str:
+    """Where and since when a term acts, in a few words; empty where always and everywhere."""
+    said = [f" for {name} in [{low:.4g}, {high:.4g}]" for name, (low, high) in gate.region.items()]
+    if gate.since is not None:
+        said.append(f" since {gate.since:.4g} s")
+    if gate.since_episode is not None:
+        said.append(f" since episode {gate.since_episode}")
+    return "".join(said)
 
 
 def _same(one: tuple[float, float], other: tuple[float, float]) -> bool:

@@ -10,14 +10,15 @@ from dataclasses import dataclass, field
 class Decision:
     """Whether something was taken, and why.
 
-    step: of the diagnosis; candidate: what was looked at; over: what it would extend or replace; rule: that decided;
+    step: of the diagnosis; candidate: the terms that were looked at; over: those that they would extend or replace;
+    rule: that decided;
     gain: nats by which it wins, its price paid (or that it promises, where it was not fitted yet); price: nats that its
     parameters cost; share: the largest part of a channel's remaining variance that it removes.
     """
 
     step: str
-    candidate: str
-    over: str
+    candidate: tuple[str, ...]
+    over: tuple[str, ...]
     taken: bool
     rule: str
     gain: float | None = None
@@ -34,8 +35,8 @@ class Trace:
 
     def note(
         self,
-        candidate: str,
-        over: str,
+        candidate: tuple[str, ...],
+        over: tuple[str, ...],
         taken: bool,
         rule: str,
         *,

@@ -82,8 +82,8 @@ def accepts(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     elif found.on_trial:
         found = replace(found, rule=Rule.STRUCTURE_LEFT)
     problem.run.trace.note(
-        richer.hypothesis.label,
-        poorer.hypothesis.label,
+        richer.hypothesis.names,
+        poorer.hypothesis.names,
         found.ok,
         found.rule.value,
         gain=found.nats,

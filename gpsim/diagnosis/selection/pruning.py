@@ -46,8 +46,8 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
     for part, other, stays in zip(asked, others, kept, strict=True):
         if not stays:
             problem.run.trace.note(
-                leader.hypothesis.label,
-                part.hypothesis.label,
+                leader.hypothesis.names,
+                part.hypothesis.names,
                 False,
                 "held-out windows contradict",
                 gain=other - own,

@@ -76,5 +76,5 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
         if not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
             behind = [f for f in order[place + 1 :] if f.hypothesis.terms and pays(problem, f, null)]
             return simplest(problem, [chosen, *behind])
-        trace.note(chosen.hypothesis.label, null.hypothesis.label, False, "no better on held-out windows")
+        trace.note(chosen.hypothesis.names, null.hypothesis.names, False, "no better on held-out windows")
     return null
