@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.diagnosis.assessment import KINDS, SINCE_REVERSAL
-from gpsim.diagnosis.selection import SIGNIFICANT
+from gpsim.diagnosis.settings import LackOfFitSettings
 
 Report = Mapping[str, Any]
 NOTHING = "nothing missing"
@@ -142,7 +142,7 @@ def _odds(effects: list[Report]) -> str:
 
 def _missing_law(lack: Mapping[str, Any] | None) -> str:
     """What the missing law is about, as far as that can be told without knowing it."""
-    if lack is None or lack["p_value"] >= SIGNIFICANT:
+    if lack is None or lack["p_value"] >= LackOfFitSettings().significance:
         return ""
     on = " and ".join(lack["on"])
     if lack.get("memory"):

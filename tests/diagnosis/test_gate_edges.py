@@ -16,7 +16,8 @@ from gpsim.diagnosis.fitting.score_test import Directions
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
-from gpsim.diagnosis.selection.gate_edges import FAR, placed
+from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.settings.gates import GateEdgeSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
@@ -24,6 +25,8 @@ from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import Simulator, make_simulator
 
 from .worlds import World, record
+
+FAR = GateEdgeSettings().far_reach
 
 
 def braked(low=0.12, high=0.45, since=None):
@@ -109,6 +112,7 @@ class Circling(NamedTuple):
 
     windows: SimpleNamespace
     simulator: Simulator = make_simulator("unicycle")
+    run: Run = Run()
 
     @classmethod
     def of(cls, yaw):

@@ -4,12 +4,11 @@ from gpsim.diagnosis.selection.acceptance import Acceptance, Rule, accepts, on_i
 from gpsim.diagnosis.selection.beam import Found, Note, search
 from gpsim.diagnosis.selection.elimination import lean, simplest, without_a_term
 from gpsim.diagnosis.selection.grid_check import simplest_on_fine_grid
-from gpsim.diagnosis.selection.lack_of_fit import SIGNIFICANT, LackOfFit, lack_of_fit, lack_of_memory
+from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.selection.stepwise import improved
 from gpsim.diagnosis.selection.substitution import left_open
 
 __all__ = [
-    "SIGNIFICANT",
     "Acceptance",
     "Found",
     "LackOfFit",

@@ -33,14 +33,6 @@ from gpsim.diagnosis.selection.gates import gated_children, with_edges
 from gpsim.effects import Scheme
 
 Note = Callable[[int, int, str], None]
-BEAM, DEPTH = 3, 3
-SCANS = 3  # of the force of dry friction that chatters
-TWINS = 3  # of the best hypotheses in coarse steps that are tried finely, too
-FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
-LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
-SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
-MOST_EFFORT = 2.5e8  # simulated rows after which it grows no deeper; improving goes on from there
-EXACT = 2.0  # times the floor: no noise is left
 
 
 @dataclass(frozen=True)
@@ -62,7 +54,7 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     found = _grow(problem, offers, ("fine", base), note)
     best, seen = found.fits[0], problem.observed
     coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
-    exact = (best.variance[seen] < (EXACT * found.problem.floor[seen]) ** 2).all()
+    exact = (best.variance[seen] < (problem.run.settings.search.exact * found.problem.floor[seen]) ** 2).all()
     if not coarse or exact:
         return found
     finely = _grow(problem, offers, ("fine",), note)
@@ -73,32 +65,37 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
 
 
 def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note) -> Found:
+    settings = problem.run.settings.search
     nulls = [
         fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=8)
         for s in dict.fromkeys(schemes)
     ]
-    if "rk4" in schemes and len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < SAME:
+    alike = len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < settings.same_scheme
+    if "rk4" in schemes and alike:
         nulls = nulls[:1]  # but a coarse step makes friction chatter, whatever it does without friction
-    nulls.sort(key=lambda f: f.objective - (BENEFIT if f.hypothesis.scheme == "fine" else 0.0))
+    nulls.sort(
+        key=lambda f: f.objective - (settings.fine_preference if f.hypothesis.scheme == "fine" else 0.0)
+    )
     null = nulls[0]
     fits, beam = list(nulls), list(nulls)
-    total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
-    done, most = 0, problem.run.budget.spent + MOST_EFFORT
-    for depth in range(DEPTH):
+    counts = [settings.fitted_at(depth) for depth in range(settings.depth)]
+    total = 2 * sum(counts[:1]) + settings.beam * sum(counts[1:])
+    done, most = 0, problem.run.budget.spent + settings.budget
+    for depth, count in enumerate(counts):
         children: list[Fit] = []
         for parent in beam:
             if children and problem.run.budget.spent > most:
                 break
             directions = Directions(problem, parent)
-            plain = grown(problem, directions, offers, FITTED[depth])
+            plain = grown(problem, directions, offers, count)
             if depth == 0 and parent is null:
                 problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
-            if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
+            if parent is beam[0] and depth < settings.gated_depths and _structured(problem, [*fits, *plain]):
                 gated = gated_children(problem, directions, plain, offers)
                 children += with_edges(problem, gated)
-            done += FITTED[depth]
+            done += count
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")
         children = _distinct(children)
@@ -118,7 +115,7 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
 def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """The best of those in coarse steps once more, finely: the right law may have been met on a coarse grid only."""
     coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
-    new = _ranked(problem, coarse)[:TWINS] if coarse else []
+    new = _ranked(problem, coarse)[: problem.run.settings.search.fine_twins] if coarse else []
     return fit_all(problem, [Order(replace(f.hypothesis, scheme="fine"), f.starts, 12) for f in new])
 
 
@@ -134,7 +131,7 @@ def _chattering_twins(
     plain = [f for f in fits if f.hypothesis.scheme == "fine" and not _gated_terms(f)]
     known = [(c, f.starts) for c in laws for f in plain if c.identity in f.hypothesis.claims]
     found: list[Fit] = []
-    for _ in range(SCANS):
+    for _ in range(problem.run.settings.search.friction_scans):
         scans = problem.run.side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
         orders = [Order(child, starts, 12) for child, (_, starts) in zip(scans, known, strict=True)]
         again = fit_all(problem, orders)
@@ -155,10 +152,10 @@ def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate],
 
     All are fitted a little, the better half to the end (successive halving).
     """
-    parent = directions.parent
+    settings, parent = problem.run.settings.search, directions.parent
     taken = parent.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
-    least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
+    least = max(settings.least_gain, settings.least_promise * found[0][0]) if found else settings.least_gain
     children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
     begun = fit_all(problem, [Order(child, parent.starts, 5) for child in children])
     begun.sort(key=lambda f: f.objective)
@@ -190,7 +187,7 @@ def _beam(problem: Problem, children: Sequence[Fit]) -> list[Fit]:
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in out)
         if new and (not gates or (gates == 1 and not any(map(_gated_terms, out)))):
             out.append(found)
-    return out[:BEAM]
+    return out[: problem.run.settings.search.beam]
 
 
 def _gated_terms(found: Fit) -> int:

@@ -18,18 +18,9 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import pays
-from gpsim.diagnosis.selection.gate_edges import NEAR, placed
-from gpsim.diagnosis.selection.gates import FINE
+from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.effects import Gate
 from gpsim.recordings import evenly
-
-MOVING = 2e7  # simulated rows for the edges of one gate where a term is taken out
-LOOKED_AT = 120  # windows at which a first look is taken, of the usual length
-DOUBTED_AT, FEWER = 80, 1.5  # and where something may not be needed, if there are so many times as many
-CLEAR = 30.0  # nats on those windows that settle that something is needed,
-SLIGHT = 100.0  # nats that an edge which is a little off may be worth
-CLEAR_SHARE = 0.2  # and the share of the variance left over without it
-HOPELESS, HOPELESS_SHARE = 600.0, 0.5  # nats and share after a few iterations that no further ones make good
 
 
 def lean(problem: Problem, leader: Fit) -> Fit:
@@ -70,7 +61,7 @@ def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
     return fits[int(scores(problem, list(fits)).argmax())]
 
 
-def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, Fit]:
+def sampled(problem: Problem, at: Fit, most: int) -> tuple[Problem, Fit]:
     """The problem on evenly spread windows, enough for a first look, and the fit's share of it.
 
     most: windows of the usual length; of longer ones as many as hold as many transitions.
@@ -88,13 +79,15 @@ def _windows(problem: Problem, usual: int) -> int:
 
 def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
     """The parts fitted on all windows, but for those that a first look at some of them rules out."""
-    if len(problem.windows) > FEWER * _windows(problem, DOUBTED_AT):
-        some, seen = sampled(problem, leader, DOUBTED_AT)
+    settings = problem.run.settings.elimination
+    if len(problem.windows) > settings.many_windows * _windows(problem, settings.windows):
+        some, seen = sampled(problem, leader, settings.windows)
         seen = rescored(some, seen)
         looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
         grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
         looks = _all_moved([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
-        parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
+        needed = [_worse(some, look, seen, settings.clear, settings.clear_share) for look in looks]
+        parts = [look.hypothesis for look, is_needed in zip(looks, needed, strict=True) if not is_needed]
         return fit_all(problem, [Order(part, leader.starts, 12, 0.1, near=True) for part in parts])
     begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
     begun = [f for f in begun if not _hopeless(problem, f, leader)]
@@ -130,9 +123,10 @@ def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
     An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias, or
     something slight.
     """
+    edges, budget = problem.run.settings.gate_edges, problem.run.settings.elimination.edge_budget
     for index, term in enumerate(less.hypothesis.terms):
         if term.gate and _movable(problem, less, leader):
-            less = placed(problem, less, index, NEAR, FINE, MOVING)
+            less = placed(problem, less, index, edges.near_reach, edges.fine_spacing, budget)
     return less
 
 
@@ -142,14 +136,15 @@ def _movable(problem: Problem, less: Fit, leader: Fit) -> bool:
         return False
     gone = leader.hypothesis.claims - less.hypothesis.claims
     shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
-    near = shifting or less.objective < leader.objective + SLIGHT
+    near = shifting or less.objective < leader.objective + problem.run.settings.elimination.edge_worth
     return near and pays(problem, leader, less)
 
 
 def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
     """Whether no further iterations make it good; of one with a gate, whose edges will move, nobody knows."""
+    settings = problem.run.settings.elimination
     gated = any(term.gate for term in begun.hypothesis.terms)
-    return not gated and _worse(problem, begun, leader, HOPELESS, HOPELESS_SHARE)
+    return not gated and _worse(problem, begun, leader, settings.hopeless, settings.hopeless_share)
 
 
 def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:

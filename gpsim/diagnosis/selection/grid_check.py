@@ -12,12 +12,10 @@ from dataclasses import replace
 from gpsim.diagnosis.fitting import FINER_GAINS, MOST_FINER, Fit, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.elimination import simplest
 
-TRIED = 3  # simpler hypotheses, the best
-
 
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
     """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
-    fewer = _best_of_each(best, fits)
+    fewer = _best_of_each(best, fits)[: problem.run.settings.grid_check.tried]
     if not fewer:
         return best, best
     grid = replace(problem, substeps=MOST_FINER * problem.substeps)
@@ -44,4 +42,4 @@ def _best_of_each(best: Fit, fits: Sequence[Fit]) -> list[Fit]:
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in chosen)
         if terms and simpler and fine and new and not any(t.gate for t in terms):
             chosen.append(found)
-    return chosen[:TRIED]
+    return chosen

@@ -8,7 +8,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gpsim.diagnosis.settings.selection import AcceptanceSettings
+from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
+from gpsim.diagnosis.settings.selection import (
+    AcceptanceSettings,
+    EliminationSettings,
+    GridCheckSettings,
+    LackOfFitSettings,
+    SearchSettings,
+    StepwiseSettings,
+    SubstitutionSettings,
+)
 from gpsim.errors import UsageError
 from gpsim.settings import build
 
@@ -20,6 +29,15 @@ class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    gates: GateSettings = field(default_factory=GateSettings)
+    gate_edges: GateEdgeSettings = field(default_factory=GateEdgeSettings)
+    change_points: ChangePointSettings = field(default_factory=ChangePointSettings)
+    stepwise: StepwiseSettings = field(default_factory=StepwiseSettings)
+    substitution: SubstitutionSettings = field(default_factory=SubstitutionSettings)
+    elimination: EliminationSettings = field(default_factory=EliminationSettings)
+    lack_of_fit: LackOfFitSettings = field(default_factory=LackOfFitSettings)
+    grid_check: GridCheckSettings = field(default_factory=GridCheckSettings)
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:
