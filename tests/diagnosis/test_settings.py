@@ -44,6 +44,10 @@ def test_settings_are_changed_one_by_one():
         ({"acceptence": {}}, "diagnose: no step 'acceptence' (did you mean 'acceptance'?)"),
         ({"acceptance": {"per_trem": 3}}, "diagnose.acceptance: no setting 'per_trem' (did you mean 'per_term'?)"),
         ({"acceptance": {"per_term": "many"}}, "diagnose.acceptance.per_term: expected a number, got 'many'"),
+        ({"search": {"depth": 0}}, "diagnose.search.depth: expected at least 1, got 0"),
+        ({"search": {"fitted_per_depth": [9, -1]}}, "diagnose.search.fitted_per_depth: expected at least 0, got -1"),
+        ({"search": {"fitted_per_depth": []}}, "diagnose.search: fitted_per_depth is empty"),
+        ({"gate_edges": {"narrowing": float("nan")}}, "diagnose.gate_edges.narrowing: expected at least 1.1, got nan"),
         ({"acceptance": 3}, "diagnose.acceptance: expected settings"),
     ],
 )  # fmt: skip
@@ -51,3 +55,8 @@ def test_what_is_no_setting_is_refused_with_the_nearest(values, said):
     with pytest.raises(UsageError) as caught:
         read_settings(values)
     assert said in str(caught.value)
+
+
+def test_a_search_that_goes_deeper_fits_as_many_terms_as_at_the_last_depth_that_is_named():
+    search = read_settings({"search": {"depth": 4, "fitted_per_depth": [9, 5]}}).search
+    assert [search.fitted_at(depth) for depth in range(search.depth)] == [9, 5, 5, 5]

@@ -15,7 +15,7 @@ class GateSettings:
     """Gates, a bin at a time: the region or the moment that promises most for a term."""
 
     bins: int = setting(
-        24, "1", "bins of a channel, or of time, in one of which a term is switched on at a time"
+        24, "1", "bins of a channel, or of time, in one of which a term is switched on at a time", least=1
     )
     least_bins: int = setting(3, "1", "bins that a channel must fill, for gates to be looked for there")
     margin: float = setting(
@@ -40,8 +40,8 @@ class GateEdgeSettings:
         1 / 5, "1", "how far to both sides the first scan looks where an edge is in doubt"
     )
     near_reach: float = setting(1 / 12, "1", "the same where the edge is known to a bin or two")
-    places: int = setting(8, "1", "places on each side of an edge that a scan looks at")
-    narrowing: float = setting(5.0, "1", "times shorter than the last is the next scan's reach")
+    places: int = setting(8, "1", "places on each side of an edge that a scan looks at", least=1)
+    narrowing: float = setting(5.0, "1", "times shorter than the last is the next scan's reach", least=1.1)
     repeats: int = setting(2, "1", "scans with the same reach that may follow one which moved an edge")
     coarse_spacing: float = setting(1e-2, "1", "least spacing of a scan where gates are only tried")
     fine_spacing: float = setting(2e-4, "1", "least spacing of a scan for what is compared with the leader")
@@ -49,7 +49,10 @@ class GateEdgeSettings:
     indistinct: float = setting(0.2, "nats", "difference that does not tell two places of an edge apart")
     joint_iterations: int = setting(8, "1", "most steps of a joint fit of the edges and all parameters")
     typical_shift: float = setting(
-        0.1, "1", "share of a channel's range that a joint fit takes for the typical size of an edge"
+        0.1,
+        "1",
+        "share of a channel's range that a joint fit takes for the typical size of an edge",
+        least=1e-9,
     )
     step_gain: float = setting(
         1.0, "nats", "gain of thresholds of jumping laws, fitted anew, after which edges are placed once more"

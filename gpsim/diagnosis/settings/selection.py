@@ -70,9 +70,14 @@ class SearchSettings:
         "1",
         "hypotheses that each depth grows on",
         "a trial on 100 concealed worlds, 46 of 50 blind ones right with it; others were not tried",
+        least=1,
     )
     depth: int = setting(
-        3, "1", "terms that it adds one after the other; the stepwise search goes on from there", "as `beam`"
+        3,
+        "1",
+        "terms that it adds one after the other; the stepwise search goes on from there",
+        "as `beam`",
+        least=1,
     )
     fitted_per_depth: tuple[int, ...] = setting(
         (18, 9, 7),
@@ -138,9 +143,10 @@ class StepwiseSettings:
         120,
         "1",
         "windows, of the usual length, on which terms to add or to put in another's place are screened",
+        least=1,
     )
     gate_windows: int = setting(
-        40, "1", "windows, of the usual length, on which every term is looked at behind gates"
+        40, "1", "windows, of the usual length, on which every term is looked at behind gates", least=1
     )
     added: int = setting(3, "1", "terms that are fitted on all windows to be added")
     gated: int = setting(3, "1", "terms behind a gate that are fitted on all windows to be added")
@@ -192,7 +198,7 @@ class EliminationSettings:
     """Leaving out what is not needed. A look at some windows, or a few iterations, settles what is beyond doubt."""
 
     windows: int = setting(
-        80, "1", "windows, of the usual length, on which a first look shows what may not be needed"
+        80, "1", "windows, of the usual length, on which a first look shows what may not be needed", least=1
     )
     many_windows: float = setting(
         1.5, "1", "times `windows`: where there are no more than that, there is no first look"
@@ -218,9 +224,9 @@ class LackOfFitSettings:
     significance: float = setting(
         1e-6, "1", "p-value, corrected for the number of groups, below which chance has not done it"
     )
-    windows: int = setting(240, "1", "windows, of the usual length, that are looked at")
-    knots_of_one: int = setting(7, "1", "knots of a function of one input, at quantiles of it")
-    knots_of_two: int = setting(4, "1", "knots along each input of a function of two")
+    windows: int = setting(240, "1", "windows, of the usual length, that are looked at", least=1)
+    knots_of_one: int = setting(7, "1", "knots of a function of one input, at quantiles of it", least=2)
+    knots_of_two: int = setting(4, "1", "knots along each input of a function of two", least=2)
     paired_inputs: int = setting(
         7,
         "1",
@@ -228,19 +234,24 @@ class LackOfFitSettings:
         "by hand: pairs of many would take longer than all the rest of a diagnosis",
     )
     memories: tuple[float, ...] = setting(
-        (2.0, 8.0), "samples", "time constants of the averages over what was commanded before"
+        (2.0, 8.0), "samples", "time constants of the averages over what was commanded before", least=0.1
     )
     probe: float = setting(
-        1e-3, "1", "share of a rate's typical size that is added to see how the residual changes"
+        1e-3, "1", "share of a rate's typical size that is added to see how the residual changes", least=1e-9
     )
     functions_at_once: int = setting(
-        24, "1", "functions that are simulated in one batch", "by hand, for the memory that a process takes"
+        24,
+        "1",
+        "functions that are simulated in one batch",
+        "by hand, for the memory that a process takes",
+        least=1,
     )
     groups_at_once: int = setting(
         4,
         "1",
         "groups that one process looks at in a row",
         "by hand: all that they share is sent along each time",
+        least=1,
     )
 
 

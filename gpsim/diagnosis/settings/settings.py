@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
 from gpsim.diagnosis.settings.selection import (
     AcceptanceSettings,
@@ -56,9 +57,11 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
         for key in content:
             if key not in known:
                 raise UsageError(f"{WHERE}.{name}: no setting '{key}'{_nearest(key, known)}")
-    return Settings(
-        **{name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
-    )
+    read = {name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
+    for name, step in read.items():
+        for key, value, least in too_small(step):
+            raise UsageError(f"{WHERE}.{name}.{key}: expected at least {least:g}, got {value!r}")
+    return Settings(**read)
 
 
 def _nearest(name: str, known: Any) -> str:
