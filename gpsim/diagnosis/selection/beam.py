@@ -65,9 +65,9 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
 
 
 def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note) -> Found:
-    settings = problem.run.settings.search
+    settings, steps = problem.run.settings.search, problem.run.settings.schedules
     nulls = [
-        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=8)
+        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=steps.settle)
         for s in dict.fromkeys(schemes)
     ]
     alike = len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < settings.same_scheme
@@ -116,7 +116,9 @@ def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """The best of those in coarse steps once more, finely: the right law may have been met on a coarse grid only."""
     coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
     new = _ranked(problem, coarse)[: problem.run.settings.search.fine_twins] if coarse else []
-    return fit_all(problem, [Order(replace(f.hypothesis, scheme="fine"), f.starts, 12) for f in new])
+    steps = problem.run.settings.schedules
+    finely = [(replace(f.hypothesis, scheme="fine"), f.starts) for f in new]
+    return fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in finely])
 
 
 def _chattering_twins(
@@ -127,14 +129,15 @@ def _chattering_twins(
     From where the motion is known, over which the force is scanned, and again as the motion becomes better known: a
     fit from nothing gets stuck.
     """
+    steps = problem.run.settings.schedules
     laws = [c for c in offers if c.dry and len(c.declared) == 1 and not c.only_gated]
     plain = [f for f in fits if f.hypothesis.scheme == "fine" and not _gated_terms(f)]
     known = [(c, f.starts) for c in laws for f in plain if c.identity in f.hypothesis.claims]
     found: list[Fit] = []
     for _ in range(problem.run.settings.search.friction_scans):
         scans = problem.run.side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
-        orders = [Order(child, starts, 12) for child, (_, starts) in zip(scans, known, strict=True)]
-        again = fit_all(problem, orders)
+        begun = [(child, starts) for child, (_, starts) in zip(scans, known, strict=True)]
+        again = fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in begun])
         found += again
         known = [(c, f.starts) for (c, _), f in zip(known, again, strict=True)]
     return found
@@ -152,15 +155,16 @@ def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate],
 
     All are fitted a little, the better half to the end (successive halving).
     """
-    settings, parent = problem.run.settings.search, directions.parent
+    settings, steps = problem.run.settings.search, problem.run.settings.schedules
+    parent = directions.parent
     taken = parent.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     least = max(settings.least_gain, settings.least_promise * found[0][0]) if found else settings.least_gain
     children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
-    begun = fit_all(problem, [Order(child, parent.starts, 5) for child in children])
+    begun = fit_all(problem, [Order(child, parent.starts, steps.glance, steps.rough) for child in children])
     begun.sort(key=lambda f: f.objective)
     better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
-    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 8) for f in better])
+    ended = fit_all(problem, [Order(f.hypothesis, f.starts, steps.settle, steps.rough) for f in better])
     return [*ended, *(f for f in begun if not any(f is b for b in better))]
 
 
@@ -204,4 +208,5 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     if len(best.hypothesis.terms) < 2:
         return []
     parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
-    return fit_all(problem, [Order(part, best.starts, 12) for part in parts])
+    steps = problem.run.settings.schedules
+    return fit_all(problem, [Order(part, best.starts, steps.refit, steps.rough) for part in parts])

@@ -53,7 +53,8 @@ def begun_later(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> l
     alike = [o for o in found if o.gain > settings.alike * most]
     best = sorted(alike, key=lambda o: -o.gain)[: settings.fitted]
     children = [leader.hypothesis.having(o.theta).gated(o.index, o.gate) for o in best]
-    fits = fit_all(problem, [Order(child, leader.starts, 8) for child in children])
+    steps = problem.run.settings.schedules
+    fits = fit_all(problem, [Order(child, leader.starts, steps.settle, steps.rough) for child in children])
     how = (edges.near_reach, edges.coarse_spacing, edges.trial_budget)
     calls = [(problem, f, o.index, *how) for f, o in zip(fits, best, strict=True)]
     return problem.run.side_by_side(placed, calls)

@@ -79,20 +79,24 @@ def _windows(problem: Problem, usual: int) -> int:
 
 def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
     """The parts fitted on all windows, but for those that a first look at some of them rules out."""
-    settings = problem.run.settings.elimination
+    settings, steps = problem.run.settings.elimination, problem.run.settings.schedules
     if len(problem.windows) > settings.many_windows * _windows(problem, settings.windows):
         some, seen = sampled(problem, leader, settings.windows)
         seen = rescored(some, seen)
-        looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
+        orders = [Order(part, seen.starts, steps.refit, steps.rough) for part in parts]
+        looks = _all_as_finely(some, leader, orders)
         grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
         looks = _all_moved([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
         needed = [_worse(some, look, seen, settings.clear, settings.clear_share) for look in looks]
         parts = [look.hypothesis for look, is_needed in zip(looks, needed, strict=True) if not is_needed]
-        return fit_all(problem, [Order(part, leader.starts, 12, 0.1, near=True) for part in parts])
-    begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
+        orders = [Order(part, leader.starts, steps.refit, steps.close, near=True) for part in parts]
+        return fit_all(problem, orders)
+    orders = [Order(part, leader.starts, steps.trial, steps.close) for part in parts]
+    begun = _all_as_finely(problem, leader, orders)
     begun = [f for f in begun if not _hopeless(problem, f, leader)]
     unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
-    fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1, near=True) for f in unfinished])
+    more = [Order(f.hypothesis, f.starts, steps.settle, steps.close, near=True) for f in unfinished]
+    fits = fit_all(problem, more)
     ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
     return _all_moved([(problem, f, leader) for f in ended])
 

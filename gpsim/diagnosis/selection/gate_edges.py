@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Order, Problem, fit, fit_order
 from gpsim.diagnosis.selection.bins import range_around
 from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate
 
@@ -93,13 +93,14 @@ def _first_episode(problem: Problem, at: Fit, index: int) -> Fit:
 
     These windows need not hold any of the one that it is said to have begun with.
     """
-    known, indistinct = np.unique(problem.windows.episode), problem.run.settings.gate_edges.indistinct
+    known, steps = np.unique(problem.windows.episode), problem.run.settings.schedules
+    indistinct = problem.run.settings.gate_edges.indistinct
     for side in (1, -1):
         began = at.hypothesis.terms[index].gate.since_episode
         place = int(np.searchsorted(known, 0 if began is None else began)) + side
         while 0 < place < len(known):
             gated = at.hypothesis.gated(index, Gate(since_episode=int(known[place])))
-            tried = fit(problem, gated, at.starts, iterations=8, tolerance=0.2)
+            tried = fit(problem, gated, at.starts, iterations=steps.settle, tolerance=steps.edge)
             if tried.objective > at.objective - indistinct:
                 break
             at, place = tried, place + side
@@ -174,19 +175,21 @@ def _scanned(
         return at, 0.0, tells
     moved = replace(span, low=place) if side == 0 else replace(span, high=place)
     hypothesis = at.hypothesis.gated(index, moved.gate)
-    tried = fit(problem, hypothesis, at.starts, iterations=5, tolerance=0.2, near=True)
+    steps = problem.run.settings.schedules
+    tried = fit_order(problem, Order(hypothesis, at.starts, steps.glance, steps.edge, near=True))
     better = tried.objective < at.objective
     return (tried, abs(place - float(edges[side])), tells) if better else (at, 0.0, tells)
 
 
 def _joint(problem: Problem, at: Fit, index: int, outer: tuple[float, float]) -> Fit:
     """The fit with the edges that lie inside the range and all parameters fitted together."""
-    settings, span = problem.run.settings.gate_edges, _Span.of(at, index, outer)
+    settings, steps = problem.run.settings.gate_edges, problem.run.settings.schedules
+    span = _Span.of(at, index, outer)
     first, last = span.outer
     movable = [e for e, place in zip(EDGES, (span.low, span.high), strict=True) if span.inside(place)]
     free = [replace(e, low=first, high=last, scale=settings.typical_shift * (last - first)) for e in movable]
     loose = span.declared(at.hypothesis, index, free)
-    found = fit(problem, loose, at.starts, iterations=settings.joint_iterations, tolerance=0.2, near=True)
+    found = fit_order(problem, Order(loose, at.starts, steps.settle, steps.edge, near=True))
     values = dict(found.hypothesis.terms[index].values)
     span = replace(span, low=values.pop(FROM), high=values.pop(TO))
     if span.low >= span.high or found.objective >= at.objective:

@@ -97,7 +97,8 @@ def gated_children(
     chosen, others = proposals[: settings.fitted], proposals[settings.fitted :]
     chosen += [p for p in others if p.candidate.only_gated][:1]
     children = [_child(problem, directions.parent.hypothesis, p) for p in chosen]
-    fits = fit_all(problem, [Order(child, directions.parent.starts, 6) for child in children])
+    starts, steps = directions.parent.starts, problem.run.settings.schedules
+    fits = fit_all(problem, [Order(child, starts, steps.trial, steps.rough) for child in children])
     return sorted(fits, key=lambda f: f.objective)
 
 
@@ -130,7 +131,8 @@ def polished(problem: Problem, at: Fit, finest: float) -> Fit:
     for index in gated:
         at = placed(problem, at, index, edges.far_reach, finest)
     if gated and any(p.step for p in at.hypothesis.parameters):  # thresholds were held where they stood
-        again = fit(problem, at.hypothesis, at.starts, iterations=9)
+        steps = problem.run.settings.schedules.thresholds
+        again = fit(problem, at.hypothesis, at.starts, iterations=steps)
         moved = again.objective < at.objective - edges.step_gain
         at = min(at, again, key=lambda f: f.objective)
         if moved:

@@ -19,7 +19,7 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     if not fewer:
         return best, best
     grid = replace(problem, substeps=MOST_FINER * problem.substeps)
-    finely = fit_all(grid, [Order(f.hypothesis, f.starts, 8, near=True) for f in fewer])
+    finely = fit_all(grid, [_order(problem, f) for f in fewer])
     gained = [
         (before, after)
         for before, after in zip(fewer, finely, strict=True)
@@ -27,9 +27,15 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     ]
     if not gained:
         return best, best
-    leader = fit_all(grid, [Order(best.hypothesis, best.starts, 8, near=True)])[0]
+    leader = fit_all(grid, [_order(problem, best)])[0]
     chosen = simplest(grid, [leader, *(after for _, after in gained)])
     return next(((before, after) for before, after in gained if after is chosen), (best, best))
+
+
+def _order(problem: Problem, found: Fit) -> Order:
+    """To fit it once more on a finer grid."""
+    steps = problem.run.settings.schedules
+    return Order(found.hypothesis, found.starts, steps.settle, steps.rough, near=True)
 
 
 def _best_of_each(best: Fit, fits: Sequence[Fit]) -> list[Fit]:

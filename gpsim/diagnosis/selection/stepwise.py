@@ -20,6 +20,7 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     fit_near,
+    fit_order,
     scores,
     screened,
     whiteness,
@@ -151,7 +152,7 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
     """
     if leader.hypothesis.scheme == "fine":
         return leader
-    fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts, iterations=25)
+    fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts)
     return (
         fine if fine.objective < leader.objective + problem.run.settings.stepwise.fine_preference else leader
     )
@@ -162,11 +163,13 @@ def _ended(problem: Problem, leader: Fit) -> Fit:
 
     It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
     """
+    steps = problem.run.settings.schedules
     starts = (leader.starts, problem.windows.measured[:, 0])
-    tried = fit_all(problem, [Order(leader.hypothesis, s, 5, 0.02) for s in starts])
+    tried = fit_all(problem, [Order(leader.hypothesis, s, steps.glance, steps.final) for s in starts])
     best = min(tried, key=lambda f: f.objective)
     if not best.converged:
-        best = fit(problem, best.hypothesis, best.starts, iterations=17, near=True)
+        more = Order(best.hypothesis, best.starts, steps.finish, steps.final, near=True)
+        best = fit_order(problem, more)
     return best if best.objective < leader.objective else leader
 
 
@@ -178,7 +181,7 @@ def _children(
     That is where `gates` are asked for and nothing else pays, or where far more is missing than what else pays gains.
     most: the effort after which nothing more is begun.
     """
-    settings = problem.run.settings.stepwise
+    settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
@@ -199,7 +202,8 @@ def _children(
     elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
     gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[: settings.gated], settings.gated)
-    return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
+    orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in gated]
+    return plain + fit_all(problem, orders)
 
 
 def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
@@ -217,7 +221,7 @@ def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
 @kept
 def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
     """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
-    settings = problem.run.settings.stepwise
+    settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
     part, seen = sampled(problem, leader, settings.screening_windows)
     directions = Directions(part, seen)
     later = begun_later(problem, leader, offers)
@@ -230,8 +234,9 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     promised = more * found[0][0] if found else 0.0
     if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
         return directions, later
-    orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 5) for c, start in chosen]
-    return directions, fit_near(problem, orders, 8, 0.5) + later
+    children = [child_of(leader.hypothesis, c, start) for c, start in chosen]
+    orders = [Order(child, leader.starts, steps.glance, steps.rough) for child in children]
+    return directions, fit_near(problem, orders, steps.settle, steps.rough) + later
 
 
 def _gated(
@@ -256,6 +261,8 @@ def _gated(
         channels = [c for c in region_channels(part) if c in found]
         if not channels:
             return []
-    parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
+    steps = part.run.settings.schedules
+    less = Order(seen.hypothesis.without(index), seen.starts, steps.settle, steps.rough)
+    parent = fit_order(part, less)
     whole = child_of(parent.hypothesis, itself[0], values)
     return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself, channels)

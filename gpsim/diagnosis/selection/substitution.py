@@ -35,6 +35,7 @@ def swapped(
     twins: only by those that promise nearly as much as the one that promises most.
     """
     settings, edges = problem.run.settings.substitution, problem.run.settings.gate_edges
+    steps = problem.run.settings.schedules
     old = leader.hypothesis.terms[index]
     part, seen = sampled(problem, leader, problem.run.settings.stepwise.screening_windows)
     parent = left_open(part, seen, index)
@@ -57,9 +58,10 @@ def swapped(
         if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
     ]
     most = rescored(part, seen).objective + problem.run.settings.elimination.clear
-    looks = fit_all(part, [Order(child, seen.starts, 12) for child in children])
+    looks = fit_all(part, [Order(child, seen.starts, steps.refit, steps.rough) for child in children])
     near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
-    fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
+    orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in near]
+    fits = fit_all(problem, orders)
     if not old.gate and not twins:
         if old.effect.drifts:
             return fits + _jumps(problem, part, parent, old.on, offers)
@@ -98,6 +100,7 @@ def _other_words(
 
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
     """The leader with special cases of its laws, where the laws do not pay over them."""
+    steps = problem.run.settings.schedules
     while True:
         size = len(leader.hypothesis.parameters)
         children = []
@@ -107,7 +110,8 @@ def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> F
                 child = _in_place(rest, candidate, start, old.gate)
                 if child is not None and len(child.parameters) < size:
                     children.append(child)
-        fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+        orders = [Order(child, leader.starts, steps.refit, steps.rough) for child in children]
+        fits = fit_all(problem, orders)
         simpler = [f for f in fits if not pays(problem, leader, f)]
         if not simpler:
             return leader
@@ -150,14 +154,20 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     directions = Directions(part, parent)
     everywhere = grown(part, directions, there, problem.run.settings.substitution.jumps)
     found = with_edges(part, gated_children(part, directions, everywhere, there, moments(part)))
-    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
+    return _from_measured(problem, found)
 
 
 def _later(problem: Problem, part: Problem, directions: Directions, offers: Sequence[Candidate]) -> list[Fit]:
     """In place of a slight term: what began at one moment."""
     found = with_edges(part, gated_children(part, directions, [], offers, moments(part), few=directions))
     found = found[: problem.run.settings.substitution.jumps]
-    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
+    return _from_measured(problem, found)
+
+
+def _from_measured(problem: Problem, found: Sequence[Fit]) -> list[Fit]:
+    """All fitted anew to these windows, from the start states that were measured there."""
+    steps, starts = problem.run.settings.schedules, problem.windows.measured[:, 0]
+    return fit_all(problem, [Order(f.hypothesis, starts, steps.refit, steps.rough) for f in found])
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:

@@ -47,7 +47,6 @@ class GateEdgeSettings:
     fine_spacing: float = setting(2e-4, "1", "least spacing of a scan for what is compared with the leader")
     finest_spacing: float = setting(2e-5, "1", "least spacing of a scan for what is answered in the end")
     indistinct: float = setting(0.2, "nats", "difference that does not tell two places of an edge apart")
-    joint_iterations: int = setting(8, "1", "most steps of a joint fit of the edges and all parameters")
     typical_shift: float = setting(
         0.1,
         "1",

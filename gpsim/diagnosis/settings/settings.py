@@ -10,6 +10,7 @@ from typing import Any
 
 from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
+from gpsim.diagnosis.settings.schedules import ScheduleSettings
 from gpsim.diagnosis.settings.selection import (
     AcceptanceSettings,
     EliminationSettings,
@@ -29,6 +30,7 @@ WHERE = "diagnose"
 class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
+    schedules: ScheduleSettings = field(default_factory=ScheduleSettings)
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
     gates: GateSettings = field(default_factory=GateSettings)
