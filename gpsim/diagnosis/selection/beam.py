@@ -51,20 +51,22 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     Where a hypothesis on the base simulator's own coarse step comes out best, finely integrated ones get a search of
     their own: a coarse step looks like a lag or a little damping, and may lead astray whoever begins with it.
     """
-    found = _grow(problem, offers, ("fine", base), note)
+    found = _beam_search(problem, offers, ("fine", base), note)
     best, seen = found.fits[0], problem.observed
     coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
     exact = (best.variance[seen] < (problem.run.settings.search.exact * found.problem.floor[seen]) ** 2).all()
     if not coarse or exact:
         return found
-    finely = _grow(problem, offers, ("fine",), note)
+    finely = _beam_search(problem, offers, ("fine",), note)
     floor = np.maximum(found.problem.floor, finely.problem.floor)
     both = replace(problem, floor=floor)
     fits = [rescored(both, f) for f in (*found.fits, *finely.fits)]
     return Found(_ranked(both, fits), rescored(both, found.null), found.scheme, both)
 
 
-def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note) -> Found:
+def _beam_search(
+    problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note
+) -> Found:
     settings, steps = problem.run.settings.search, problem.run.settings.schedules
     nulls = [
         fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=steps.settle)
@@ -87,7 +89,7 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
             if children and problem.run.budget.spent > most:
                 break
             directions = Directions(problem, parent)
-            plain = grown(problem, directions, offers, count)
+            plain = most_promising(problem, directions, offers, count)
             if depth == 0 and parent is null:
                 problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
@@ -150,7 +152,9 @@ def _scanned(problem: Problem, coarse: Hypothesis, law: Candidate, starts: Float
     return child_of(coarse, law, stretched(directions, law, begun))
 
 
-def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
+def most_promising(
+    problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int
+) -> list[Fit]:
     """The parent with each of the `count` most promising terms.
 
     All are fitted a little, the better half to the end (successive halving).

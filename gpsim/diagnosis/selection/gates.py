@@ -124,7 +124,7 @@ def _best_starts(proposals: Sequence[Proposal]) -> list[Proposal]:
     return list(best.values())
 
 
-def polished(problem: Problem, at: Fit, finest: float) -> Fit:
+def with_refined_edges(problem: Problem, at: Fit, finest: float) -> Fit:
     """A fit with the edges of its gates where the likelihood is highest, to a share of their channels' ranges."""
     edges = problem.run.settings.gate_edges
     gated = [i for i, term in enumerate(at.hypothesis.terms) if term.gate]

@@ -25,7 +25,7 @@ from gpsim.diagnosis.fitting import (
     numerical_error,
 )
 from gpsim.diagnosis.run import kept
-from gpsim.diagnosis.selection.elimination import sampled
+from gpsim.diagnosis.selection.elimination import on_some_windows
 
 LEAST = 1e-6  # nats, of a simulation without an error: what rounding leaves is none
 NEGLIGIBLE = (
@@ -73,7 +73,7 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 
     problem, at: the hypothesis fitted to these windows.
     """
-    some, part = sampled(problem, at, problem.run.settings.lack_of_fit.windows)
+    some, part = on_some_windows(problem, at, problem.run.settings.lack_of_fit.windows)
     more = len(problem.windows) / len(some.windows)
     single = _single(some)
     if not single:
@@ -90,7 +90,7 @@ def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
 
     Of what is commanded nobody doubts the past; that of a state is known through noise that the residual has, too.
     """
-    some, part = sampled(problem, at, problem.run.settings.lack_of_fit.windows)
+    some, part = on_some_windows(problem, at, problem.run.settings.lack_of_fit.windows)
     groups = _remembering(some)
     if not groups:
         return None

@@ -27,19 +27,19 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import may_pay, pays
-from gpsim.diagnosis.selection.beam import grown
+from gpsim.diagnosis.selection.beam import most_promising
 from gpsim.diagnosis.selection.change_points import begun_later
-from gpsim.diagnosis.selection.elimination import lean, likeliest, sampled, simplest
+from gpsim.diagnosis.selection.elimination import lean, likeliest, on_some_windows, simplest
 from gpsim.diagnosis.selection.gates import (
     gated_children,
     may_be_limited,
     moments,
-    polished,
     region_channels,
     with_edges,
+    with_refined_edges,
 )
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
-from gpsim.diagnosis.selection.substitution import left_open, specialised, swapped
+from gpsim.diagnosis.selection.substitution import left_open, specialised, substitutes
 
 
 def improved(
@@ -48,8 +48,8 @@ def improved(
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     settings, edges = problem.run.settings.stepwise, problem.run.settings.gate_edges
     as_well = problem.run.settings.substitution.as_well
-    leader = _ended(problem, _finely(problem, leader))
-    leader = lean(problem, polished(problem, leader, edges.fine_spacing))
+    leader = _finished(problem, _finely(problem, leader))
+    leader = lean(problem, with_refined_edges(problem, leader, edges.fine_spacing))
     tried: list[Fit] = []
     most = min(problem.run.budget.spent + settings.budget, settings.total_budget)
     enough = min(most + settings.substitution_budget, settings.total_budget)
@@ -58,7 +58,7 @@ def improved(
         leader, children = _extended(problem, leader, offers, most, gates=False)
         tried += _new(children, tried)
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
-        others = _swapped(problem, leader, offers, enough)
+        others = _all_substitutes(problem, leader, offers, enough)
         near = sorted(
             (f for f in others if f.objective < leader.objective + as_well), key=lambda f: f.objective
         )
@@ -67,7 +67,7 @@ def improved(
         tried += others
         best = simplest(problem, [leader, *others])
         if _advances(problem, best, leader):
-            leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
+            leader = _finished(problem, best if any(best is f for f in leaned) else lean(problem, best))
             if problem.run.budget.spent > most:
                 leader, twins = _among_twins(problem, leader, offers)
                 tried += twins
@@ -81,24 +81,24 @@ def improved(
         leader = extended
     if leader.hypothesis.patchwork:
         return leader, tried  # it will not be named
-    return polished(problem, specialised(problem, leader, offers), edges.finest_spacing), tried
+    return with_refined_edges(problem, specialised(problem, leader, offers), edges.finest_spacing), tried
 
 
 def _new(fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
     return [f for f in fits if not any(f is g for g in known)]
 
 
-def _swapped(
+def _all_substitutes(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], until: float, *, twins: bool = False
 ) -> list[Fit]:
-    """`swapped` for one term of the leader after the other, until so much effort is spent."""
+    """`substitutes` for one term of the leader after the other, until so much effort is spent."""
     calls = [(problem, leader, i, offers, twins) for i in range(len(leader.hypothesis.terms))]
-    return [f for found in problem.run.side_by_side(swapped, calls, until) for f in found]
+    return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]
 
 
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
     """The leader or one of its near twins, of which those of the last leader say nothing, and the twins."""
-    twins = _swapped(problem, leader, offers, math.inf, twins=True)
+    twins = _all_substitutes(problem, leader, offers, math.inf, twins=True)
     return simplest(problem, [leader, *twins]), twins
 
 
@@ -135,8 +135,9 @@ def _extended(
             steps += 1
         if not better:
             break
-        leader = _ended(problem, likeliest(problem, better))
-        leader = leader if over else polished(problem, leader, finest)  # at the end it is, in any case
+        leader = _finished(problem, likeliest(problem, better))
+        if not over:  # at the end they are refined in any case
+            leader = with_refined_edges(problem, leader, finest)
         if steps == 0 or whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured:
             leader = firm = lean(problem, leader)
             steps = 0
@@ -158,7 +159,7 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
     )
 
 
-def _ended(problem: Problem, leader: Fit) -> Fit:
+def _finished(problem: Problem, leader: Fit) -> Fit:
     """The leader followed to its end, also from the start states that were measured.
 
     It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
@@ -185,8 +186,9 @@ def _children(
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
-    # Other gates are dear.
-    if problem.run.budget.spent > most or not (_hidden(problem, leader, better) if better else gates):
+    if problem.run.budget.spent > most:
+        return plain
+    if not (_shows_in_a_place_only(problem, leader, better) if better else gates):  # other gates are dear
         return plain
     structured = whiteness(problem, leader)[0] < settings.gated_below
     if not structured:
@@ -196,8 +198,8 @@ def _children(
     calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
     gated = [f for found in problem.run.side_by_side(_gated, calls) for f in found]
     if structured and problem.run.budget.spent < most and len(leader.hypothesis.terms) < settings.most_terms:
-        everywhere = grown(part, directions, offers, problem.run.settings.gates.promising)
-        few = Directions(*sampled(part, seen, settings.gate_windows))
+        everywhere = most_promising(part, directions, offers, problem.run.settings.gates.promising)
+        few = Directions(*on_some_windows(part, seen, settings.gate_windows))
         gated += gated_children(part, directions, everywhere, offers, few=few)
     elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
@@ -206,7 +208,7 @@ def _children(
     return plain + fit_all(problem, orders)
 
 
-def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
+def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
     """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
     best = min(better, key=lambda f: f.objective)
     if whiteness(problem, best)[0] > problem.run.settings.acceptance.structured:
@@ -222,7 +224,7 @@ def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
 def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
     """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
     settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
-    part, seen = sampled(problem, leader, settings.screening_windows)
+    part, seen = on_some_windows(problem, leader, settings.screening_windows)
     directions = Directions(part, seen)
     later = begun_later(problem, leader, offers)
     if len(leader.hypothesis.terms) >= settings.most_terms:

@@ -20,14 +20,14 @@ from gpsim.diagnosis.fitting import (
     stretched,
 )
 from gpsim.diagnosis.selection.acceptance import pays
-from gpsim.diagnosis.selection.beam import grown
-from gpsim.diagnosis.selection.elimination import sampled
+from gpsim.diagnosis.selection.beam import most_promising
+from gpsim.diagnosis.selection.elimination import on_some_windows
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.selection.gates import gated_children, makes_sense, moments, with_edges
 from gpsim.effects import Gate, Term
 
 
-def swapped(
+def substitutes(
     problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate], twins: bool = False
 ) -> list[Fit]:
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one.
@@ -37,7 +37,7 @@ def swapped(
     settings, edges = problem.run.settings.substitution, problem.run.settings.gate_edges
     steps = problem.run.settings.schedules
     old = leader.hypothesis.terms[index]
-    part, seen = sampled(problem, leader, problem.run.settings.stepwise.screening_windows)
+    part, seen = on_some_windows(problem, leader, problem.run.settings.stepwise.screening_windows)
     parent = left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     directions = Directions(part, parent)
@@ -152,7 +152,7 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     """In place of a drift: what changed at one moment."""
     there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
     directions = Directions(part, parent)
-    everywhere = grown(part, directions, there, problem.run.settings.substitution.jumps)
+    everywhere = most_promising(part, directions, there, problem.run.settings.substitution.jumps)
     found = with_edges(part, gated_children(part, directions, everywhere, there, moments(part)))
     return _from_measured(problem, found)
 
