@@ -8,6 +8,7 @@ import pytest
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import beam as search
+from gpsim.diagnosis.settings import read_settings
 from gpsim.effects import EffectParameter, Gate, Term
 
 PROBLEM = SimpleNamespace(run=Run())
@@ -38,6 +39,12 @@ def test_the_beam_holds_different_claims_and_one_gate():
     last = found(-4.0, "quadratic_drag")
     beam = search._beam(PROBLEM, [last, coarse, plain, another_gate, same, gated])
     assert [f.objective for f in beam] == [-9.0, -6.0, -4.0]
+
+
+def test_a_narrower_beam_holds_fewer():
+    narrow = SimpleNamespace(run=Run(settings=read_settings({"search": {"beam": 1}})))
+    best, other = found(-9.0, "spring"), found(-6.0, "coulomb_friction")
+    assert search._beam(narrow, [other, best]) == [best]
 
 
 def test_the_best_in_coarse_steps_are_tried_finely(monkeypatch):

@@ -124,6 +124,13 @@ def test_nothing_to_explain_beside_numerical_error_is_chance():
     assert module._chance(1500.0, 7, 1008.0, 20) < 1e-6
 
 
+def test_what_is_significant_is_a_setting():
+    problem, _ = posed(World("slider"), noise=1.0)
+    lenient = replace(problem, run=Run(settings=read_settings({"lack_of_fit": {"significance": 1.1}})))
+    assert not lack_of_fit(problem, without_a_name(problem)).significant
+    assert lack_of_fit(lenient, without_a_name(problem)).significant
+
+
 def test_of_many_inputs_only_the_most_telling_ones_are_paired():
     problem, _ = posed(World("cartpole", forces={0: lambda q, v, t: 0.5 * np.sin(9 * q)}), noise=1.0)
     problem = replace(problem, run=Run(settings=read_settings({"lack_of_fit": {"paired_inputs": 2}})))
