@@ -47,6 +47,12 @@ def test_a_narrower_beam_holds_fewer():
     assert search._beam(narrow, [other, best]) == [best]
 
 
+def test_a_search_that_goes_deeper_fits_as_many_terms_as_at_the_last_depth_that_is_named():
+    settings = read_settings({"search": {"depth": 4, "fitted_per_depth": [9, 5]}})
+    assert search._fitted_per_depth(settings.search) == [9, 5, 5, 5]
+    assert search._fitted_per_depth(read_settings({"search": {"depth": 2}}).search) == [18, 9]
+
+
 def test_the_best_in_coarse_steps_are_tried_finely(monkeypatch):
     """Delay and rate limit were met in Euler steps only, where they did worse than a wrong law in fine ones."""
     orders = []

@@ -55,8 +55,3 @@ def test_what_is_no_setting_is_refused_with_the_nearest(values, said):
     with pytest.raises(UsageError) as caught:
         read_settings(values)
     assert said in str(caught.value)
-
-
-def test_a_search_that_goes_deeper_fits_as_many_terms_as_at_the_last_depth_that_is_named():
-    search = read_settings({"search": {"depth": 4, "fitted_per_depth": [9, 5]}}).search
-    assert [search.fitted_at(depth) for depth in range(search.depth)] == [9, 5, 5, 5]

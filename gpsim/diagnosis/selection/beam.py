@@ -30,6 +30,7 @@ from gpsim.diagnosis.fitting import (
     whiteness,
 )
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
+from gpsim.diagnosis.settings import SearchSettings
 from gpsim.effects import Scheme
 
 Note = Callable[[int, int, str], None]
@@ -80,7 +81,7 @@ def _beam_search(
     )
     null = nulls[0]
     fits, beam = list(nulls), list(nulls)
-    counts = [settings.fitted_at(depth) for depth in range(settings.depth)]
+    counts = _fitted_per_depth(settings)
     total = 2 * sum(counts[:1]) + settings.beam * sum(counts[1:])
     done, most = 0, problem.run.budget.spent + settings.budget
     for depth, count in enumerate(counts):
@@ -112,6 +113,12 @@ def _beam_search(
     note(total, total, "")
     ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
     return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
+
+
+def _fitted_per_depth(settings: SearchSettings) -> list[int]:
+    """How many of the screened terms are fitted at each depth; deeper than the settings say, as many as at the last."""
+    said = settings.fitted_per_depth
+    return [said[min(depth, len(said) - 1)] for depth in range(settings.depth)]
 
 
 def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:

@@ -3,13 +3,14 @@
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.gates import GateSettings
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
-from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings
+from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
 from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
 
 __all__ = [
     "AcceptanceSettings",
     "GateSettings",
     "LackOfFitSettings",
+    "SearchSettings",
     "Settings",
     "as_mapping",
     "as_page",

@@ -116,10 +116,6 @@ class SearchSettings:
                 "fitted_per_depth is empty: expected a number of terms for each depth, as [18, 9, 7]"
             )
 
-    def fitted_at(self, depth: int) -> int:
-        """How many of the screened terms are fitted at a depth, counted from 0."""
-        return self.fitted_per_depth[min(depth, len(self.fitted_per_depth) - 1)]
-
 
 @dataclass(frozen=True)
 class StepwiseSettings:
