@@ -16,7 +16,7 @@ from gpsim.diagnosis.report import (
     RolloutErrors,
     StepErrors,
 )
-from gpsim.diagnosis.selection import SIGNIFICANT
+from gpsim.diagnosis.settings import LackOfFitSettings
 from gpsim.reports.wording import worded
 
 NOTHING = "nothing missing"
@@ -153,7 +153,7 @@ def _odds(effects: Sequence[NamedEffect]) -> str:
 
 def _missing_law(lack: MissingLaw | None) -> str:
     """What the missing law is about, as far as that can be told without knowing it."""
-    if lack is None or lack.p_value >= SIGNIFICANT:
+    if lack is None or lack.p_value >= LackOfFitSettings().significance:
         return ""
     on = " and ".join(lack.on)
     if lack.memory:

@@ -5,13 +5,15 @@ import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.selection.change_points import WORTH, begun_later, onsets
+from gpsim.diagnosis.selection.change_points import begun_later, onsets
+from gpsim.diagnosis.settings.gates import ChangePointSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
 
+WORTH = ChangePointSettings().least_gain
 SLIDER = make_simulator("slider")
 
 

@@ -19,7 +19,9 @@ from gpsim.diagnosis.report import Estimate, RemainderGp
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
-from gpsim.diagnosis.selection.gate_edges import FAR, placed
+from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.settings import read_settings
+from gpsim.diagnosis.settings.gates import GateEdgeSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
@@ -27,6 +29,8 @@ from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import Simulator, make_simulator
 
 from .worlds import World, record
+
+FAR = GateEdgeSettings().far_reach
 
 
 def braked(low=0.12, high=0.45, since=None):
@@ -112,6 +116,7 @@ class Circling(NamedTuple):
 
     windows: SimpleNamespace
     simulator: Simulator = make_simulator("unicycle")
+    run: Run = Run()
 
     @classmethod
     def of(cls, yaw):
@@ -139,6 +144,15 @@ def test_bins_of_an_angle_go_once_round_the_circle():
     round_ = Circling.of(yaw)
     assert bin_edges(round_, "yaw")[[0, -1]] == pytest.approx([-np.pi, np.pi])
     np.testing.assert_array_equal(round_.bins_with(rng.uniform(-4.0, 4.0, 300)), 1.0)
+
+
+def test_as_many_bins_as_are_asked_for():
+    circling = Circling.of(np.random.default_rng(0).uniform(-0.5, 0.5, 400))
+    assert len(bin_edges(circling, "yaw")) == 24 + 1
+    settings = read_settings({"gates": {"bins": 6, "margin": 0.0}})
+    few = bin_edges(circling._replace(run=Run(settings=settings)), "yaw")
+    assert len(few) == 6 + 1
+    assert few[[0, -1]] == pytest.approx([-0.5, 0.5], abs=0.01)
 
 
 def test_bins_of_an_angle_run_on_over_the_seam_where_it_was_visited():

@@ -1,5 +1,6 @@
 """The score test of smooth laws: it sees what noise hides, and nothing where nothing is missing."""
 
+from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 from gpsim.diagnosis.fitting.evidence import whiteness
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit, lack_of_memory
-from gpsim.diagnosis.settings import AcceptanceSettings
+from gpsim.diagnosis.settings import AcceptanceSettings, read_settings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.simulators import make_simulator
@@ -122,9 +124,16 @@ def test_nothing_to_explain_beside_numerical_error_is_chance():
     assert module._chance(1500.0, 7, 1008.0, 20) < 1e-6
 
 
-def test_of_many_inputs_only_the_most_telling_ones_are_paired(monkeypatch):
+def test_what_is_significant_is_a_setting():
+    problem, _ = posed(World("slider"), noise=1.0)
+    lenient = replace(problem, run=Run(settings=read_settings({"lack_of_fit": {"significance": 1.1}})))
+    assert not lack_of_fit(problem, without_a_name(problem)).significant
+    assert lack_of_fit(lenient, without_a_name(problem)).significant
+
+
+def test_of_many_inputs_only_the_most_telling_ones_are_paired():
     problem, _ = posed(World("cartpole", forces={0: lambda q, v, t: 0.5 * np.sin(9 * q)}), noise=1.0)
-    monkeypatch.setattr(module, "MOST_INPUTS", 2)
+    problem = replace(problem, run=Run(settings=read_settings({"lack_of_fit": {"paired_inputs": 2}})))
     single = module._single(problem)
     nats = [10.0 if group.inputs[0] in (0, 4) else 1.0 for group in single]
     assert [g.inputs for g in module._double(problem, single, nats)] == [(0, 4), (0, 4)]

@@ -44,6 +44,10 @@ def test_settings_are_changed_one_by_one():
         ({"acceptence": {}}, "diagnose: no step 'acceptence' (did you mean 'acceptance'?)"),
         ({"acceptance": {"per_trem": 3}}, "diagnose.acceptance: no setting 'per_trem' (did you mean 'per_term'?)"),
         ({"acceptance": {"per_term": "many"}}, "diagnose.acceptance.per_term: expected a number, got 'many'"),
+        ({"search": {"depth": 0}}, "diagnose.search.depth: expected at least 1, got 0"),
+        ({"search": {"fitted_per_depth": [9, -1]}}, "diagnose.search.fitted_per_depth: expected at least 0, got -1"),
+        ({"search": {"fitted_per_depth": []}}, "diagnose.search: fitted_per_depth is empty"),
+        ({"gate_edges": {"narrowing": float("nan")}}, "diagnose.gate_edges.narrowing: expected at least 1.1, got nan"),
         ({"acceptance": 3}, "diagnose.acceptance: expected settings"),
     ],
 )  # fmt: skip

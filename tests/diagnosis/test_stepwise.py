@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.selection.stepwise import MOST_EFFORT, _children, _ended
+from gpsim.diagnosis.selection.stepwise import _children, _finished
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
@@ -41,7 +41,7 @@ def test_a_new_leader_is_fitted_to_its_end(led_astray):
     if led_astray:  # by a hypothesis without the delay
         starts = fit(problem, hypothesis.without(0), starts, iterations=12).starts
     at = fit(problem, hypothesis, starts, iterations=1, near=True)
-    ended = _ended(problem, at)
+    ended = _finished(problem, at)
     assert ended.objective < at.objective - 100.0
     np.testing.assert_allclose(ended.hypothesis.theta, [DELAY, RATE], rtol=0.01)
 
@@ -65,7 +65,7 @@ def test_gates_are_tried_at_once_where_what_is_missing_is_far_more_than_a_term_g
     law = next(c for c in offers if c.family == "quadratic_drag")
     hypothesis = Hypothesis().plus(law.term([0.5]), law.declared)
     leader = fit(problem, hypothesis, problem.windows.measured[:, 0])
-    children = _children(problem, leader, offers, MOST_EFFORT, gates=False)
+    children = _children(problem, leader, offers, problem.run.settings.stepwise.budget, gates=False)
     best = min(children, key=lambda f: f.objective).hypothesis.terms[-1]
     assert (best.family, best.on) == ("viscous_friction", "q")
     assert any(term.gate for f in children for term in f.hypothesis.terms) == somewhere

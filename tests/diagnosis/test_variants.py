@@ -6,7 +6,7 @@ import pytest
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.selection.substitution import swapped
+from gpsim.diagnosis.selection.substitution import substitutes
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate
@@ -53,6 +53,6 @@ def test_a_force_is_tried_as_a_coefficient(family, values, gate):
     force = next(c for c in offers if c.identity == (family, "x") and c.variant == "")
     hypothesis = Hypothesis(scheme="euler").plus(force.term(values), force.declared).gated(0, gate)
     leader = fit(problem, hypothesis, problem.windows.measured[:, 0], iterations=12)
-    best = min(swapped(problem, leader, 0, offers), key=lambda f: f.objective)
+    best = min(substitutes(problem, leader, 0, offers), key=lambda f: f.objective)
     assert best.objective < leader.objective - 100
     assert best.hypothesis.terms[0].values["coefficient"] == pytest.approx(0.9, abs=1e-4)

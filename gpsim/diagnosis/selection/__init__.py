@@ -5,14 +5,13 @@ from gpsim.diagnosis.selection.beam import Found, Note, search
 from gpsim.diagnosis.selection.elimination import simplest
 from gpsim.diagnosis.selection.grid_check import refine_grid
 from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
-from gpsim.diagnosis.selection.lack_of_fit import SIGNIFICANT, LackOfFit, lack_of_fit, lack_of_memory
+from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.selection.pruning import prune_on_held_out
 from gpsim.diagnosis.selection.refit import Contenders, refit
 from gpsim.diagnosis.selection.stepwise import stepwise
 from gpsim.diagnosis.selection.substitution import left_open
 
 __all__ = [
-    "SIGNIFICANT",
     "Acceptance",
     "Contenders",
     "Found",

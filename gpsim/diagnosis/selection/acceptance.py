@@ -174,7 +174,7 @@ def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
 def _finer(problem: Problem, at: Fit) -> Fit:
     """The fit on a grid twice as fine."""
     grid = replace(problem, substeps=2 * problem.substeps)
-    return fit(grid, at.hypothesis, at.starts, iterations=5, near=True)
+    return fit(grid, at.hypothesis, at.starts, iterations=problem.run.settings.schedules.glance, near=True)
 
 
 def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:

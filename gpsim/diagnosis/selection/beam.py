@@ -30,17 +30,10 @@ from gpsim.diagnosis.fitting import (
     whiteness,
 )
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
+from gpsim.diagnosis.settings import SearchSettings
 from gpsim.effects import Scheme
 
 Note = Callable[[int, int, str], None]
-BEAM, DEPTH = 3, 3
-SCANS = 3  # of the force of dry friction that chatters
-TWINS = 3  # of the best hypotheses in coarse steps that are tried finely, too
-FITTED = (18, 9, 7)  # how many of the screened terms are fitted at each depth
-LEAST_WORTH = 0.01  # of the most promising term's linear gain that another must promise to be fitted
-SAME, BENEFIT = 1.0, 5.0  # nats: two schemes that do not differ; the benefit of the doubt for the fine one
-MOST_EFFORT = 2.5e8  # simulated rows after which it grows no deeper; improving goes on from there
-EXACT = 2.0  # times the floor: no noise is left
 
 
 @dataclass(frozen=True)
@@ -59,46 +52,53 @@ def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: No
     Where a hypothesis on the base simulator's own coarse step comes out best, finely integrated ones get a search of
     their own: a coarse step looks like a lag or a little damping, and may lead astray whoever begins with it.
     """
-    found = _grow(problem, offers, ("fine", base), note)
+    found = _beam_search(problem, offers, ("fine", base), note)
     best, seen = found.fits[0], problem.observed
     coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
-    exact = (best.variance[seen] < (EXACT * found.problem.floor[seen]) ** 2).all()
+    exact = (best.variance[seen] < (problem.run.settings.search.exact * found.problem.floor[seen]) ** 2).all()
     if not coarse or exact:
         return found
-    finely = _grow(problem, offers, ("fine",), note)
+    finely = _beam_search(problem, offers, ("fine",), note)
     floor = np.maximum(found.problem.floor, finely.problem.floor)
     both = replace(problem, floor=floor)
     fits = [rescored(both, f) for f in (*found.fits, *finely.fits)]
     return Found(_ranked(both, fits), rescored(both, found.null), found.scheme, both)
 
 
-def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note) -> Found:
+def _beam_search(
+    problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note
+) -> Found:
+    settings, steps = problem.run.settings.search, problem.run.settings.schedules
     nulls = [
-        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=8)
+        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=steps.settle)
         for s in dict.fromkeys(schemes)
     ]
-    if "rk4" in schemes and len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < SAME:
+    alike = len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < settings.same_scheme
+    if "rk4" in schemes and alike:
         nulls = nulls[:1]  # but a coarse step makes friction chatter, whatever it does without friction
-    nulls.sort(key=lambda f: f.objective - (BENEFIT if f.hypothesis.scheme == "fine" else 0.0))
+    nulls.sort(
+        key=lambda f: f.objective - (settings.fine_preference if f.hypothesis.scheme == "fine" else 0.0)
+    )
     null = nulls[0]
     fits, beam = list(nulls), list(nulls)
-    total = 2 * FITTED[0] + BEAM * (FITTED[1] + FITTED[2])
-    done, most = 0, problem.run.budget.spent + MOST_EFFORT
-    for depth in range(DEPTH):
+    counts = _fitted_per_depth(settings)
+    total = 2 * sum(counts[:1]) + settings.beam * sum(counts[1:])
+    done, most = 0, problem.run.budget.spent + settings.budget
+    for depth, count in enumerate(counts):
         children: list[Fit] = []
         for parent in beam:
             if children and problem.run.budget.spent > most:
                 break
             directions = Directions(problem, parent)
-            plain = grown(problem, directions, offers, FITTED[depth])
+            plain = most_promising(problem, directions, offers, count)
             if depth == 0 and parent is null:
                 problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
-            if parent is beam[0] and depth < 2 and _structured(problem, [*fits, *plain]):
+            if parent is beam[0] and depth < settings.gated_depths and _structured(problem, [*fits, *plain]):
                 gated = gated_children(problem, directions, plain, offers)
                 children += with_edges(problem, gated)
-            done += FITTED[depth]
+            done += count
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")
         children = _distinct(children)
@@ -115,11 +115,19 @@ def _grow(problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Schem
     return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
 
 
+def _fitted_per_depth(settings: SearchSettings) -> list[int]:
+    """How many of the screened terms are fitted at each depth; deeper than the settings say, as many as at the last."""
+    said = settings.fitted_per_depth
+    return [said[min(depth, len(said) - 1)] for depth in range(settings.depth)]
+
+
 def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """The best of those in coarse steps once more, finely: the right law may have been met on a coarse grid only."""
     coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
-    new = _ranked(problem, coarse)[:TWINS] if coarse else []
-    return fit_all(problem, [Order(replace(f.hypothesis, scheme="fine"), f.starts, 12) for f in new])
+    new = _ranked(problem, coarse)[: problem.run.settings.search.fine_twins] if coarse else []
+    steps = problem.run.settings.schedules
+    finely = [(replace(f.hypothesis, scheme="fine"), f.starts) for f in new]
+    return fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in finely])
 
 
 def _chattering_twins(
@@ -130,14 +138,15 @@ def _chattering_twins(
     From where the motion is known, over which the force is scanned, and again as the motion becomes better known: a
     fit from nothing gets stuck.
     """
+    steps = problem.run.settings.schedules
     laws = [c for c in offers if c.dry and len(c.declared) == 1 and not c.only_gated]
     plain = [f for f in fits if f.hypothesis.scheme == "fine" and not _gated_terms(f)]
     known = [(c, f.starts) for c in laws for f in plain if c.identity in f.hypothesis.claims]
     found: list[Fit] = []
-    for _ in range(SCANS):
+    for _ in range(problem.run.settings.search.friction_scans):
         scans = problem.run.side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
-        orders = [Order(child, starts, 12) for child, (_, starts) in zip(scans, known, strict=True)]
-        again = fit_all(problem, orders)
+        begun = [(child, starts) for child, (_, starts) in zip(scans, known, strict=True)]
+        again = fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in begun])
         found += again
         known = [(c, f.starts) for (c, _), f in zip(known, again, strict=True)]
     return found
@@ -150,20 +159,23 @@ def _scanned(problem: Problem, coarse: Hypothesis, law: Candidate, starts: Float
     return child_of(coarse, law, stretched(directions, law, begun))
 
 
-def grown(problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int) -> list[Fit]:
+def most_promising(
+    problem: Problem, directions: Directions, offers: Sequence[Candidate], count: int
+) -> list[Fit]:
     """The parent with each of the `count` most promising terms.
 
     All are fitted a little, the better half to the end (successive halving).
     """
+    settings, steps = problem.run.settings.search, problem.run.settings.schedules
     parent = directions.parent
     taken = parent.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
-    least = max(1.0, LEAST_WORTH * found[0][0]) if found else 1.0
+    least = max(settings.least_gain, settings.least_promise * found[0][0]) if found else settings.least_gain
     children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
-    begun = fit_all(problem, [Order(child, parent.starts, 5) for child in children])
+    begun = fit_all(problem, [Order(child, parent.starts, steps.glance, steps.rough) for child in children])
     begun.sort(key=lambda f: f.objective)
     better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
-    ended = fit_all(problem, [Order(f.hypothesis, f.starts, 8) for f in better])
+    ended = fit_all(problem, [Order(f.hypothesis, f.starts, steps.settle, steps.rough) for f in better])
     return [*ended, *(f for f in begun if not any(f is b for b in better))]
 
 
@@ -190,7 +202,7 @@ def _beam(problem: Problem, children: Sequence[Fit]) -> list[Fit]:
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in out)
         if new and (not gates or (gates == 1 and not any(map(_gated_terms, out)))):
             out.append(found)
-    return out[:BEAM]
+    return out[: problem.run.settings.search.beam]
 
 
 def _gated_terms(found: Fit) -> int:
@@ -207,4 +219,5 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     if len(best.hypothesis.terms) < 2:
         return []
     parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
-    return fit_all(problem, [Order(part, best.starts, 12) for part in parts])
+    steps = problem.run.settings.schedules
+    return fit_all(problem, [Order(part, best.starts, steps.refit, steps.rough) for part in parts])

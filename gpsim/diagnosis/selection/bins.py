@@ -10,30 +10,30 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.diagnosis.fitting import Problem
+from gpsim.diagnosis.settings import GateSettings
 from gpsim.effects import EPISODE, LooksAt
 from gpsim.recordings import evenly
 
-BINS, MARGIN = 24, 0.05  # and how far the outer edges lie beyond what was visited, of its range
-TURN = 2.0 * np.pi
+TURN = 2.0 * np.pi  # of a circle, in radians
 
 
 def bin_edges(problem: Problem, channel: LooksAt) -> FloatArray:
-    """Edges of BINS bins of a channel, of time where it is None, of EPISODE: outer ones open, inner ones quantiles.
+    """Edges of a channel's bins, of time where it is None, of EPISODE: outer ones open, inner ones quantiles.
 
     Those of an angle that wraps go round the circle once at most, from where it was not visited.
     """
-    windows = problem.windows
+    windows, settings = problem.windows, problem.run.settings.gates
     if channel is EPISODE:
-        return _between_episodes(windows.episode)
+        return _between_episodes(settings, windows.episode)
     if channel is None:
-        return _bins(windows.t[windows.valid])
+        return _bins(settings, windows.t[windows.valid])
     names = problem.simulator.state.names
     if channel not in names:
-        return _bins(windows.actions[..., problem.simulator.action.index(channel)].ravel())
+        return _bins(settings, windows.actions[..., problem.simulator.action.index(channel)].ravel())
     values = windows.measured[..., names.index(channel)][windows.valid]
-    if turns(problem, channel) and (1 + 2 * MARGIN) * np.ptp(values) > TURN:
-        return _round_bins(values)
-    return _bins(values)
+    if turns(problem, channel) and (1 + 2 * settings.margin) * np.ptp(values) > TURN:
+        return _round_bins(settings, values)
+    return _bins(settings, values)
 
 
 def turns(problem: Problem, channel: LooksAt) -> bool:
@@ -67,32 +67,34 @@ def nearest_turn(angle: float, other: float) -> float:
     return TURN * round((angle - other) / TURN)
 
 
-def _between_episodes(episodes: IntArray) -> FloatArray:
-    """Edges between episodes, and before the first and behind the last; BINS bins at most."""
+def _between_episodes(settings: GateSettings, episodes: IntArray) -> FloatArray:
+    """Edges between episodes, and before the first and behind the last; as many bins at most."""
     known = np.unique(episodes)
-    return np.append(known[evenly(len(known), BINS)], known[-1] + 1) - 0.5
+    return np.append(known[evenly(len(known), settings.bins)], known[-1] + 1) - 0.5
 
 
-def _bins(values: FloatArray, least: float = -np.inf, most: float = np.inf) -> FloatArray:
+def _bins(
+    settings: GateSettings, values: FloatArray, least: float = -np.inf, most: float = np.inf
+) -> FloatArray:
     """Edges of bins that hold equally many values, the outer ones no further out than least and most."""
-    inner = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+    inner = np.unique(np.quantile(values, np.linspace(0, 1, settings.bins + 1)))
     if len(inner) < 2:
         return inner
-    margin = MARGIN * (inner[-1] - inner[0])
+    margin = settings.margin * (inner[-1] - inner[0])
     inner[0] = max(inner[0] - margin, least)
     inner[-1] = min(inner[-1] + margin, most)
     return inner
 
 
-def _round_bins(angles: FloatArray) -> FloatArray:
+def _round_bins(settings: GateSettings, angles: FloatArray) -> FloatArray:
     """The same of angles all round: the circle is cut in the middle of its widest gap, at pi where it has none."""
     visited = np.sort(wrap_angle(angles))
     gaps = np.diff(visited, append=visited[0] + TURN)
     widest = int(np.argmax(gaps))
-    if gaps[widest] <= TURN / BINS:
-        inner = np.quantile(wrap_angle(angles), np.linspace(0, 1, BINS + 1)[1:-1])
+    if gaps[widest] <= TURN / settings.bins:
+        inner = np.quantile(wrap_angle(angles), np.linspace(0, 1, settings.bins + 1)[1:-1])
         return np.unique([-np.pi, *inner, np.pi])
     cut = float(visited[widest] + gaps[widest] / 2)
     cut -= TURN * round((cut - np.pi) / TURN)  # what lies opposite is in the usual turn
     first = cut - TURN
-    return _bins(first + np.mod(angles - first, TURN), first, cut)
+    return _bins(settings, first + np.mod(angles - first, TURN), first, cut)

@@ -23,14 +23,10 @@ from gpsim.diagnosis.fitting import (
     jacobians,
     projected,
 )
-from gpsim.diagnosis.selection.gate_edges import NEAR, placed
-from gpsim.diagnosis.selection.gates import COARSE, GLIMPSE
+from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.effects import Gate
 
-TRIMMED = 0.1  # of the windows at either end: a change there says nothing of a moment
-RIDGE = 1e-9  # of a parameter's own information
-FITTED, ALIKE = 2, 0.5  # onsets that are fitted; and the share of the best one's gain that the other promises
-WORTH = 10.0  # nats that one must promise: it is the best of many moments
+RIDGE = 1e-9  # of a parameter's own information, so that what the windows leave open can be solved for, too
 
 
 @dataclass(frozen=True)
@@ -48,15 +44,19 @@ def begun_later(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> l
 
     Terms that no gate may limit are left alone.
     """
+    settings, edges = problem.run.settings.change_points, problem.run.settings.gate_edges
     gateable = {c.identity for c in offers if c.gateable and not c.only_gated}
     terms = enumerate(leader.hypothesis.terms)
     open_ones = [i for i, t in terms if not t.gate and not t.variant and t.identity in gateable]
-    found = [o for o in onsets(problem, leader, open_ones) if o.gain > WORTH]
+    found = [o for o in onsets(problem, leader, open_ones) if o.gain > settings.least_gain]
     most = max((o.gain for o in found), default=0.0)
-    best = sorted((o for o in found if o.gain > ALIKE * most), key=lambda o: -o.gain)[:FITTED]
+    alike = [o for o in found if o.gain > settings.alike * most]
+    best = sorted(alike, key=lambda o: -o.gain)[: settings.fitted]
     children = [leader.hypothesis.having(o.theta).gated(o.index, o.gate) for o in best]
-    fits = fit_all(problem, [Order(child, leader.starts, 8) for child in children])
-    calls = [(problem, f, o.index, NEAR, COARSE, GLIMPSE) for f, o in zip(fits, best, strict=True)]
+    steps = problem.run.settings.schedules
+    fits = fit_all(problem, [Order(child, leader.starts, steps.settle, steps.rough) for child in children])
+    how = (edges.near_reach, edges.coarse_spacing, edges.trial_budget)
+    calls = [(problem, f, o.index, *how) for f, o in zip(fits, best, strict=True)]
     return problem.run.side_by_side(placed, calls)
 
 
@@ -68,7 +68,8 @@ def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:
     windows = problem.windows
     clocks: list[FloatArray | IntArray] = [windows.t[:, 0]]
     clocks += [windows.episode] if windows.own_clocks else []
-    orders = [_ordered(clock) for clock in clocks]
+    trimmed = problem.run.settings.change_points.trimmed
+    orders = [_ordered(clock, trimmed) for clock in clocks]
     if not terms or not any(moments for _, moments in orders):
         return []
     hypothesis, theta = at.hypothesis, at.hypothesis.theta
@@ -98,11 +99,14 @@ def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:
     return found
 
 
-def _ordered(clock: FloatArray | IntArray) -> tuple[IntArray, list[int]]:
-    """The windows in the order of a clock (W,), and the places in it where something may begin."""
+def _ordered(clock: FloatArray | IntArray, trimmed: float) -> tuple[IntArray, list[int]]:
+    """The windows in the order of a clock (W,), and the places in it where something may begin.
+
+    trimmed: the share of the windows at either end in which nothing may.
+    """
     order = np.argsort(clock, kind="stable")
     count, ticks = len(order), clock[order]
-    inner = range(max(1, int(TRIMMED * count)), count - int(TRIMMED * count))
+    inner = range(max(1, int(trimmed * count)), count - int(trimmed * count))
     return order, [k for k in inner if ticks[k] > ticks[k - 1]]
 
 

@@ -18,18 +18,9 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import pays
-from gpsim.diagnosis.selection.gate_edges import NEAR, placed
-from gpsim.diagnosis.selection.gates import FINE
+from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.effects import Gate
 from gpsim.recordings import evenly
-
-MOVING = 2e7  # simulated rows for the edges of one gate where a term is taken out
-LOOKED_AT = 120  # windows at which a first look is taken, of the usual length
-DOUBTED_AT, FEWER = 80, 1.5  # and where something may not be needed, if there are so many times as many
-CLEAR = 30.0  # nats on those windows that settle that something is needed,
-SLIGHT = 100.0  # nats that an edge which is a little off may be worth
-CLEAR_SHARE = 0.2  # and the share of the variance left over without it
-HOPELESS, HOPELESS_SHARE = 600.0, 0.5  # nats and share after a few iterations that no further ones make good
 
 
 def lean(problem: Problem, leader: Fit) -> Fit:
@@ -37,7 +28,7 @@ def lean(problem: Problem, leader: Fit) -> Fit:
     while True:
         terms = leader.hypothesis.terms
         gated = [i for i, t in enumerate(terms) if t.gate and not t.effect.needs_region]
-        less = _doubtful(problem, leader, [leader.hypothesis.gated(i, Gate()) for i in gated])
+        less = _fitted_unless_needed(problem, leader, [leader.hypothesis.gated(i, Gate()) for i in gated])
         if len(terms) > 1:
             less += without_a_term(problem, leader)
         less = [f for f in less if not pays(problem, leader, f)]
@@ -50,7 +41,7 @@ def lean(problem: Problem, leader: Fit) -> Fit:
 def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
     """The leader with one term less each, fitted anew; those that it clearly needs are left out."""
     parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
-    return _doubtful(problem, leader, parts)
+    return _fitted_unless_needed(problem, leader, parts)
 
 
 def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:
@@ -70,7 +61,7 @@ def likeliest(problem: Problem, fits: Sequence[Fit]) -> Fit:
     return fits[int(scores(problem, list(fits)).argmax())]
 
 
-def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, Fit]:
+def on_some_windows(problem: Problem, at: Fit, most: int) -> tuple[Problem, Fit]:
     """The problem on evenly spread windows, enough for a first look, and the fit's share of it.
 
     most: windows of the usual length; of longer ones as many as hold as many transitions.
@@ -86,22 +77,28 @@ def _windows(problem: Problem, usual: int) -> int:
     return round(usual * LENGTH / problem.windows.length)
 
 
-def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
+def _fitted_unless_needed(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
     """The parts fitted on all windows, but for those that a first look at some of them rules out."""
-    if len(problem.windows) > FEWER * _windows(problem, DOUBTED_AT):
-        some, seen = sampled(problem, leader, DOUBTED_AT)
+    settings, steps = problem.run.settings.elimination, problem.run.settings.schedules
+    if len(problem.windows) > settings.many_windows * _windows(problem, settings.windows):
+        some, seen = on_some_windows(problem, leader, settings.windows)
         seen = rescored(some, seen)
-        looks = _all_as_finely(some, leader, [Order(part, seen.starts, 12) for part in parts])
+        orders = [Order(part, seen.starts, steps.refit, steps.rough) for part in parts]
+        looks = _all_as_finely(some, leader, orders)
         grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
-        looks = _all_moved([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
-        parts = [look.hypothesis for look in looks if not _worse(some, look, seen, CLEAR, CLEAR_SHARE)]
-        return fit_all(problem, [Order(part, leader.starts, 12, 0.1, near=True) for part in parts])
-    begun = _all_as_finely(problem, leader, [Order(part, leader.starts, 6, 0.1) for part in parts])
+        looks = _all_with_moved_edges([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
+        needed = [_worse(some, look, seen, settings.clear, settings.clear_share) for look in looks]
+        parts = [look.hypothesis for look, is_needed in zip(looks, needed, strict=True) if not is_needed]
+        orders = [Order(part, leader.starts, steps.refit, steps.close, near=True) for part in parts]
+        return fit_all(problem, orders)
+    orders = [Order(part, leader.starts, steps.trial, steps.close) for part in parts]
+    begun = _all_as_finely(problem, leader, orders)
     begun = [f for f in begun if not _hopeless(problem, f, leader)]
     unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
-    fits = fit_all(problem, [Order(f.hypothesis, f.starts, 8, 0.1, near=True) for f in unfinished])
+    more = [Order(f.hypothesis, f.starts, steps.settle, steps.close, near=True) for f in unfinished]
+    fits = fit_all(problem, more)
     ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
-    return _all_moved([(problem, f, leader) for f in ended])
+    return _all_with_moved_edges([(problem, f, leader) for f in ended])
 
 
 def _finer(problem: Problem, less: Fit, leader: Fit) -> bool:
@@ -116,40 +113,42 @@ def _all_as_finely(problem: Problem, leader: Fit, orders: Sequence[Order]) -> li
     )
 
 
-def _all_moved(calls: Sequence[tuple[Problem, Fit, Fit]]) -> list[Fit]:
-    """`_moved` of every call; one that is alone in having something to move has all cores to itself."""
-    waiting = [_movable(*call) for call in calls]
+def _all_with_moved_edges(calls: Sequence[tuple[Problem, Fit, Fit]]) -> list[Fit]:
+    """`_with_moved_edges` of every call; one that is alone in having something to move has all cores to itself."""
+    waiting = [_edges_may_help(*call) for call in calls]
     chosen = [call for call, waits in zip(calls, waiting, strict=True) if waits]
-    moved = iter(chosen[0][0].run.side_by_side(_moved, chosen) if chosen else ())
+    moved = iter(chosen[0][0].run.side_by_side(_with_moved_edges, chosen) if chosen else ())
     return [next(moved) if waits else call[1] for call, waits in zip(calls, waiting, strict=True)]
 
 
-def _moved(problem: Problem, less: Fit, leader: Fit) -> Fit:
+def _with_moved_edges(problem: Problem, less: Fit, leader: Fit) -> Fit:
     """A fit with one term less and the edges of its gates moved to where they lie best without it.
 
     An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias, or
     something slight.
     """
+    edges, budget = problem.run.settings.gate_edges, problem.run.settings.elimination.edge_budget
     for index, term in enumerate(less.hypothesis.terms):
-        if term.gate and _movable(problem, less, leader):
-            less = placed(problem, less, index, NEAR, FINE, MOVING)
+        if term.gate and _edges_may_help(problem, less, leader):
+            less = placed(problem, less, index, edges.near_reach, edges.fine_spacing, budget)
     return less
 
 
-def _movable(problem: Problem, less: Fit, leader: Fit) -> bool:
+def _edges_may_help(problem: Problem, less: Fit, leader: Fit) -> bool:
     """Whether it has a gate and its edges may make good what it lacks."""
     if not any(term.gate for term in less.hypothesis.terms):
         return False
     gone = leader.hypothesis.claims - less.hypothesis.claims
     shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
-    near = shifting or less.objective < leader.objective + SLIGHT
+    near = shifting or less.objective < leader.objective + problem.run.settings.elimination.edge_worth
     return near and pays(problem, leader, less)
 
 
 def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
     """Whether no further iterations make it good; of one with a gate, whose edges will move, nobody knows."""
+    settings = problem.run.settings.elimination
     gated = any(term.gate for term in begun.hypothesis.terms)
-    return not gated and _worse(problem, begun, leader, HOPELESS, HOPELESS_SHARE)
+    return not gated and _worse(problem, begun, leader, settings.hopeless, settings.hopeless_share)
 
 
 def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:

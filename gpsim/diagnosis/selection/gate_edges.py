@@ -12,18 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Order, Problem, fit, fit_order
 from gpsim.diagnosis.selection.bins import range_around
 from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate, LooksAt
 
-SCANNED = 8  # places on each side of an edge
-JOINT = 8  # iterations of a joint fit
-NARROWS = 5.0  # the next scan's reach is so much shorter
-FLAT = 0.2  # nats that do not tell two places apart
-MOST_EFFORT = 4.5e7
-FAR, NEAR = 1 / 5, 1 / 12  # of a channel's range: how far the first scan looks
-SIZE = 0.1  # of a channel's range: what a joint fit takes for the typical size of an edge
-EDGES = tuple(EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO))
+EDGES = tuple(  # open on both sides: where they may lie is known to a joint fit only
+    EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO)
+)
 
 
 def gate_between(channel: LooksAt, low: float, high: float, ends: bool) -> Gate:
@@ -55,13 +50,14 @@ def declared_edges(
 
 
 def placed(
-    problem: Problem, at: Fit, index: int, share: float, finest: float, effort: float = MOST_EFFORT
+    problem: Problem, at: Fit, index: int, share: float, finest: float, budget: float | None = None
 ) -> Fit:
     """The fit with the movable edges of one term's gate where the likelihood is highest.
 
     share: of the channel's range, how far the first scan looks on both sides; finest: of the range, the last spacing;
-    effort: simulated rows after which no further scan begins.
+    budget: simulated rows after which no further scan begins, the usual ones by default.
     """
+    settings = problem.run.settings.gate_edges
     gate, channel = at.hypothesis.terms[index].gate, at.hypothesis.terms[index].gate.looks_at
     if channel is EPISODE:
         return _first_episode(problem, at, index)
@@ -69,9 +65,9 @@ def placed(
     outer = range_around(problem, channel, region)
     spread = outer[1] - outer[0]
     reach, stays = share * spread, 0
-    sides, most = {0, 1}, problem.run.budget.spent + effort
+    sides, most = {0, 1}, problem.run.budget.spent + (settings.budget if budget is None else budget)
     around: Directions | None = None
-    while sides and reach / SCANNED > finest * spread and problem.run.budget.spent < most:
+    while sides and reach / settings.places > finest * spread and problem.run.budget.spent < most:
         moved, before = False, at
         for side in sorted(sides):
             if _Span.of(at, index, outer).stays(side):
@@ -80,14 +76,16 @@ def placed(
             if around is None or around.parent is not at:
                 around = Directions(problem, at)
             at, step, tells = _scanned(around, index, outer, side, reach)
-            moved |= step > reach / SCANNED
+            moved |= step > reach / settings.places
             if not tells:
                 sides.discard(side)
         if at is not before:
             at = _joint(problem, at, index, outer)
         stays = 0 if not moved else stays + 1
-        if not moved or stays > 2:  # a move changes the other edge and the parameters: look as far once more
-            reach, stays = reach / NARROWS, 0
+        if (
+            not moved or stays > settings.repeats
+        ):  # a move changes the other edge and the parameters: look as far once more
+            reach, stays = reach / settings.narrowing, 0
     return at
 
 
@@ -96,14 +94,15 @@ def _first_episode(problem: Problem, at: Fit, index: int) -> Fit:
 
     These windows need not hold any of the one that it is said to have begun with.
     """
-    known = np.unique(problem.windows.episode)
+    known, steps = np.unique(problem.windows.episode), problem.run.settings.schedules
+    indistinct = problem.run.settings.gate_edges.indistinct
     for side in (1, -1):
         began = at.hypothesis.terms[index].gate.since_episode
         place = int(np.searchsorted(known, 0 if began is None else began)) + side
         while 0 < place < len(known):
             gated = at.hypothesis.gated(index, Gate(since_episode=int(known[place])))
-            tried = fit(problem, gated, at.starts, iterations=8, tolerance=0.2)
-            if tried.objective > at.objective - FLAT:
+            tried = fit(problem, gated, at.starts, iterations=steps.settle, tolerance=steps.edge)
+            if tried.objective > at.objective - indistinct:
                 break
             at, place = tried, place + side
     return at
@@ -156,12 +155,13 @@ def _scanned(
     With how far that is, and whether the likelihood tells these places apart.
     """
     problem, at = around.problem, around.parent
+    settings = problem.run.settings.gate_edges
     span = _Span.of(at, index, outer)
     edges = np.array([span.low, span.high])
-    places = edges[side] + reach * np.linspace(-1, 1, 2 * SCANNED + 1)
+    places = edges[side] + reach * np.linspace(-1, 1, 2 * settings.places + 1)
     kept = (places > outer[0]) & (places < outer[1])
     kept &= (places < edges[1]) if side == 0 else (places > edges[0])
-    kept[SCANNED] = True
+    kept[settings.places] = True
     places = places[kept]
     both = np.tile(edges, (len(places), 1))
     both[:, side] = places
@@ -169,26 +169,28 @@ def _scanned(
     theta = np.tile(at.hypothesis.theta, (len(places), 1))
     thetas = np.hstack([theta[:, :split], both, theta[:, split:]])
     costs = around.objectives(span.declared(at.hypothesis, index), thetas)
-    place = _middle(places, costs)
+    place = _middle(places, costs, settings.indistinct)
     here = float(costs[np.argmin(np.abs(places - edges[side]))])
-    tells = bool(costs.max() > costs.min() + FLAT)
-    if costs.min() > here - FLAT:
+    tells = bool(costs.max() > costs.min() + settings.indistinct)
+    if costs.min() > here - settings.indistinct:
         return at, 0.0, tells
     moved = replace(span, low=place) if side == 0 else replace(span, high=place)
     hypothesis = at.hypothesis.gated(index, moved.gate)
-    tried = fit(problem, hypothesis, at.starts, iterations=5, tolerance=0.2, near=True)
+    steps = problem.run.settings.schedules
+    tried = fit_order(problem, Order(hypothesis, at.starts, steps.glance, steps.edge, near=True))
     better = tried.objective < at.objective
     return (tried, abs(place - float(edges[side])), tells) if better else (at, 0.0, tells)
 
 
 def _joint(problem: Problem, at: Fit, index: int, outer: tuple[float, float]) -> Fit:
     """The fit with the edges that lie inside the range and all parameters fitted together."""
+    settings, steps = problem.run.settings.gate_edges, problem.run.settings.schedules
     span = _Span.of(at, index, outer)
     first, last = span.outer
     movable = [e for e, place in zip(EDGES, (span.low, span.high), strict=True) if span.inside(place)]
-    free = [replace(e, low=first, high=last, scale=SIZE * (last - first)) for e in movable]
+    free = [replace(e, low=first, high=last, scale=settings.typical_shift * (last - first)) for e in movable]
     loose = span.declared(at.hypothesis, index, free)
-    found = fit(problem, loose, at.starts, iterations=JOINT, tolerance=0.2, near=True)
+    found = fit_order(problem, Order(loose, at.starts, steps.settle, steps.edge, near=True))
     values = dict(found.hypothesis.terms[index].values)
     span = replace(span, low=values.pop(FROM), high=values.pop(TO))
     if span.low >= span.high or found.objective >= at.objective:
@@ -200,10 +202,10 @@ def _joint(problem: Problem, at: Fit, index: int, outer: tuple[float, float]) ->
     return tried if tried.objective < at.objective else at
 
 
-def _middle(places: FloatArray, costs: FloatArray) -> float:
-    """The middle of the stretch of places around the best that do as well."""
+def _middle(places: FloatArray, costs: FloatArray, indistinct: float) -> float:
+    """The middle of the stretch of places around the best that do as well, to `indistinct` nats."""
     best = int(np.argmin(costs))
-    good = costs < costs[best] + FLAT
+    good = costs < costs[best] + indistinct
     first = best
     while first > 0 and good[first - 1]:
         first -= 1

@@ -27,24 +27,11 @@ from gpsim.diagnosis.fitting import (
     stronger,
 )
 from gpsim.diagnosis.selection.bins import TURN, bin_edges, goes_round, nearest_turn, turns
-from gpsim.diagnosis.selection.gate_edges import FAR, NEAR, declared_edges, gate_between, placed
+from gpsim.diagnosis.selection.gate_edges import declared_edges, gate_between, placed
 from gpsim.effects import EPISODE, LooksAt, effect_of, has_patch
 
-GATED, PROMISING, PLACED = (
-    4,
-    6,
-    2,
-)  # gated terms that are fitted, of so many plain ones; of which edges are placed
-GLIMPSE = 2.5e7  # simulated rows for the edges of one gate at first
 MOMENTS: tuple[LooksAt, ...] = (None, EPISODE)
 """What an onset is one of: it lasts to the end."""
-WORTH_PLACING = 1.0  # nats that thresholds gained, after which edges are placed anew
-WORTH = 5.0  # nats that a gate must promise over the effect everywhere
-COARSE, FINE, FINEST = (
-    1e-2,
-    2e-4,
-    2e-5,
-)  # of a channel's range: where edges are placed: at first, the best, in the end
 
 
 @dataclass(frozen=True)
@@ -78,8 +65,9 @@ def gated_children(
     windows, thresholds are looked at from all their starting values and limits from the lowest, too: acting everywhere
     dilutes one that began late.
     """
+    settings = problem.run.settings.gates
     looked_at = region_channels(problem) if channels is None else channels
-    promising = sorted(plain, key=lambda f: f.objective)[:PROMISING]
+    promising = sorted(plain, key=lambda f: f.objective)[: settings.promising]
     best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
     claims = directions.parent.hypothesis.claims
     looks: list[tuple[Directions, Candidate, tuple[float, ...], LooksAt, int]] = []
@@ -106,19 +94,25 @@ def gated_children(
         looks += [(seen, candidate, v, c, len(problem.windows)) for c in channels_of for v in begun]
     proposals = _best_starts([p for p in problem.run.side_by_side(_best_gate, looks) if p is not None])
     # A patch that stops a body gains far more when fitted than its direction promises.
-    patches = [p for p in proposals[GATED:] if p.candidate.only_gated]
-    children = [_child(problem, directions.parent.hypothesis, p) for p in (*proposals[:GATED], *patches[:1])]
-    fits = fit_all(problem, [Order(child, directions.parent.starts, 6) for child in children])
+    chosen, others = proposals[: settings.fitted], proposals[settings.fitted :]
+    chosen += [p for p in others if p.candidate.only_gated][:1]
+    children = [_child(problem, directions.parent.hypothesis, p) for p in chosen]
+    starts, steps = directions.parent.starts, problem.run.settings.schedules
+    fits = fit_all(problem, [Order(child, starts, steps.trial, steps.rough) for child in children])
     return sorted(fits, key=lambda f: f.objective)
 
 
-def with_edges(problem: Problem, children: Sequence[Fit], count: int = PLACED) -> list[Fit]:
+def with_edges(problem: Problem, children: Sequence[Fit], count: int | None = None) -> list[Fit]:
     """The gated children, of which the best `count` have their edges placed, and the best one's closely."""
+    edges = problem.run.settings.gate_edges
+    count = problem.run.settings.gates.placed if count is None else count
+    how = (edges.near_reach, edges.coarse_spacing, edges.trial_budget)
     fits = sorted(children, key=lambda f: f.objective)
-    calls = [(problem, f, len(f.hypothesis.terms) - 1, NEAR, COARSE, GLIMPSE) for f in fits[:count]]
+    calls = [(problem, f, len(f.hypothesis.terms) - 1, *how) for f in fits[:count]]
     coarse = sorted(problem.run.side_by_side(placed, calls), key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
-    best = [placed(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINEST) for f in coarse[:1]]
+    closely = (edges.near_reach, edges.finest_spacing)
+    best = [placed(problem, f, len(f.hypothesis.terms) - 1, *closely) for f in coarse[:1]]
     return best + coarse[1:] + fits[count:]
 
 
@@ -130,17 +124,20 @@ def _best_starts(proposals: Sequence[Proposal]) -> list[Proposal]:
     return list(best.values())
 
 
-def polished(problem: Problem, at: Fit, finest: float = FINE) -> Fit:
+def with_refined_edges(problem: Problem, at: Fit, finest: float) -> Fit:
     """A fit with the edges of its gates where the likelihood is highest, to a share of their channels' ranges."""
+    edges = problem.run.settings.gate_edges
     gated = [i for i, term in enumerate(at.hypothesis.terms) if term.gate]
     for index in gated:
-        at = placed(problem, at, index, FAR, finest)
+        at = placed(problem, at, index, edges.far_reach, finest)
     if gated and any(p.step for p in at.hypothesis.parameters):  # thresholds were held where they stood
-        again = fit(problem, at.hypothesis, at.starts, iterations=9)
-        moved, at = again.objective < at.objective - WORTH_PLACING, min(at, again, key=lambda f: f.objective)
+        steps = problem.run.settings.schedules.thresholds
+        again = fit(problem, at.hypothesis, at.starts, iterations=steps)
+        moved = again.objective < at.objective - edges.step_gain
+        at = min(at, again, key=lambda f: f.objective)
         if moved:
             for index in gated:
-                at = placed(problem, at, index, NEAR, finest)
+                at = placed(problem, at, index, edges.near_reach, finest)
     return at
 
 
@@ -169,8 +166,8 @@ def _best_gate(
     count_windows: int,
 ) -> Proposal | None:
     """The run of bins that promises most over acting everywhere; its gain is that on so many windows."""
-    edges = bin_edges(directions.problem, channel)
-    if len(edges) < 4:
+    settings, edges = directions.problem.run.settings.gates, bin_edges(directions.problem, channel)
+    if len(edges) <= settings.least_bins:
         return None
     count = len(edges) - 1
     changes = _by_bin(directions, candidate, values, channel, edges)
@@ -178,7 +175,7 @@ def _best_gate(
     circle = goes_round(directions.problem, channel, edges)
     first, last, gain, whole = _best_run(pull, size, suffix=channel in MOMENTS, circle=circle)
     more = count_windows / len(directions.problem.windows)
-    if more * (gain - whole) < WORTH:
+    if more * (gain - whole) < settings.least_gain:
         return None
     if len(values) == 1:  # acting everywhere diluted it
         bins = np.arange(first, last + 1) % count
@@ -212,7 +209,7 @@ def _spares(
     channel: LooksAt,
 ) -> bool:
     edges = bin_edges(without.problem, channel)
-    if len(edges) < 4:
+    if len(edges) <= without.problem.run.settings.gates.least_bins:
         return False
     changes = _by_bin(without, candidate, values, channel, edges)
     pull, size = changes @ around.rest.ravel(), changes @ changes.T

@@ -14,8 +14,6 @@ from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import lean, simplest
 from gpsim.diagnosis.setup import Question, settled_question
 
-TRIED = 3  # simpler hypotheses, the best
-
 
 def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
     """The question on as fine a grid as the best of the search needs, and what was found, its best on that grid first.
@@ -32,11 +30,11 @@ def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
 
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
     """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
-    fewer = _best_of_each(best, fits)
+    fewer = _best_of_each(best, fits)[: problem.run.settings.grid_check.tried]
     if not fewer:
         return best, best
     grid = replace(problem, substeps=MOST_FINER * problem.substeps)
-    finely = fit_all(grid, [Order(f.hypothesis, f.starts, 8, near=True) for f in fewer])
+    finely = fit_all(grid, [_order(problem, f) for f in fewer])
     gained = [
         (before, after)
         for before, after in zip(fewer, finely, strict=True)
@@ -44,9 +42,15 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     ]
     if not gained:
         return best, best
-    leader = fit_all(grid, [Order(best.hypothesis, best.starts, 8, near=True)])[0]
+    leader = fit_all(grid, [_order(problem, best)])[0]
     chosen = simplest(grid, [leader, *(after for _, after in gained)])
     return next(((before, after) for before, after in gained if after is chosen), (best, best))
+
+
+def _order(problem: Problem, found: Fit) -> Order:
+    """To fit it once more on a finer grid."""
+    steps = problem.run.settings.schedules
+    return Order(found.hypothesis, found.starts, steps.settle, steps.rough, near=True)
 
 
 def _best_of_each(best: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -59,4 +63,4 @@ def _best_of_each(best: Fit, fits: Sequence[Fit]) -> list[Fit]:
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in chosen)
         if terms and simpler and fine and new and not any(t.gate for t in terms):
             chosen.append(found)
-    return chosen[:TRIED]
+    return chosen

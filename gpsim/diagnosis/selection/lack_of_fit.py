@@ -25,37 +25,28 @@ from gpsim.diagnosis.fitting import (
     numerical_error,
 )
 from gpsim.diagnosis.run import kept
-from gpsim.diagnosis.selection.elimination import sampled
+from gpsim.diagnosis.selection.elimination import on_some_windows
 
-KNOTS_OF_ONE, KNOTS_OF_TWO = 7, 4  # at quantiles of an input
-WINDOWS = 240  # evenly spread ones are looked at
-STEP = 1e-3  # of a rate's typical size
-BATCH = 24  # functions that are simulated at once
-MOST_INPUTS = 7  # of which every two are looked at: pairs of many would take longer than all the rest
-CHUNK = 4  # groups that one process looks at in a row
-SIGNIFICANT = 1e-6  # p-value, corrected for the number of groups
-LEAST = 1e-6  # nats
-NEGLIGIBLE = 1e-6  # of the largest singular value: directions that are the same
-MEMORIES = (2.0, 8.0)  # time constants [samples] of averages over what was commanded before
+LEAST = 1e-6  # nats, of a simulation without an error: what rounding leaves is none
+NEGLIGIBLE = (
+    1e-6  # of the largest singular value: directions that are the same to the accuracy of a difference
+)
 
 
 @dataclass(frozen=True)
 class LackOfFit:
     """The functions that explain most: of which rate, of which inputs; nats on all windows, corrected p-value.
 
-    memory: [s] the time constant of the average over what was commanded before, which is an input, too.
+    significant: whether chance cannot have done it. memory: [s] the time constant of the average over what was
+    commanded before, which is an input, too.
     """
 
     rate: str
     on: tuple[str, ...]
     nats: float
     p_value: float
+    significant: bool
     memory: float | None = None
-
-    @property
-    def significant(self) -> bool:
-        """Whether chance cannot have done it."""
-        return self.p_value < SIGNIFICANT
 
 
 @dataclass(frozen=True)
@@ -82,7 +73,7 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 
     problem, at: the hypothesis fitted to these windows.
     """
-    some, part = sampled(problem, at, WINDOWS)
+    some, part = on_some_windows(problem, at, problem.run.settings.lack_of_fit.windows)
     more = len(problem.windows) / len(some.windows)
     single = _single(some)
     if not single:
@@ -99,7 +90,7 @@ def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
 
     Of what is commanded nobody doubts the past; that of a state is known through noise that the residual has, too.
     """
-    some, part = sampled(problem, at, WINDOWS)
+    some, part = on_some_windows(problem, at, problem.run.settings.lack_of_fit.windows)
     groups = _remembering(some)
     if not groups:
         return None
@@ -121,7 +112,8 @@ def _best(
     group, rate = groups[best], problem.simulator.rate.names[groups[best].rate]
     memory = None if group.memory is None else group.memory * clock
     on = tuple(names[i] for i in (group.inputs if memory is None else group.inputs[:1]))
-    return LackOfFit(rate, on, found[best][0] * more, chances[best], memory)
+    significant = chances[best] < problem.run.settings.lack_of_fit.significance
+    return LackOfFit(rate, on, found[best][0] * more, chances[best], significant, memory)
 
 
 def _chance(nats: float, freedom: int, own: float, groups: int) -> float:
@@ -135,7 +127,8 @@ def _all_tested(
     problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
 ) -> list[tuple[float, int]]:
     """`_tested` on all cores, a few groups at a time: what they share is sent along with each chunk."""
-    chunks = [groups[i : i + CHUNK] for i in range(0, len(groups), CHUNK)]
+    size = problem.run.settings.lack_of_fit.groups_at_once
+    chunks = [groups[i : i + size] for i in range(0, len(groups), size)]
     every = problem.run.side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
     return [found for chunk in every for found in chunk]
 
@@ -159,33 +152,34 @@ def _numerical(problem: Problem, at: Fit) -> float:
 
 def _single(problem: Problem) -> list[_Group]:
     """Every rate as a function of every input that moves."""
-    flat = _visited(problem)
+    flat, knots = _visited(problem), problem.run.settings.lack_of_fit.knots_of_one
     moving = [i for i in range(flat.shape[1]) if np.ptp(flat[:, i]) > 0]
     rates = range(len(problem.simulator.rate))
-    return [_group(flat, rate, (i,), KNOTS_OF_ONE) for rate in rates for i in moving]
+    return [_group(flat, rate, (i,), knots) for rate in rates for i in moving]
 
 
 def _double(problem: Problem, single: Sequence[_Group], nats: Sequence[float]) -> list[_Group]:
     """Every rate as a function of every two inputs; of many inputs those that explain most of it alone."""
-    flat, out = _visited(problem), []
+    flat, settings, out = _visited(problem), problem.run.settings.lack_of_fit, []
     for rate in range(len(problem.simulator.rate)):
         of_rate = [(n, group.inputs[0]) for group, n in zip(single, nats, strict=True) if group.rate == rate]
-        most = sorted(of_rate, key=lambda one: -one[0])[:MOST_INPUTS]
+        most = sorted(of_rate, key=lambda one: -one[0])[: settings.paired_inputs]
         chosen = combinations(sorted(i for _, i in most), 2)
-        out += [_group(flat, rate, inputs, KNOTS_OF_TWO) for inputs in chosen]
+        out += [_group(flat, rate, inputs, settings.knots_of_two) for inputs in chosen]
     return out
 
 
 def _remembering(problem: Problem) -> list[_Group]:
     """Every rate as a function of each command that moves and of each average of what it was before."""
     flat, first = _visited(problem), len(problem.simulator.state)
-    out = []
+    settings, out = problem.run.settings.lack_of_fit, []
     for i in range(first, first + len(problem.simulator.action)):
-        for memory in MEMORIES:
+        for memory in settings.memories:
             past = _past(problem, i - first, memory)[problem.windows.valid[:, 1:]]
             both = np.stack([flat[:, i], past], axis=1)
             if (np.ptp(both, axis=0) > 0).all():
-                places = [np.quantile(values, np.linspace(0, 1, KNOTS_OF_TWO)) for values in both.T]
+                shares = np.linspace(0, 1, settings.knots_of_two)
+                places = [np.quantile(values, shares) for values in both.T]
                 rates = range(len(problem.simulator.rate))
                 out += [_Group(rate, (i, i), np.array(places), memory) for rate in rates]
     return out
@@ -223,10 +217,10 @@ def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatA
 def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -> FloatArray:
     """(F, N): how the residual changes with each function, in standard deviations."""
     chain = at.hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    windows, out = problem.windows, []
-    scale = STEP * max(float(np.abs(_rates(problem)[:, group.rate]).mean()), 1e-9)
-    for first in range(0, group.size, BATCH):
-        which = np.arange(first, min(first + BATCH, group.size))
+    windows, settings, out = problem.windows, problem.run.settings.lack_of_fit, []
+    scale = settings.probe * max(float(np.abs(_rates(problem)[:, group.rate]).mean()), 1e-9)
+    for first in range(0, group.size, settings.functions_at_once):
+        which = np.arange(first, min(first + settings.functions_at_once, group.size))
         starts = np.tile(at.starts, (len(which), 1, 1))
         thetas = np.tile(at.hypothesis.theta, (len(which), 1))
         extra = _extra(problem, group, np.repeat(which, len(windows)), scale)

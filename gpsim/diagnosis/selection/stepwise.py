@@ -20,53 +20,29 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     fit_near,
+    fit_order,
     scores,
     screened,
     whiteness,
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import may_pay, pays
-from gpsim.diagnosis.selection.beam import grown
+from gpsim.diagnosis.selection.beam import most_promising
 from gpsim.diagnosis.selection.change_points import begun_later
-from gpsim.diagnosis.selection.elimination import lean, likeliest, sampled, simplest
+from gpsim.diagnosis.selection.elimination import lean, likeliest, on_some_windows, simplest
 from gpsim.diagnosis.selection.gates import (
-    FINEST,
-    PROMISING,
     gated_children,
     may_be_limited,
     moments,
-    polished,
     region_channels,
     with_edges,
+    with_refined_edges,
 )
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.selection.refit import Contenders
-from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, swapped
+from gpsim.diagnosis.selection.substitution import left_open, specialised, substitutes
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import LooksAt
-
-MOST_TERMS = 7
-MOST_EFFORT = 2e8  # simulated rows after which no further round begins: about twenty seconds of one core
-SWAPPING = 2e8  # as many more after which no further term is replaced and no further rival leaned
-ALTOGETHER = 6e8  # of the whole diagnosis, the search included, after which neither is done
-ADDED, GATES, LEANED = (
-    3,
-    3,
-    3,
-)  # candidates fitted on all windows to add, behind a gate; rivals that are leaned
-LEAST_GAIN = 3.0  # nats that a term must promise to be fitted
-MUCH_MORE = (
-    3.0  # times what the best term that acts everywhere gains: so much a smooth law promises that is hidden
-)
-GATED_BELOW = 1e-3  # whiteness: what is left that another term behind a gate may explain
-ANY = 0.1  # nats that another leader must be better by
-CONTINUOUS = 15.0  # nats by which a hypothesis in continuous time may be worse than one in coarse steps
-FORESEEN = 2  # terms taken on trial, hoping that what follows leaves nothing but noise
-FIRST_LOOK, TO_THE_END = (
-    5,
-    17,
-)  # iterations that a new leader is given from two places, and from the better end
-GLANCED_AT = 40  # windows at which every term is looked at behind every gate
 
 
 def stepwise(
@@ -81,25 +57,28 @@ def improved(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
-    leader = lean(problem, polished(problem, _ended(problem, _finely(problem, leader))))
+    settings, edges = problem.run.settings.stepwise, problem.run.settings.gate_edges
+    as_well = problem.run.settings.substitution.as_well
+    leader = _finished(problem, _finely(problem, leader))
+    leader = lean(problem, with_refined_edges(problem, leader, edges.fine_spacing))
     tried: list[Fit] = []
-    most = min(problem.run.budget.spent + MOST_EFFORT, ALTOGETHER)
-    enough = min(most + SWAPPING, ALTOGETHER)
+    most = min(problem.run.budget.spent + settings.budget, settings.total_budget)
+    enough = min(most + settings.substitution_budget, settings.total_budget)
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
         leader, children = _extended(problem, leader, offers, most, gates=False)
         tried += _new(children, tried)
         tell(f"{leader.hypothesis.label}: does another one fit as well?")
-        others = _swapped(problem, leader, offers, enough)
+        others = _all_substitutes(problem, leader, offers, enough)
         near = sorted(
-            (f for f in others if f.objective < leader.objective + AS_WELL), key=lambda f: f.objective
+            (f for f in others if f.objective < leader.objective + as_well), key=lambda f: f.objective
         )
-        leaned = [lean(problem, f) for f in near[:LEANED] if problem.run.budget.spent < enough]
+        leaned = [lean(problem, f) for f in near[: settings.simplified] if problem.run.budget.spent < enough]
         others += _new(leaned, near)
         tried += others
         best = simplest(problem, [leader, *others])
         if _advances(problem, best, leader):
-            leader = _ended(problem, best if any(best is f for f in leaned) else lean(problem, best))
+            leader = _finished(problem, best if any(best is f for f in leaned) else lean(problem, best))
             if problem.run.budget.spent > most:
                 leader, twins = _among_twins(problem, leader, offers)
                 tried += twins
@@ -113,24 +92,24 @@ def improved(
         leader = extended
     if leader.hypothesis.patchwork:
         return leader, tried  # it will not be named
-    return polished(problem, specialised(problem, leader, offers), FINEST), tried
+    return with_refined_edges(problem, specialised(problem, leader, offers), edges.finest_spacing), tried
 
 
 def _new(fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
     return [f for f in fits if not any(f is g for g in known)]
 
 
-def _swapped(
+def _all_substitutes(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], until: float, *, twins: bool = False
 ) -> list[Fit]:
-    """`swapped` for one term of the leader after the other, until so much effort is spent."""
+    """`substitutes` for one term of the leader after the other, until so much effort is spent."""
     calls = [(problem, leader, i, offers, twins) for i in range(len(leader.hypothesis.terms))]
-    return [f for found in problem.run.side_by_side(swapped, calls, until) for f in found]
+    return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]
 
 
 def _among_twins(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Fit, list[Fit]]:
     """The leader or one of its near twins, of which those of the last leader say nothing, and the twins."""
-    twins = _swapped(problem, leader, offers, math.inf, twins=True)
+    twins = _all_substitutes(problem, leader, offers, math.inf, twins=True)
     return simplest(problem, [leader, *twins]), twins
 
 
@@ -139,7 +118,7 @@ def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
     if len(best.hypothesis.parameters) < len(leader.hypothesis.parameters):
         return True
     nats = scores(problem, [best, leader])
-    return bool(nats[0] > nats[1] + ANY)
+    return bool(nats[0] > nats[1] + problem.run.settings.stepwise.least_advance)
 
 
 def _extended(
@@ -149,6 +128,7 @@ def _extended(
 
     gates: also such that act behind a gate, and terms on trial.
     """
+    settings, finest = problem.run.settings.stepwise, problem.run.settings.gate_edges.fine_spacing
     tried: list[Fit] = []
     firm, steps = leader, 0
     while not leader.hypothesis.patchwork:
@@ -160,14 +140,15 @@ def _extended(
         )
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
-        if not better and gates and steps < FORESEEN:
+        if not better and gates and steps < settings.on_trial:
             # a slight term may pay once another one has left nothing but noise
             better = [child for child in children if may_pay(problem, child, leader)]
             steps += 1
         if not better:
             break
-        leader = _ended(problem, likeliest(problem, better))
-        leader = leader if over else polished(problem, leader)  # at the end it is, in any case
+        leader = _finished(problem, likeliest(problem, better))
+        if not over:  # at the end they are refined in any case
+            leader = with_refined_edges(problem, leader, finest)
         if steps == 0 or whiteness(problem, leader)[0] > problem.run.settings.acceptance.structured:
             leader = firm = lean(problem, leader)
             steps = 0
@@ -183,20 +164,24 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
     """
     if leader.hypothesis.scheme == "fine":
         return leader
-    fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts, iterations=25)
-    return fine if fine.objective < leader.objective + CONTINUOUS else leader
+    fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts)
+    return (
+        fine if fine.objective < leader.objective + problem.run.settings.stepwise.fine_preference else leader
+    )
 
 
-def _ended(problem: Problem, leader: Fit) -> Fit:
+def _finished(problem: Problem, leader: Fit) -> Fit:
     """The leader followed to its end, also from the start states that were measured.
 
     It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
     """
+    steps = problem.run.settings.schedules
     starts = (leader.starts, problem.windows.measured[:, 0])
-    tried = fit_all(problem, [Order(leader.hypothesis, s, FIRST_LOOK, 0.02) for s in starts])
+    tried = fit_all(problem, [Order(leader.hypothesis, s, steps.glance, steps.final) for s in starts])
     best = min(tried, key=lambda f: f.objective)
     if not best.converged:
-        best = fit(problem, best.hypothesis, best.starts, iterations=TO_THE_END, near=True)
+        more = Order(best.hypothesis, best.starts, steps.finish, steps.final, near=True)
+        best = fit_order(problem, more)
     return best if best.objective < leader.objective else leader
 
 
@@ -208,37 +193,40 @@ def _children(
     That is where `gates` are asked for and nothing else pays, or where far more is missing than what else pays gains.
     most: the effort after which nothing more is begun.
     """
+    settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
-    # Other gates are dear.
-    if problem.run.budget.spent > most or not (_hidden(problem, leader, better) if better else gates):
+    if problem.run.budget.spent > most:
         return plain
-    structured = whiteness(problem, leader)[0] < GATED_BELOW
+    if not (_shows_in_a_place_only(problem, leader, better) if better else gates):  # other gates are dear
+        return plain
+    structured = whiteness(problem, leader)[0] < settings.gated_below
     if not structured:
         lack = lack_of_fit(problem, leader)
         structured = lack is not None and lack.significant
     around = None if structured else directions
     calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
     gated = [f for found in problem.run.side_by_side(_gated, calls) for f in found]
-    if structured and problem.run.budget.spent < most and len(leader.hypothesis.terms) < MOST_TERMS:
-        everywhere = grown(part, directions, offers, PROMISING)
-        few = Directions(*sampled(part, seen, GLANCED_AT))
+    if structured and problem.run.budget.spent < most and len(leader.hypothesis.terms) < settings.most_terms:
+        everywhere = most_promising(part, directions, offers, problem.run.settings.gates.promising)
+        few = Directions(*on_some_windows(part, seen, settings.gate_windows))
         gated += gated_children(part, directions, everywhere, offers, few=few)
     elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
-    gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATES], GATES)
-    return plain + fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in gated])
+    gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[: settings.gated], settings.gated)
+    orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in gated]
+    return plain + fit_all(problem, orders)
 
 
-def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
+def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
     """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
     best = min(better, key=lambda f: f.objective)
     if whiteness(problem, best)[0] > problem.run.settings.acceptance.structured:
         return False
     lack = lack_of_fit(problem, leader)
     gained = leader.objective - best.objective
-    if lack is None or not lack.significant or lack.nats < MUCH_MORE * gained:
+    if lack is None or not lack.significant or lack.nats < problem.run.settings.stepwise.local_ratio * gained:
         return False
     return any(channel in lack.on for channel in region_channels(problem))
 
@@ -246,20 +234,22 @@ def _hidden(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
 @kept
 def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
     """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
-    part, seen = sampled(problem, leader)
+    settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
+    part, seen = on_some_windows(problem, leader, settings.screening_windows)
     directions = Directions(part, seen)
     later = begun_later(problem, leader, offers)
-    if len(leader.hypothesis.terms) >= MOST_TERMS:
+    if len(leader.hypothesis.terms) >= settings.most_terms:
         return directions, later
     taken = leader.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     more = len(problem.windows) / len(part.windows)
-    chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > LEAST_GAIN]
+    chosen = [(c, start) for worth, c, start in found[: settings.added] if more * worth > settings.least_gain]
     promised = more * found[0][0] if found else 0.0
     if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
         return directions, later
-    orders = [Order(child_of(leader.hypothesis, c, start), leader.starts, 5) for c, start in chosen]
-    return directions, fit_near(problem, orders, 8, 0.5) + later
+    children = [child_of(leader.hypothesis, c, start) for c, start in chosen]
+    orders = [Order(child, leader.starts, steps.glance, steps.rough) for child in children]
+    return directions, fit_near(problem, orders, steps.settle, steps.rough) + later
 
 
 def _gated(
@@ -284,6 +274,8 @@ def _gated(
         channels = [c for c in region_channels(part) if c in found]
         if not channels:
             return []
-    parent = fit(part, seen.hypothesis.without(index), seen.starts, iterations=8, tolerance=0.5)
+    steps = part.run.settings.schedules
+    less = Order(seen.hypothesis.without(index), seen.starts, steps.settle, steps.rough)
+    parent = fit_order(part, less)
     whole = child_of(parent.hypothesis, itself[0], values)
     return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself, channels)

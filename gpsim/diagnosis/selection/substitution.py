@@ -20,37 +20,33 @@ from gpsim.diagnosis.fitting import (
     stretched,
 )
 from gpsim.diagnosis.selection.acceptance import pays
-from gpsim.diagnosis.selection.beam import grown
-from gpsim.diagnosis.selection.elimination import CLEAR, sampled
-from gpsim.diagnosis.selection.gate_edges import NEAR, placed
-from gpsim.diagnosis.selection.gates import FINE, gated_children, makes_sense, moments, with_edges
+from gpsim.diagnosis.selection.beam import most_promising
+from gpsim.diagnosis.selection.elimination import on_some_windows
+from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.selection.gates import gated_children, makes_sense, moments, with_edges
 from gpsim.effects import Gate, Term
 
-SWAPPED = 3  # candidates fitted on all windows to replace a term
-LEAST_SWAP = 0.5  # of the linear gain of the best in a term's place that another must promise,
-TWIN = 0.9  # or that one which can hardly be told from it does
-AS_WELL = 5.0  # nats
-JUMPS = 3  # candidates for what may have jumped instead
-SLIGHT = 200.0  # nats: a term that explains no more may stand for one that began late
 
-
-def swapped(
+def substitutes(
     problem: Problem, leader: Fit, index: int, offers: Sequence[Candidate], twins: bool = False
 ) -> list[Fit]:
     """The leader with one term replaced by others that promise about as much, behind its gate where it has one.
 
     twins: only by those that promise nearly as much as the one that promises most.
     """
+    settings, edges = problem.run.settings.substitution, problem.run.settings.gate_edges
+    steps = problem.run.settings.schedules
     old = leader.hypothesis.terms[index]
-    part, seen = sampled(problem, leader)
+    part, seen = on_some_windows(problem, leader, problem.run.settings.stepwise.screening_windows)
     parent = left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     directions = Directions(part, parent)
     found = screened(directions, open_offers, old.gate)
+    share = settings.twin_share if twins else settings.least_share
     promising = [
         (candidate, start)
         for worth, candidate, start in found
-        if worth > max(1.0, (TWIN if twins else LEAST_SWAP) * found[0][0])
+        if worth > max(problem.run.settings.search.least_gain, share * found[0][0])
         and candidate.identity != old.identity
     ]
     special = _special_cases(old, open_offers) + _other_words(directions, old, offers)
@@ -58,25 +54,27 @@ def swapped(
     others = [(c, start) for c, start in promising if c.identity not in names]
     children = [
         child
-        for candidate, start in [*special, *others[:SWAPPED]]
+        for candidate, start in [*special, *others[: settings.fitted]]
         if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
     ]
-    most = rescored(part, seen).objective + CLEAR
-    looks = fit_all(part, [Order(child, seen.starts, 12) for child in children])
+    most = rescored(part, seen).objective + problem.run.settings.elimination.clear
+    looks = fit_all(part, [Order(child, seen.starts, steps.refit, steps.rough) for child in children])
     near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
-    fits = fit_all(problem, [Order(f.hypothesis, leader.starts, 12) for f in near])
+    orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in near]
+    fits = fit_all(problem, orders)
     if not old.gate and not twins:
         if old.effect.drifts:
             return fits + _jumps(problem, part, parent, old.on, offers)
         lost = rescored(part, parent).objective - rescored(part, seen).objective
-        slight = lost * len(problem.windows) / len(part.windows) < SLIGHT
+        slight = lost * len(problem.windows) / len(part.windows) < settings.slight
         return fits + (_later(problem, part, directions, open_offers) if slight else [])
     if not old.gate:
         return fits
-    worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
+    worth_it = leader.objective + 2 * settings.as_well  # its own edges may make the difference
     near = [f for f in fits if f.objective < worth_it]
+    how = (edges.near_reach, edges.fine_spacing)
     sharper = problem.run.side_by_side(
-        placed, [(problem, f, len(f.hypothesis.terms) - 1, NEAR, FINE) for f in near]
+        placed, [(problem, f, len(f.hypothesis.terms) - 1, *how) for f in near]
     )
     return [*sharper, *(f for f in fits if f.objective >= worth_it)]
 
@@ -102,6 +100,7 @@ def _other_words(
 
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
     """The leader with special cases of its laws, where the laws do not pay over them."""
+    steps = problem.run.settings.schedules
     while True:
         size = len(leader.hypothesis.parameters)
         children = []
@@ -111,7 +110,8 @@ def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> F
                 child = _in_place(rest, candidate, start, old.gate)
                 if child is not None and len(child.parameters) < size:
                     children.append(child)
-        fits = fit_all(problem, [Order(child, leader.starts, 12) for child in children])
+        orders = [Order(child, leader.starts, steps.refit, steps.rough) for child in children]
+        fits = fit_all(problem, orders)
         simpler = [f for f in fits if not pays(problem, leader, f)]
         if not simpler:
             return leader
@@ -152,15 +152,22 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     """In place of a drift: what changed at one moment."""
     there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
     directions = Directions(part, parent)
-    everywhere = grown(part, directions, there, JUMPS)
+    everywhere = most_promising(part, directions, there, problem.run.settings.substitution.jumps)
     found = with_edges(part, gated_children(part, directions, everywhere, there, moments(part)))
-    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found])
+    return _from_measured(problem, found)
 
 
 def _later(problem: Problem, part: Problem, directions: Directions, offers: Sequence[Candidate]) -> list[Fit]:
     """In place of a slight term: what began at one moment."""
     found = with_edges(part, gated_children(part, directions, [], offers, moments(part), few=directions))
-    return fit_all(problem, [Order(f.hypothesis, problem.windows.measured[:, 0], 12) for f in found[:JUMPS]])
+    found = found[: problem.run.settings.substitution.jumps]
+    return _from_measured(problem, found)
+
+
+def _from_measured(problem: Problem, found: Sequence[Fit]) -> list[Fit]:
+    """All fitted anew to these windows, from the start states that were measured there."""
+    steps, starts = problem.run.settings.schedules, problem.windows.measured[:, 0]
+    return fit_all(problem, [Order(f.hypothesis, starts, steps.refit, steps.rough) for f in found])
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:

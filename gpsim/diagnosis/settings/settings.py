@@ -8,9 +8,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gpsim.diagnosis.settings.declare import too_small
+from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
 from gpsim.diagnosis.settings.judgement import VerdictSettings
 from gpsim.diagnosis.settings.refit import PruningSettings, RefitSettings
-from gpsim.diagnosis.settings.selection import AcceptanceSettings
+from gpsim.diagnosis.settings.schedules import ScheduleSettings
+from gpsim.diagnosis.settings.selection import (
+    AcceptanceSettings,
+    EliminationSettings,
+    GridCheckSettings,
+    LackOfFitSettings,
+    SearchSettings,
+    StepwiseSettings,
+    SubstitutionSettings,
+)
 from gpsim.errors import UsageError
 from gpsim.settings import build
 
@@ -21,7 +32,17 @@ WHERE = "diagnose"
 class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
+    schedules: ScheduleSettings = field(default_factory=ScheduleSettings)
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
+    search: SearchSettings = field(default_factory=SearchSettings)
+    gates: GateSettings = field(default_factory=GateSettings)
+    gate_edges: GateEdgeSettings = field(default_factory=GateEdgeSettings)
+    change_points: ChangePointSettings = field(default_factory=ChangePointSettings)
+    stepwise: StepwiseSettings = field(default_factory=StepwiseSettings)
+    substitution: SubstitutionSettings = field(default_factory=SubstitutionSettings)
+    elimination: EliminationSettings = field(default_factory=EliminationSettings)
+    lack_of_fit: LackOfFitSettings = field(default_factory=LackOfFitSettings)
+    grid_check: GridCheckSettings = field(default_factory=GridCheckSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     pruning: PruningSettings = field(default_factory=PruningSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
@@ -43,9 +64,11 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
         for key in content:
             if key not in known:
                 raise UsageError(f"{WHERE}.{name}: no setting '{key}'{_nearest(key, known)}")
-    return Settings(
-        **{name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
-    )
+    read = {name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
+    for name, step in read.items():
+        for key, value, least in too_small(step):
+            raise UsageError(f"{WHERE}.{name}.{key}: expected at least {least:g}, got {value!r}")
+    return Settings(**read)
 
 
 def _nearest(name: str, known: Any) -> str:
