@@ -14,7 +14,7 @@ from gpsim.diagnosis.assessment import Comparison, compare
 from gpsim.diagnosis.judgement import Judgement, judge
 from gpsim.diagnosis.report import Diagnosis
 from gpsim.diagnosis.run import Decision, Run
-from gpsim.diagnosis.selection import Note, prune_on_held_out, refine_grid, refit, search, stepwise
+from gpsim.diagnosis.selection import Note, beam_search, prune_on_held_out, refine_grid, refit, stepwise
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme
 from gpsim.recordings import Recording
@@ -57,7 +57,7 @@ def diagnose(
     question = prepare(recording, simulator, parameters, run)
     offers = offers_of(question)
     step("search", 5)
-    found = search(question.searched, offers, _scheme(recording), step.share(5, 40))
+    found = beam_search(question.searched, offers, _scheme(recording), step.share(5, 40))
     step("refine grid", 40, "fitting the best on all windows")
     question, found = refine_grid(question, found)
     step("refit", 40, "fitting the best on all windows")

@@ -10,7 +10,7 @@ from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.assessment import compare
 from gpsim.diagnosis.judgement import judge
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.selection import prune_on_held_out, refine_grid, refit, search, stepwise
+from gpsim.diagnosis.selection import beam_search, prune_on_held_out, refine_grid, refit, stepwise
 from gpsim.diagnosis.settings import read_settings
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.files import plain
@@ -37,7 +37,7 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     assert len(question.searched.windows) <= len(question.everything.windows)
     offers = offers_of(question)
     assert ("viscous_friction", "q") in {c.identity for c in offers}
-    found = search(question.searched, offers, "euler", quiet)
+    found = beam_search(question.searched, offers, "euler", quiet)
     assert found.fits[0].objective <= found.null.objective
     question, found = refine_grid(question, found)
     contenders = refit(question, found)

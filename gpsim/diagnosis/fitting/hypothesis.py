@@ -198,6 +198,11 @@ class Candidate:
         return self.family, self.place.on
 
     @property
+    def name(self) -> str:
+        """What it claims, in words."""
+        return f"{self.family} on {self.place.on}"
+
+    @property
     def gateable(self) -> bool:
         """Whether a region or an onset may limit it."""
         return effect_of(self.family).gated and self.variant == ""

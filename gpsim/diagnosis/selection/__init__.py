@@ -1,7 +1,7 @@
 """Selection: which of the candidates are taken."""
 
 from gpsim.diagnosis.selection.acceptance import Acceptance, Rule, accepts, on_its_grid, pays
-from gpsim.diagnosis.selection.beam import Found, Note, search
+from gpsim.diagnosis.selection.beam import Found, Note, beam_search
 from gpsim.diagnosis.selection.elimination import simplest
 from gpsim.diagnosis.selection.grid_check import refine_grid
 from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
@@ -19,6 +19,7 @@ __all__ = [
     "Note",
     "Rule",
     "accepts",
+    "beam_search",
     "held_out_fit",
     "held_out_objective",
     "lack_of_fit",
@@ -29,7 +30,6 @@ __all__ = [
     "prune_on_held_out",
     "refine_grid",
     "refit",
-    "search",
     "simplest",
     "stepwise",
 ]

@@ -46,26 +46,26 @@ class Found:
     problem: Problem
 
 
-def search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: Note) -> Found:
+def beam_search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: Note) -> Found:
     """Fit hypotheses by growing depth.
 
     Where a hypothesis on the base simulator's own coarse step comes out best, finely integrated ones get a search of
     their own: a coarse step looks like a lag or a little damping, and may lead astray whoever begins with it.
     """
-    found = _beam_search(problem, offers, ("fine", base), note)
+    found = _grown_beam(problem, offers, ("fine", base), note)
     best, seen = found.fits[0], problem.observed
     coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
     exact = (best.variance[seen] < (problem.run.settings.search.exact * found.problem.floor[seen]) ** 2).all()
     if not coarse or exact:
         return found
-    finely = _beam_search(problem, offers, ("fine",), note)
+    finely = _grown_beam(problem, offers, ("fine",), note)
     floor = np.maximum(found.problem.floor, finely.problem.floor)
     both = replace(problem, floor=floor)
     fits = [rescored(both, f) for f in (*found.fits, *finely.fits)]
     return Found(_ranked(both, fits), rescored(both, found.null), found.scheme, both)
 
 
-def _beam_search(
+def _grown_beam(
     problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note
 ) -> Found:
     settings, steps = problem.run.settings.search, problem.run.settings.schedules
@@ -171,7 +171,12 @@ def most_promising(
     taken = parent.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     least = max(settings.least_gain, settings.least_promise * found[0][0]) if found else settings.least_gain
-    children = [child_of(parent.hypothesis, c, start) for worth, c, start in found[:count] if worth > least]
+    chosen = [one for one in found[:count] if one[0] > least]
+    for i, (worth, c, _) in enumerate(found):
+        rule = "worth fitting" if i < len(chosen) else "promises too little"
+        names = (*parent.hypothesis.names, c.name)
+        problem.run.trace.note(names, parent.hypothesis.names, i < len(chosen), rule, gain=worth)
+    children = [child_of(parent.hypothesis, c, start) for _, c, start in chosen]
     begun = fit_all(problem, [Order(child, parent.starts, steps.glance, steps.rough) for child in children])
     begun.sort(key=lambda f: f.objective)
     better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
@@ -196,13 +201,16 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
 
 def _beam(problem: Problem, children: Sequence[Fit]) -> list[Fit]:
     """The best to grow on: each says something else, and one gate at most is among them, since gates are dear."""
-    out: list[Fit] = []
+    most, out = problem.run.settings.search.beam, list[Fit]()
     for found in _ranked(problem, children):
         gates = _gated_terms(found)
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in out)
-        if new and (not gates or (gates == 1 and not any(map(_gated_terms, out)))):
+        fits_in = new and (not gates or (gates == 1 and not any(map(_gated_terms, out)))) and len(out) < most
+        rule = "in the beam" if fits_in else "not in the beam"
+        problem.run.trace.note(found.hypothesis.names, (), fits_in, rule)
+        if fits_in:
             out.append(found)
-    return out[: problem.run.settings.search.beam]
+    return out
 
 
 def _gated_terms(found: Fit) -> int:

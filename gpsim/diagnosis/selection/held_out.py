@@ -14,4 +14,5 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
 
 def held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
     """The hypothesis as it is on windows whose start states alone are fitted."""
-    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=8)
+    steps = problem.run.settings.schedules.settle
+    return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=steps)

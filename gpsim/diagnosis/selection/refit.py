@@ -36,7 +36,8 @@ def refit(question: Question, found: Found) -> Contenders:
 
 def null_of(problem: Problem, scheme: Scheme) -> Fit:
     """The base simulator alone, integrated by a scheme."""
-    return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=12)
+    steps = problem.run.settings.schedules.refit
+    return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=steps)
 
 
 def _near(problem: Problem, found: Found) -> list[Fit]:
@@ -56,8 +57,9 @@ def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """All fitted a little, those that are not far behind the best to the end."""
-    starts = problem.windows.measured[:, 0]
-    return fit_near(problem, [Order(hypothesis, starts, 6) for hypothesis in hypotheses], 17, 0.02)
+    starts, steps = problem.windows.measured[:, 0], problem.run.settings.schedules
+    orders = [Order(hypothesis, starts, steps.trial, steps.rough) for hypothesis in hypotheses]
+    return fit_near(problem, orders, steps.finish, steps.final)
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
