@@ -26,6 +26,7 @@ from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted, traced
 from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
 from gpsim.recordings import Recording, evenly
@@ -151,8 +152,11 @@ def _steps_of(
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
     if question.hidden:
-        return {kind: _steps(completions.by(h), past) for kind, h in hypotheses.items()}
-    steps, made_by = _steps(recording, past), filters(recording, problem.simulator)
+        return {kind: _steps(completions.by(h), problem.run.settings, past) for kind, h in hypotheses.items()}
+    steps, made_by = (
+        _steps(recording, problem.run.settings, past),
+        filters(recording, problem.simulator, problem.run.settings.velocity_filter),
+    )
     if not made_by:
         return dict.fromkeys(hypotheses, steps)
     out: dict[str, _Steps] = {}
@@ -170,9 +174,9 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
-def _steps(recording: Recording, past: bool = False) -> _Steps:
+def _steps(recording: Recording, settings: Settings, past: bool = False) -> _Steps:
     """past: without those before which nobody knows what was commanded, where there are others."""
-    windows = cut(recording, 1, most=LOOKED_AT)
+    windows = cut(recording, settings.windows, 1, most=LOOKED_AT)
     held = held_out_mask(recording, windows)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
-from gpsim.diagnosis.data import LENGTH, Windows, cut, first_held_out, held_out_mask, stretches
+from gpsim.diagnosis.data import Windows, cut, first_held_out, held_out_mask, stretches
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
@@ -38,7 +38,7 @@ def rollouts(
     noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
     `typical` holds the same from the median, which rare glitches of a sensor do not move.
     """
-    problem, dt, length = question.everything, question.recording.dt, _length(question.recording)
+    problem, dt, length = question.everything, question.recording.dt, _length(question)
     calls: list[tuple[Problem, Windows, Hypothesis, Extra | None]] = []
     for model in models.values():
         if question.hidden or not calls:  # what is hidden each model guesses for itself
@@ -83,15 +83,16 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
 
     All is both where nothing is held out. recording: the question's, completed where channels are hidden.
     """
-    windows = cut(recording, _length(question.recording), most=10 * MOST)
+    windows = cut(recording, question.everything.run.settings.windows, _length(question), most=10 * MOST)
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() and not learnt_from else ~held)
     windows = windows.take(windows.valid[:, -1])
     return windows.take(evenly(len(windows), MOST))
 
 
-def _length(recording: Recording) -> int:
-    return max(2, min(max(round(HORIZON / recording.dt), LENGTH), LONGEST, _longest(recording)))
+def _length(question: Question) -> int:
+    recording, least = question.recording, question.everything.run.settings.windows.length
+    return max(2, min(max(round(HORIZON / recording.dt), least), LONGEST, _longest(recording)))
 
 
 def _longest(recording: Recording) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.data import Windows, cut, held_out_mask
 from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
-from gpsim.diagnosis.setup import CUT, Question, completed, smoothed
+from gpsim.diagnosis.setup import Question, completed, smoothed
 from gpsim.effects import PRE_ROLL
 from gpsim.recordings import Episode, HeldOut, Recording, evenly
 
@@ -87,7 +87,7 @@ def models_of(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
 def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     """The held-out stretches in which the best model does worst and middling; of everything where none is held out."""
     length = max(2, round(horizon / question.recording.dt))
-    stretches, held_out = _stretches(question.recording, length)
+    stretches, held_out = _stretches(question, length)
     models = models_of(question, leader)
     parts = {kind: _rolled(question, stretches, model, length) for kind, model in models.items()}
     scale, best = question.everything.scale, list(models)[-1]
@@ -128,9 +128,10 @@ def course(question: Question, leader: Hypothesis) -> Course:
     )
 
 
-def _stretches(recording: Recording, length: int) -> tuple[list[_Stretch], bool]:
+def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
     """Held-out episodes, or what is held out of them, in parts of PIECES rollouts at most, evenly spread."""
-    windows = cut(recording, length, most=CUT)
+    recording, settings = question.recording, question.everything.run.settings
+    windows = cut(recording, settings.windows, length, most=settings.prepare.cut)
     held = held_out_mask(recording, windows)
     some = windows.take(held if held.any() else ~held)
     rests = []
@@ -162,7 +163,8 @@ def _rolled(
     alone = replace(
         question.recording, episodes=parts, held_out=HeldOut(episodes_from=0)
     )  # no boundary in them
-    windows = cut(smoothed(question.everything, alone, model, question.hidden), length)
+    settings = question.everything.run.settings.windows
+    windows = cut(smoothed(question.everything, alone, model, question.hidden), settings, length)
     begins = np.array([stretch.begin for stretch in stretches])
     windows = windows.take(windows.t[:, 0] >= begins[windows.episode])
     return windows, predicted(question.everything, windows, model)

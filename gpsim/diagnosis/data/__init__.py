@@ -1,12 +1,10 @@
 """Data: a recording cut into windows, some held out."""
 
 from gpsim.diagnosis.data.clock import rebased
-from gpsim.diagnosis.data.decimation import PACE, thinned
+from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.data.reversals import since_reversal
 from gpsim.diagnosis.data.split import first_held_out, held_out_names
 from gpsim.diagnosis.data.windows import (
-    LENGTH,
-    LONGEST,
     Windows,
     at,
     cut,
@@ -16,9 +14,6 @@ from gpsim.diagnosis.data.windows import (
 )
 
 __all__ = [
-    "LENGTH",
-    "LONGEST",
-    "PACE",
     "Windows",
     "at",
     "cut",

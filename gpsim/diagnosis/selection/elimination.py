@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.data import LENGTH
 from gpsim.diagnosis.fitting import (
     Fit,
     Hypothesis,
@@ -83,7 +82,7 @@ def sampled(problem: Problem, at: Fit, most: int = LOOKED_AT) -> tuple[Problem, 
 
 def _windows(problem: Problem, usual: int) -> int:
     """How many of the problem's windows hold as many transitions as so many of the usual length."""
-    return round(usual * LENGTH / problem.windows.length)
+    return round(usual * problem.run.settings.windows.length / problem.windows.length)
 
 
 def _doubtful(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:

@@ -100,7 +100,7 @@ def improved(
         if extended is leader:
             break
         leader = extended
-    if leader.hypothesis.patchwork:
+    if leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
         return leader, tried  # it will not be named
     return polished(problem, specialised(problem, leader, offers), FINEST), tried
 
@@ -140,7 +140,7 @@ def _extended(
     """
     tried: list[Fit] = []
     firm, steps = leader, 0
-    while not leader.hypothesis.patchwork:
+    while not leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
         over = problem.run.budget.spent >= most  # to ask when what there is began costs next to nothing
         if over and gates:
             break

@@ -1,13 +1,43 @@
 """Settings: every threshold of the diagnosis, step by step, with unit, meaning, default and origin."""
 
+from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import described
+from gpsim.diagnosis.settings.fitting import (
+    DiscretisationSettings,
+    EvidenceSettings,
+    PatchworkSettings,
+    ScoreTestSettings,
+    SensorInversionSettings,
+    ShootingSettings,
+)
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
+from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
 from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
+from gpsim.diagnosis.settings.setup import (
+    CandidateSettings,
+    LatentStateSettings,
+    PrepareSettings,
+    VelocityFilterSettings,
+)
 
 __all__ = [
     "AcceptanceSettings",
+    "CandidateSettings",
+    "CostSettings",
+    "DecimationSettings",
+    "DiscretisationSettings",
+    "EvidenceSettings",
+    "LatentStateSettings",
+    "PatchworkSettings",
+    "PrepareSettings",
+    "ScoreTestSettings",
+    "SensorInversionSettings",
     "Settings",
+    "SharingSettings",
+    "ShootingSettings",
+    "VelocityFilterSettings",
+    "WindowSettings",
     "as_mapping",
     "as_page",
     "as_yaml",

@@ -8,7 +8,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings.fitting import (
+    DiscretisationSettings,
+    EvidenceSettings,
+    PatchworkSettings,
+    ScoreTestSettings,
+    SensorInversionSettings,
+    ShootingSettings,
+)
+from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
+from gpsim.diagnosis.settings.setup import (
+    CandidateSettings,
+    LatentStateSettings,
+    PrepareSettings,
+    VelocityFilterSettings,
+)
 from gpsim.errors import UsageError
 from gpsim.settings import build
 
@@ -19,6 +35,20 @@ WHERE = "diagnose"
 class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
+    cost: CostSettings = field(default_factory=CostSettings)
+    sharing: SharingSettings = field(default_factory=SharingSettings)
+    windows: WindowSettings = field(default_factory=WindowSettings)
+    decimation: DecimationSettings = field(default_factory=DecimationSettings)
+    prepare: PrepareSettings = field(default_factory=PrepareSettings)
+    candidates: CandidateSettings = field(default_factory=CandidateSettings)
+    latent_states: LatentStateSettings = field(default_factory=LatentStateSettings)
+    velocity_filter: VelocityFilterSettings = field(default_factory=VelocityFilterSettings)
+    discretisation: DiscretisationSettings = field(default_factory=DiscretisationSettings)
+    shooting: ShootingSettings = field(default_factory=ShootingSettings)
+    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
+    score_test: ScoreTestSettings = field(default_factory=ScoreTestSettings)
+    sensor_inversion: SensorInversionSettings = field(default_factory=SensorInversionSettings)
+    patchwork: PatchworkSettings = field(default_factory=PatchworkSettings)
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
 
 
