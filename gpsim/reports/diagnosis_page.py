@@ -157,7 +157,8 @@ def _inputs(found: Diagnosis) -> bytes:
     names = [channel.name for channel in channels]
     ratio = {n: e["before"] / max(e["noise_floor"], 1e-300) for n, e in comparison.one_step.items()}
     rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
-    telling = most_telling(simulator, comparison, rate)
+    settings = found.question.everything.run.settings.location
+    telling = most_telling(simulator, comparison, rate, settings=settings)
     before, after = comparison.left_before[:, rate], comparison.left_after[:, rate]
     low, high = np.quantile(before, [0.002, 0.998])
     margin = 0.15 * (high - low) + 1e-12

@@ -31,8 +31,6 @@ from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
 from gpsim.recordings import Recording, evenly
 
-MOST = 3000
-LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
 KINDS = (*MODELS, "noise_floor")
 
 
@@ -176,12 +174,13 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
 
 def _steps(recording: Recording, settings: Settings, past: bool = False) -> _Steps:
     """past: without those before which nobody knows what was commanded, where there are others."""
-    windows = cut(recording, settings.windows, 1, most=LOOKED_AT)
+    windows = cut(recording, settings.windows, 1, most=settings.comparison.looked_at)
     held = held_out_mask(recording, windows)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
         train, test = _later(train), _later(test)
-    return _Steps(_some(train, MOST), _some(test, MOST))
+    most = settings.comparison.steps
+    return _Steps(_some(train, most), _some(test, most))
 
 
 def _later(windows: Windows) -> Windows:
@@ -201,12 +200,13 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
             tuned = tuned.plus(candidate.term([1.0]), candidate.declared)
     if not tuned.terms:
         return base
-    problem = question.searched
-    found = fit(problem, tuned, problem.windows.measured[:, 0], iterations=15, tolerance=0.5)
-    plain = fit(problem, base, problem.windows.measured[:, 0], iterations=8)
+    problem, settings = question.searched, question.searched.run.settings
+    start, fits = problem.windows.measured[:, 0], settings.comparison
+    found = fit(problem, tuned, start, iterations=fits.tuned_iterations, tolerance=fits.tuned_tolerance)
+    plain = fit(problem, base, start, iterations=fits.base_iterations)
     share = 1.0 - found.variance / plain.variance
-    good_share = problem.run.settings.acceptance.good_share
-    return found.hypothesis if bool((share[problem.observed] > good_share).any()) else base
+    good = share[problem.observed] > settings.acceptance.good_share
+    return found.hypothesis if bool(good.any()) else base
 
 
 def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
@@ -248,7 +248,7 @@ def _one_step(
     `finely` where nothing is missing but a finer step: the base simulator's error with that.
     """
     out: dict[str, dict[str, Any]] = {}
-    shown = _shown_rates(question)
+    shown, settings = _shown_rates(question), question.everything.run.settings.bootstrap
     for i, channel in enumerate(question.everything.simulator.rate):
         if not shown[i]:
             continue
@@ -259,7 +259,7 @@ def _one_step(
             "unit": channel.unit,
             "nrmse": {kind: value / spread for kind, value in errors.items()},
             "typical": {kind: typical(rates[kind][:, i]) for kind in KINDS},
-            **over_before({kind: rates[kind][:, i] for kind in MODELS}, rng),
+            **over_before({kind: rates[kind][:, i] for kind in MODELS}, rng, settings),
         }
         if "finely" in rates:
             out[channel.name]["finely"] = rms(rates["finely"][:, i])

@@ -15,8 +15,6 @@ from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
 
-HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
-
 
 @dataclass(frozen=True)
 class Model:
@@ -56,13 +54,14 @@ def rollouts(
     noisy = replace(windows, measured=windows.measured + start[:, None])
     disturbed = _ends(problem, noisy, hypothesis, extra)
     errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
+    settings = problem.run.settings.bootstrap
     out: dict[str, Any] = {"horizon_s": length * dt}
     for i, channel in enumerate(problem.simulator.state):
         if channel.name not in question.hidden:
             out[channel.name] = {kind: rms(e[:, i]) for kind, e in errors.items()} | {
                 "unit": channel.unit,
                 "typical": {kind: typical(e[:, i]) for kind, e in errors.items()},
-                **over_before({kind: errors[kind][:, i] for kind in MODELS}, rng, correlated=False),
+                **over_before({kind: errors[kind][:, i] for kind in MODELS}, rng, settings, correlated=False),
             }
     return out
 
@@ -83,16 +82,19 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
 
     All is both where nothing is held out. recording: the question's, completed where channels are hidden.
     """
-    windows = cut(recording, question.everything.run.settings.windows, _length(question), most=10 * MOST)
+    settings = question.everything.run.settings
+    most, looked_at = settings.rollouts.most, settings.rollouts.looked_at
+    windows = cut(recording, settings.windows, _length(question), most=looked_at)
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() and not learnt_from else ~held)
     windows = windows.take(windows.valid[:, -1])
-    return windows.take(evenly(len(windows), MOST))
+    return windows.take(evenly(len(windows), most))
 
 
 def _length(question: Question) -> int:
-    recording, least = question.recording, question.everything.run.settings.windows.length
-    return max(2, min(max(round(HORIZON / recording.dt), least), LONGEST, _longest(recording)))
+    recording, settings = question.recording, question.everything.run.settings
+    usual = max(round(settings.rollouts.horizon / recording.dt), settings.windows.length)
+    return max(2, min(usual, settings.rollouts.longest, _longest(recording)))
 
 
 def _longest(recording: Recording) -> int:

@@ -10,6 +10,7 @@ from gpsim.diagnosis.data.windows import (
     cut,
     cut_in_parts,
     held_out_mask,
+    shortest,
     stretches,
 )
 
@@ -22,6 +23,7 @@ __all__ = [
     "held_out_mask",
     "held_out_names",
     "rebased",
+    "shortest",
     "since_reversal",
     "stretches",
     "thinned",

@@ -16,9 +16,7 @@ from gpsim.diagnosis.settings import WindowSettings
 from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 
-SAME_STEP = (
-    1e-6  # relative difference of the nominal step that is rounding: clocks are written in microseconds
-)
+SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
 
 
 @dataclass(frozen=True)
@@ -88,13 +86,13 @@ class Windows:
 def cut(
     recording: Recording, settings: WindowSettings, length: int | None = None, most: int | None = None
 ) -> Windows:
-    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out.
+    """Non-overlapping windows that share no sample; pieces of much less than a window are left out.
 
     None holds both samples to learn from and held-out ones. length: transitions of a window, the usual one without it;
     most: evenly spread ones are taken where there are more.
     """
     length = length or settings.length
-    places = _places(recording, length)
+    places = _places(recording, length, settings)
     if most is not None:
         places = [places[i] for i in evenly(len(places), most)]
     return _cut_at(recording, places, length, settings)
@@ -102,17 +100,17 @@ def cut(
 
 def cut_in_parts(recording: Recording, settings: WindowSettings) -> Iterator[Windows]:
     """All of `cut`'s windows of the usual length, no more than `at_once` in memory."""
-    places, size = _places(recording, settings.length), settings.at_once
+    places, size = _places(recording, settings.length, settings), settings.at_once
     for first in range(0, len(places), size):
         yield _cut_at(recording, places[first : first + size], settings.length, settings)
 
 
-def _places(recording: Recording, length: int) -> list[tuple[int, int, int]]:
+def _places(recording: Recording, length: int, settings: WindowSettings) -> list[tuple[int, int, int]]:
     """Episode, first and last sample of every window."""
     return [
         (index, low, high)
         for index, first, last in stretches(recording)
-        for low, high in _slices(first, last, length)
+        for low, high in _slices(first, last, length, shortest(length, settings))
     ]
 
 
@@ -169,9 +167,14 @@ def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
     return pieces(ends, len(episode.t) - 1)
 
 
-def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:
+def shortest(length: int, settings: WindowSettings) -> int:
+    """Transitions of the shortest piece that is a window of such a length, padded."""
+    return max(settings.fewest, length // settings.least_part)
+
+
+def _slices(first: int, last: int, length: int, least: int) -> list[tuple[int, int]]:
     out, low = [], first
-    while last - low >= min(length, max(3, length // 3)):
+    while last - low >= min(length, least):
         high = min(low + length, last)
         out.append((low, high))
         low = high + 1

@@ -1,5 +1,16 @@
 """Settings: every threshold of the diagnosis, step by step, with unit, meaning, default and origin."""
 
+from gpsim.diagnosis.settings.assessment import (
+    BootstrapSettings,
+    ComparisonSettings,
+    ConcentrationSettings,
+    ExperimentDesignSettings,
+    IntervalSettings,
+    LocationSettings,
+    RemainderGPSettings,
+    RolloutSettings,
+    TraceSettings,
+)
 from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.fitting import (
@@ -10,6 +21,7 @@ from gpsim.diagnosis.settings.fitting import (
     SensorInversionSettings,
     ShootingSettings,
 )
+from gpsim.diagnosis.settings.judgement import RivalSettings
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
@@ -23,19 +35,29 @@ from gpsim.diagnosis.settings.setup import (
 
 __all__ = [
     "AcceptanceSettings",
+    "BootstrapSettings",
     "CandidateSettings",
+    "ComparisonSettings",
+    "ConcentrationSettings",
     "CostSettings",
     "DecimationSettings",
     "DiscretisationSettings",
     "EvidenceSettings",
+    "ExperimentDesignSettings",
+    "IntervalSettings",
     "LatentStateSettings",
+    "LocationSettings",
     "PatchworkSettings",
     "PrepareSettings",
+    "RemainderGPSettings",
+    "RivalSettings",
+    "RolloutSettings",
     "ScoreTestSettings",
     "SensorInversionSettings",
     "Settings",
     "SharingSettings",
     "ShootingSettings",
+    "TraceSettings",
     "VelocityFilterSettings",
     "WindowSettings",
     "as_mapping",

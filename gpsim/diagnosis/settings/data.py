@@ -20,6 +20,8 @@ class WindowSettings:
     longest: int = setting(
         100, "transitions", "of a window at most, where a clock is fast or noise hides much"
     )
+    least_part: int = setting(3, "1", "a shorter piece than one in so many parts of a window is left out")
+    fewest: int = setting(3, "transitions", "and one with fewer than these, unless windows are as short")
     hiding_gap: float = setting(
         3.5,
         "control steps",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, TypeVar
 
+from gpsim.errors import UsageError
+
 Value = TypeVar("Value")
 
 BY_HAND = "by hand, on tuning worlds; other values were not searched"
@@ -26,3 +28,17 @@ def described(step: Any) -> list[tuple[str, Any, str, str, str]]:
         (f.name, getattr(step, f.name), f.metadata["unit"], f.metadata["meaning"], f.metadata["origin"])
         for f in dataclasses.fields(step)
     ]
+
+
+def check_positive(step: Any, where: str) -> None:
+    """Raise UsageError where a number was set that is not more than 0, or a list without any."""
+    for f in dataclasses.fields(step):
+        value = getattr(step, f.name)
+        numbers = value if isinstance(value, tuple) else (value,)
+        fine = len(numbers) > 0 and all(isinstance(n, str | bool) or n > 0 for n in numbers)
+        if not fine and value != f.default:
+            raise UsageError(f"{where}.{f.name}: expected more than 0, got {_written(value)}")
+
+
+def _written(value: Any) -> str:
+    return str(list(value)) if isinstance(value, tuple) else str(value)

@@ -8,7 +8,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gpsim.diagnosis.settings.assessment import (
+    BootstrapSettings,
+    ComparisonSettings,
+    ConcentrationSettings,
+    ExperimentDesignSettings,
+    IntervalSettings,
+    LocationSettings,
+    RemainderGPSettings,
+    RolloutSettings,
+    TraceSettings,
+)
 from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings.declare import check_positive
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
     EvidenceSettings,
@@ -17,6 +29,7 @@ from gpsim.diagnosis.settings.fitting import (
     SensorInversionSettings,
     ShootingSettings,
 )
+from gpsim.diagnosis.settings.judgement import RivalSettings
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
 from gpsim.diagnosis.settings.setup import (
@@ -50,6 +63,16 @@ class Settings:
     sensor_inversion: SensorInversionSettings = field(default_factory=SensorInversionSettings)
     patchwork: PatchworkSettings = field(default_factory=PatchworkSettings)
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
+    rivals: RivalSettings = field(default_factory=RivalSettings)
+    comparison: ComparisonSettings = field(default_factory=ComparisonSettings)
+    rollouts: RolloutSettings = field(default_factory=RolloutSettings)
+    bootstrap: BootstrapSettings = field(default_factory=BootstrapSettings)
+    remainder_gp: RemainderGPSettings = field(default_factory=RemainderGPSettings)
+    location: LocationSettings = field(default_factory=LocationSettings)
+    concentration: ConcentrationSettings = field(default_factory=ConcentrationSettings)
+    experiment_design: ExperimentDesignSettings = field(default_factory=ExperimentDesignSettings)
+    traces: TraceSettings = field(default_factory=TraceSettings)
+    intervals: IntervalSettings = field(default_factory=IntervalSettings)
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:
@@ -68,9 +91,10 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
         for key in content:
             if key not in known:
                 raise UsageError(f"{WHERE}.{name}: no setting '{key}'{_nearest(key, known)}")
-    return Settings(
-        **{name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
-    )
+    built = {name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
+    for name, step in built.items():
+        check_positive(step, f"{WHERE}.{name}")
+    return Settings(**built)
 
 
 def _nearest(name: str, known: Any) -> str:
