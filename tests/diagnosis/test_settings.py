@@ -45,11 +45,6 @@ def test_settings_are_changed_one_by_one():
         ({"acceptance": {"per_trem": 3}}, "diagnose.acceptance: no setting 'per_trem' (did you mean 'per_term'?)"),
         ({"acceptance": {"per_term": "many"}}, "diagnose.acceptance.per_term: expected a number, got 'many'"),
         ({"acceptance": 3}, "diagnose.acceptance: expected settings"),
-        ({"windows": {"at_once": 0}}, "diagnose.windows.at_once: expected more than 0, got 0"),
-        ({"candidates": {"reach": -2.0}}, "diagnose.candidates.reach: expected more than 0, got -2.0"),
-        ({"candidates": {"reach": float("nan")}}, "diagnose.candidates.reach: expected more than 0, got nan"),
-        ({"discretisation": {"substeps": []}}, "diagnose.discretisation.substeps: expected more than 0, got []"),
-        ({"shooting": {"pattern": [3.0, 0.0]}}, "diagnose.shooting.pattern: expected more than 0, got [3.0, 0.0]"),
     ],
 )  # fmt: skip
 def test_what_is_no_setting_is_refused_with_the_nearest(values, said):

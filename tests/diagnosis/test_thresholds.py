@@ -13,6 +13,7 @@ from gpsim.diagnosis.data import cut
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import CostSettings, Settings, ShootingSettings, read_settings
 from gpsim.diagnosis.setup import prepare
+from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -22,7 +23,7 @@ DIAGNOSIS = ROOT / "gpsim/diagnosis"
 FILES = sorted(DIAGNOSIS.rglob("*.py"))
 UNDER_WORK = {"selection"}  # rooms whose constants become settings at present
 DONE = [path for path in FILES if path.parent.name not in UNDER_WORK]
-NOT_YET = {"candidates"}  # steps whose settings the pipeline does not pass yet
+NOT_YET = {"candidates", "schedules"}  # steps whose settings nobody passes or reads yet
 
 
 def unexplained(source):
@@ -80,9 +81,28 @@ def test_every_setting_is_read_by_some_step():
         if isinstance(node, ast.Attribute)
     }
     for step in dataclasses.fields(Settings):
-        assert step.name in read | NOT_YET, f"nobody reads the settings of {step.name}"
+        if step.name in NOT_YET:
+            continue
+        assert step.name in read, f"nobody reads the settings of {step.name}"
         unread = [f.name for f in dataclasses.fields(step.default_factory) if f.name not in read]
         assert not unread, f"nobody reads {unread} of {step.name}"
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"windows": {"at_once": 0}}, "diagnose.windows.at_once: expected at least 1, got 0"),
+        ({"candidates": {"reach": -2.0}}, "diagnose.candidates.reach: expected at least 0, got -2.0"),
+        ({"candidates": {"typical": 95.0}}, "diagnose.candidates: typical is a share of at most 1, got 95.0"),
+        ({"intervals": {"level": float("nan")}}, "diagnose.intervals.level: expected at least 0, got nan"),
+        ({"discretisation": {"substeps": []}}, "diagnose.discretisation: substeps is empty"),
+        ({"discretisation": {"substeps": [0, 2]}}, "diagnose.discretisation.substeps: expected at least 1, got 0"),
+    ],
+)  # fmt: skip
+def test_what_a_step_cannot_work_with_is_refused(values, said):
+    with pytest.raises(UsageError) as caught:
+        read_settings(values)
+    assert str(caught.value) == said
 
 
 def test_a_run_counts_and_remembers_as_its_settings_say():

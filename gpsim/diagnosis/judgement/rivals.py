@@ -31,7 +31,7 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
 
 
 def _held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
-    iterations = problem.run.settings.rivals.held_out_iterations
+    iterations = problem.run.settings.schedules.settle
     return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=iterations)
 
 
@@ -79,7 +79,8 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
     gates = {t.gate.looks_at: t.gate for t in leader.hypothesis.terms if t.gate}
     if not gates or not others:
         return []
-    settings, nats = problem.run.settings.rivals, scores(problem, [leader, *others])
+    settings, steps = problem.run.settings.rivals, problem.run.settings.schedules
+    nats = scores(problem, [leader, *others])
     orders = []
     for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
         terms = [
@@ -88,7 +89,7 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
         ]
         if settings.tie <= behind < settings.nearly and tuple(terms) != rival.hypothesis.terms:
             gated = replace(rival.hypothesis, terms=tuple(terms))
-            orders.append(Order(gated, rival.starts, settings.gated_iterations, settings.tolerance))
+            orders.append(Order(gated, rival.starts, steps.settle, steps.close))
     return fit_all(problem, orders[: settings.most])
 
 
@@ -152,7 +153,7 @@ def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
     """Whether every term of a rival that says more than the leader pays; without it, it is another rival."""
     if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
         return True
-    settings = problem.run.settings.rivals
+    steps = problem.run.settings.schedules
     parts = [rival.hypothesis.without(i) for i in range(len(rival.hypothesis.terms))]
-    orders = [Order(part, rival.starts, settings.part_iterations, settings.tolerance) for part in parts]
+    orders = [Order(part, rival.starts, steps.refit, steps.close) for part in parts]
     return all(pays(problem, rival, less) for less in fit_all(problem, orders))

@@ -30,7 +30,3 @@ class RivalSettings:
         "by which a rival may be ahead on training windows, if held-out ones chose the leader",
         "a probability is a number still",
     )
-    held_out_iterations: int = setting(8, "1", "of the fit of start states on held-out windows")
-    gated_iterations: int = setting(8, "1", "of the fit of a rival behind the leader's gates")
-    part_iterations: int = setting(12, "1", "of the fit of a rival without one of its terms")
-    tolerance: float = setting(0.1, "nats", "a step that gains less ends either fit")

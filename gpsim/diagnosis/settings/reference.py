@@ -11,6 +11,7 @@ from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.settings import WHERE, Settings
 
 NARROW = 60  # columns of a value, beside which its meaning begins
+LARGE = 1e6  # what is as large is written with a power of ten
 
 
 def steps(settings: Settings) -> Iterator[tuple[str, Any]]:
@@ -61,6 +62,9 @@ def _value(default: Any) -> str:
     if isinstance(default, bool):
         return str(default).lower()
     if isinstance(default, float):
+        if default >= LARGE:
+            digits, power = f"{default:e}".split("e")
+            return f"{float(digits)}e+{int(power)}"
         text = repr(default)  # YAML 1.1 takes 1e-05 for a text
         return text.replace("e-0", "e-").replace("e", ".0e") if "e" in text and "." not in text else text
     return str(default)

@@ -34,15 +34,16 @@ class SharingSettings:
     """How work is cut for several processes, and what is remembered: seconds, no answer."""
 
     least_rows: int = setting(
-        150, "rows", "that a part of a batch has: the overhead of its substeps is not split"
+        150, "rows", "that a part of a batch has: the overhead of its substeps is not split", least=1
     )
     worth_sending: float = setting(
         5e4, "rows times substeps", "below, a batch is simulated here", "some ten milliseconds of work"
     )
-    screened_in_a_row: int = setting(8, "candidates", "that one process screens in a row")
+    screened_in_a_row: int = setting(8, "candidates", "that one process screens in a row", least=1)
     remembered: int = setting(
         6,
         "answers",
         "to a function's questions that are kept",
         "a leader's is asked for again after a few rivals'",
+        least=1,
     )

@@ -20,7 +20,7 @@ from gpsim.diagnosis.settings.assessment import (
     TraceSettings,
 )
 from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
-from gpsim.diagnosis.settings.declare import check_positive
+from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
     EvidenceSettings,
@@ -31,6 +31,7 @@ from gpsim.diagnosis.settings.fitting import (
 )
 from gpsim.diagnosis.settings.judgement import RivalSettings
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
+from gpsim.diagnosis.settings.schedules import ScheduleSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings
 from gpsim.diagnosis.settings.setup import (
     CandidateSettings,
@@ -62,6 +63,7 @@ class Settings:
     score_test: ScoreTestSettings = field(default_factory=ScoreTestSettings)
     sensor_inversion: SensorInversionSettings = field(default_factory=SensorInversionSettings)
     patchwork: PatchworkSettings = field(default_factory=PatchworkSettings)
+    schedules: ScheduleSettings = field(default_factory=ScheduleSettings)
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
     rivals: RivalSettings = field(default_factory=RivalSettings)
     comparison: ComparisonSettings = field(default_factory=ComparisonSettings)
@@ -91,10 +93,11 @@ def read_settings(values: Mapping[str, Any]) -> Settings:
         for key in content:
             if key not in known:
                 raise UsageError(f"{WHERE}.{name}: no setting '{key}'{_nearest(key, known)}")
-    built = {name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
-    for name, step in built.items():
-        check_positive(step, f"{WHERE}.{name}")
-    return Settings(**built)
+    read = {name: build(steps[name], content, f"{WHERE}.{name}") for name, content in values.items()}
+    for name, step in read.items():
+        for key, value, least in too_small(step):
+            raise UsageError(f"{WHERE}.{name}.{key}: expected at least {least:g}, got {value!r}")
+    return Settings(**read)
 
 
 def _nearest(name: str, known: Any) -> str:

@@ -150,7 +150,7 @@ def _problem(
     share = run.settings.prepare.hidden_scale
     scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(share * guess, 1e-9))
     known = np.array([recording.noise.get(name, 0.0) for name in names])
-    floor = np.sqrt(known**2 + (1e-8 * scale) ** 2)
+    floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
     nothing = np.zeros(len(names))
     return Problem(
@@ -227,7 +227,7 @@ def _length(recording: Recording, settings: Settings) -> int:
     windows, pace = settings.windows, settings.decimation.pace
     usual = round(windows.length * pace / recording.dt)
     usual = int(np.clip(usual, windows.length, windows.longest))
-    return min(usual, max(longest, 3))
+    return min(usual, max(longest, windows.fewest))
 
 
 def _noisy(recording: Recording, windows: Windows, observed: BoolArray, share: float) -> bool:
