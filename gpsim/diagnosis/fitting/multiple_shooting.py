@@ -70,11 +70,9 @@ def fit(
     theta = np.clip(hypothesis.theta, low, high)
     at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
     damping, least, most = settings.first_damping, settings.least_damping, settings.most_damping
-    shrinks, grows, per_window = (
-        settings.damping_shrinks,
-        settings.damping_grows,
-        np.full(len(starts), damping),
-    )
+    shrinks, grows = settings.damping_shrinks, settings.damping_grows
+    patience = settings.patience if theta.size else settings.patience_of_starts
+    per_window = np.full(len(starts), damping)
     converged, still, seen_from, moved = False, 0, None, True
     for round_ in range(iterations):
         if not near and round_ in settings.pattern_rounds and any(p.step for p in hypothesis.parameters):
@@ -96,9 +94,7 @@ def fit(
         damping = float(np.clip(damping / shrinks if moved else damping * grows, least, most))
         at = new if gain > 0 else replace(at, anchored=anchored)
         still = 0 if gain >= tolerance else still + 1
-        if (moved and still >= 1) or still >= (
-            settings.patience if theta.size else settings.patience_of_starts
-        ):
+        if (moved and still >= 1) or still >= patience:
             # Where one channel is known far better than another, a little damping may be all that holds it.
             promised = promised_gain(problem, at.residual, by_state, by_theta, at.theta, low, high)
             if least < settings.least_damping or promised < tolerance:

@@ -113,9 +113,8 @@ def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     if not fits:
         return []
     size, nats = len(leader.hypothesis.parameters), scores(problem, [leader, *fits])
-    ahead = [
-        f for f, n in zip(fits, nats[1:], strict=True) if n > nats[0] + problem.run.settings.rivals.mending
-    ]
+    least = nats[0] + problem.run.settings.rivals.mending
+    ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > least]
     return [f for f in ahead if len(f.hypothesis.parameters) > size and not pays(problem, f, leader)]
 
 
