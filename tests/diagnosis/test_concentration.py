@@ -5,6 +5,7 @@ import pytest
 
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.settings import ConcentrationSettings
 from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
@@ -17,7 +18,7 @@ NOISE = RNG.normal(size=N)
 
 
 def part(law):
-    return concentrated({"x": X, "v": V, "t": T}, (NOISE + law) ** 2, 1.0)
+    return concentrated({"x": X, "v": V, "t": T}, (NOISE + law) ** 2, 1.0, ConcentrationSettings())
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting import evidence
+from gpsim.diagnosis.run import Run
 
 
 def p_values(monkeypatch, windows, residuals):
@@ -15,6 +16,7 @@ def p_values(monkeypatch, windows, residuals):
         observed=np.array([True]),
         counts=np.array([float(windows * residuals.shape[2])]),
         floor=np.array([0.0]),
+        run=Run(),
     )
     monkeypatch.setattr(evidence, "_fitted_share", lambda *_: np.zeros((1, 3)))
     fits = (SimpleNamespace(residuals=r[..., None]) for r in residuals)

@@ -5,6 +5,7 @@ import pytest
 
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.settings import DecimationSettings
 from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
@@ -16,7 +17,7 @@ FRICTION = next(t for t in mechanical("slider") if t.family == "coulomb_friction
 
 def test_blocks_are_samples_and_mean_commands():
     recording = record(World("slider"), episodes=2, steps=205, dt=0.001, hold=50)
-    slow, every = thinned(recording)
+    slow, every = thinned(recording, DecimationSettings())
     assert every == 10
     assert slow.dt == pytest.approx(0.01)
     for before, after in zip(recording.episodes, slow.episodes, strict=True):
@@ -30,7 +31,7 @@ def test_an_uneven_clock_weighs_commands_by_time():
     recording = record(World("slider"), episodes=1, steps=100, dt=0.001, hold=50)
     (episode,) = recording.episodes
     episode.t[1:] += 0.004  # the first command stands for 5 ms
-    (slow,) = thinned(recording)[0].episodes
+    (slow,) = thinned(recording, DecimationSettings())[0].episodes
     u = episode.actions[:10, 0]
     assert slow.actions[0, 0] == pytest.approx((5 * u[0] + u[1:].sum()) / 14)
 
@@ -38,7 +39,7 @@ def test_an_uneven_clock_weighs_commands_by_time():
 @pytest.mark.parametrize(("dt", "hold"), [(0.001, 1), (0.02, 8), (0.01, 50)])
 def test_nothing_is_thinned_where_commands_switch_at_every_sample_or_the_clock_is_slow(dt, hold):
     recording = record(World("slider"), episodes=2, steps=400, dt=dt, hold=hold)
-    same, every = thinned(recording)
+    same, every = thinned(recording, DecimationSettings())
     assert every == 1
     assert same is recording
 

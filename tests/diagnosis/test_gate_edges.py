@@ -20,7 +20,7 @@ from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
 from gpsim.diagnosis.selection.gate_edges import placed
-from gpsim.diagnosis.settings import read_settings
+from gpsim.diagnosis.settings import PatchworkSettings, read_settings
 from gpsim.diagnosis.settings.gates import GateEdgeSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
@@ -94,21 +94,23 @@ def test_a_dead_zone_as_wide_as_a_limit_is_high_is_a_patchwork(width, limit, lev
     """Trials 225 and 343 of the blind test of seed 2027: a motor of three levels was called so, with a gain."""
     dead = Term("actuator_dead_zone", "force", {"width": width})
     limited = Term("actuator_saturation", "force", {"limit": limit})
-    assert Hypothesis((dead, limited), ((), ())).patchwork == levels
-    assert not Hypothesis((dead, replace(limited, on="other")), ((), ())).patchwork
-    assert not Hypothesis((dead,), ((),)).patchwork
+    assert Hypothesis((dead, limited), ((), ())).is_patchwork(PatchworkSettings()) == levels
+    assert not Hypothesis((dead, replace(limited, on="other")), ((), ())).is_patchwork(PatchworkSettings())
+    assert not Hypothesis((dead,), ((),)).is_patchwork(PatchworkSettings())
 
 
 def test_terms_in_two_regions_of_a_channel_are_a_patchwork():
     a = Term("constant_force", "q", {"force": 1.0}, Gate(region={"q": (0.0, 1.0)}))
     b = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (1.0, 2.0)}))
     same = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (0.0, 1.0)}))
-    assert Hypothesis((a, b), ((), ())).patchwork
-    assert not Hypothesis((a, same), ((), ())).patchwork
+    assert Hypothesis((a, b), ((), ())).is_patchwork(PatchworkSettings())
+    assert not Hypothesis((a, same), ((), ())).is_patchwork(PatchworkSettings())
     nearly = replace(same, gate=Gate(region={"q": (-1e-4, 1.02)}))  # its edges were placed by another fit
-    assert not Hypothesis((a, nearly), ((), ())).patchwork
-    assert Hypothesis((a, replace(same, gate=Gate(region={"q": (0.0, 1.2)}))), ((), ())).patchwork
-    assert not Hypothesis((a,), ((),)).patchwork
+    assert not Hypothesis((a, nearly), ((), ())).is_patchwork(PatchworkSettings())
+    assert Hypothesis((a, replace(same, gate=Gate(region={"q": (0.0, 1.2)}))), ((), ())).is_patchwork(
+        PatchworkSettings()
+    )
+    assert not Hypothesis((a,), ((),)).is_patchwork(PatchworkSettings())
 
 
 class Circling(NamedTuple):

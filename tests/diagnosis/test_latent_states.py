@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels
-from gpsim.diagnosis.assessment import traces
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, course
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.setup import latent_states as hidden
@@ -53,7 +52,7 @@ def test_a_recording_is_completed_once_for_each_hypothesis(question, monkeypatch
 def test_the_course_starts_each_model_from_its_own_hidden_state(question, monkeypatch):
     pulled = Hypothesis((Term("constant_force", "q", {"force": PULL}),), ((),))
     own = course(question, pulled)
-    monkeypatch.setattr(traces, "completed", lambda problem, model, names: problem.windows)
+    monkeypatch.setitem(course.__globals__, "completed", lambda problem, model, names: problem.windows)
     bases = course(question, pulled)
     assert np.median(own.sizes[EFFECTS]) < 0.2 * np.median(own.sizes[BASE])
     assert np.median(own.sizes[EFFECTS]) < 0.5 * np.median(bases.sizes[EFFECTS])

@@ -7,6 +7,7 @@ import numpy as np
 from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.location import _concentrated, depends_on, most_telling
 from gpsim.diagnosis.report import StepErrors
+from gpsim.diagnosis.run import Run
 from gpsim.simulators import make_simulator
 from gpsim.simulators.wrapping import wrapping
 
@@ -54,7 +55,7 @@ def concentrated(acts, *, clock="session", since_reversal=None, inputs=INPUTS, s
         one_step=errors,
     )
     question = SimpleNamespace(
-        everything=SimpleNamespace(simulator=simulator or make_simulator("cartpole")),
+        everything=SimpleNamespace(simulator=simulator or make_simulator("cartpole"), run=Run()),
         recording=SimpleNamespace(clock=clock),
         origin=0.0,
     )

@@ -11,6 +11,7 @@ from gpsim.diagnosis.fitting import multiple_shooting as shooting
 from gpsim.diagnosis.fitting import simulate
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term, effect_of
@@ -115,9 +116,9 @@ def test_what_came_before_a_window_is_as_late_as_in_one_long_simulation(jitter, 
         recording = Recording("slider", slider.state, slider.action, (episode,), dt, {"mass": 1.0})
         return replace(recording, held_out=HeldOut(episodes_from=1))  # in one piece
 
-    whole = cut(recorded(np.zeros((count + 1, 2))), count)
+    whole = cut(recorded(np.zeros((count + 1, 2))), WindowSettings(), count)
     true, heard = (said(terms, whole, np.zeros((1, 2)))[0] for terms in (moved, read))
-    windows = cut(recorded(heard), 9)
+    windows = cut(recorded(heard), WindowSettings(), 9)
     windows = windows.take(windows.t[:, 0] > 0.3)  # a start states nothing of what was before an episode
     starts = true[np.searchsorted(t, windows.t[:, 0])]
     left = np.where(windows.valid[..., None], said(read, windows, starts) - windows.measured, 0.0)

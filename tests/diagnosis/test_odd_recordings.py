@@ -18,6 +18,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import DecimationSettings, WindowSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
@@ -96,7 +97,7 @@ def test_a_late_sensor_is_late_after_a_gap_too():
     for lost in (1, 250):
         t = np.concatenate([whole.t[:51], whole.t[51:] + lost * recording.dt])
         gapped = replace(recording, episodes=(Episode("0", t, whole.states, whole.actions),))
-        windows = cut(gapped, 20)
+        windows = cut(gapped, WindowSettings(), 20)
         after = windows.take((windows.t[:, 0] > t[50]) & windows.valid[:, -1])
         assert len(after)
         hypothesis = Hypothesis(
@@ -155,14 +156,14 @@ def test_an_episode_of_a_few_samples_does_not_keep_a_fast_clock_fast():
     first = recording.episodes[0]
     short = Episode("short", first.t[:4], first.states[:4], first.actions[:3])
     mixed = replace(recording, episodes=(*recording.episodes[:2], short, recording.episodes[2]))
-    slow, every = thinned(mixed)
+    slow, every = thinned(mixed, DecimationSettings())
     assert every == 10
     assert [len(e) for e in slow.episodes] == [40, 40, 0, 40]  # the numbers of held-out episodes stay right
 
 
 def test_something_is_held_out_of_few_windows_or_the_rule_is_refused():
     recording = replace(record(World("slider"), episodes=1, steps=130), held_out=None)
-    windows = cut(recording, 25)
+    windows = cut(recording, WindowSettings(), 25)
     assert held_out_mask(recording, windows).tolist() == [False] * 4 + [True]
     late = replace(record(World("slider"), episodes=6, steps=100), held_out=HeldOut(episodes_from=6))
     with pytest.raises(UsageError, match="nothing is held out"):

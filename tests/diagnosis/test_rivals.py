@@ -10,6 +10,7 @@ from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement import rivals
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.settings import RivalSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate
@@ -61,7 +62,7 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
     leader, richer = stub("coulomb"), stub("stribeck", count=count)
     monkeypatch.setattr(rivals, "scores", lambda *_: np.array([0.0, nats]))
     monkeypatch.setattr(rivals, "pays", lambda *_: paid)
-    assert rivals._mending(None, leader, [richer]) == ([richer] if mends else [])
+    assert rivals._mending(SimpleNamespace(run=Run()), leader, [richer]) == ([richer] if mends else [])
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,8 @@ def test_a_twin_stands_behind_the_same_edges():
     leader = placed(problem, bent, 0, 1 / 50, 1e-6)
     moment = leader.hypothesis.terms[0].gate.since
     away = [since(moment + m, "actuator_bias") for m in np.geomspace(1e-5, 1e-2, 25)]
-    nearly = [f for f in away if rivals.TIE < f.objective - leader.objective < rivals.NEARLY]
+    settings = RivalSettings()
+    nearly = [f for f in away if settings.tie < f.objective - leader.objective < settings.nearly]
     (twin,) = rivals.behind_its_gates(problem, leader, nearly[:1])
     assert twin.objective == pytest.approx(leader.objective, abs=0.1)
     assert twin.hypothesis.claims == nearly[0].hypothesis.claims

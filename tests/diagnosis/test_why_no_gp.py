@@ -10,6 +10,7 @@ from gpsim.diagnosis.assessment.rollouts import whole_windows
 from gpsim.diagnosis.data.windows import cut, held_out_mask
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.report import NoGp
+from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.effects.term import Gate
@@ -37,7 +38,7 @@ def question():
 
 
 def corrected(question, hypothesis):
-    steps = cut(question.recording, 1)
+    steps = cut(question.recording, WindowSettings(), 1)
     train = steps.take(~held_out_mask(question.recording, steps))
     found = learn(question.everything, train, hypothesis, np.random.default_rng(0))
     return Corrected(hypothesis, found, train, whole_windows(question, question.recording, learnt_from=True))

@@ -8,6 +8,7 @@ import pytest
 from gpsim.channels import wrap_angle
 from gpsim.diagnosis.assessment.rollouts import _longest
 from gpsim.diagnosis.data.windows import Windows, cut, held_out_mask
+from gpsim.diagnosis.settings import WindowSettings
 from gpsim.recordings import HeldOut, Recording
 
 from .worlds import World, record
@@ -27,7 +28,7 @@ def test_angles_run_on_inside_a_window_and_before_it():
     recording = turned(record(World("pendulum"), episodes=3, steps=150), np.pi)
     jumps = np.concatenate([np.abs(np.diff(e.states[:, 0])) for e in recording.episodes])
     assert (jumps > np.pi).any()
-    windows = cut(recording)
+    windows = cut(recording, WindowSettings())
     assert np.abs(np.diff(windows.measured[..., 0], axis=1)).max() < 0.5
     together = np.concatenate([windows.before_states[..., 0], windows.measured[..., :1, 0]], axis=1)
     assert np.abs(np.diff(together, axis=1)).max() < 0.5
@@ -36,7 +37,7 @@ def test_angles_run_on_inside_a_window_and_before_it():
 
 def test_most_windows_are_evenly_spread():
     recording = record(World("slider"), episodes=4, steps=100)
-    every, some = cut(recording, 1), cut(recording, 1, most=20)
+    every, some = cut(recording, WindowSettings(), 1), cut(recording, WindowSettings(), 1, most=20)
     assert len(some) == 20 < len(every)
     assert set(some.t[:, 0]) <= set(every.t[:, 0])
     assert set(some.episode) == {0, 1, 2, 3}
@@ -68,7 +69,7 @@ def test_no_sample_is_both_learned_from_and_held_out(episodes, steps, rule, sess
     """However long the windows are: a judgement on samples that a parameter was fitted to proves nothing."""
     recording = record(World("slider"), episodes=episodes, steps=steps, session=session)
     recording = replace(recording, held_out=rule)
-    parts = [cut(recording, length) for length in (25, 1, 50)]
+    parts = [cut(recording, WindowSettings(), length) for length in (25, 1, 50)]
     learned = set().union(*(samples(w.take(~held_out_mask(recording, w))) for w in parts))
     judged = set().union(*(samples(w.take(held_out_mask(recording, w))) for w in parts))
     assert learned
@@ -82,7 +83,7 @@ def test_samples_that_were_not_recorded_keep_the_clocks_own_step():
     """A nominal dt that is off a little would make an even clock uneven, whose delays are looked up the slow way."""
     recording = record(World("slider"), episodes=2, steps=40)
     episodes = tuple(replace(e, t=1.03 * e.t) for e in recording.episodes)
-    windows = cut(replace(recording, episodes=episodes), 25)
+    windows = cut(replace(recording, episodes=episodes), WindowSettings(), 25)
     for t in (windows.t, windows.before_t):
         np.testing.assert_allclose(np.diff(t, axis=1), 1.03 * recording.dt, rtol=1e-9)
 
@@ -93,7 +94,7 @@ def test_what_lies_before_a_gap_is_of_another_time(lost):
     recording = record(World("slider"), episodes=1, steps=100)
     (whole,) = recording.episodes
     late = np.concatenate([whole.t[:51], whole.t[51:] + lost * recording.dt])
-    windows = cut(replace(recording, episodes=(replace(whole, t=late),)), 20)
+    windows = cut(replace(recording, episodes=(replace(whole, t=late),)), WindowSettings(), 20)
     assert windows.lost is not None
     for index in np.flatnonzero(windows.t[:, 0] > late[50]):
         begun = (windows.before_t[index, :-1] + windows.before_t[index, 1:]) / 2
@@ -112,7 +113,7 @@ def test_what_lies_before_a_gap_is_of_another_time(lost):
 def test_short_held_out_stretches_are_rolled_out_as_far_as_they_go(episodes, steps):
     recording = replace(record(World("slider"), episodes=episodes, steps=steps), held_out=None)
     length = _longest(recording)
-    windows = cut(recording, length)
+    windows = cut(recording, WindowSettings(), length)
     whole = windows.take(held_out_mask(recording, windows) & windows.valid[:, -1])
     assert length >= 10
     assert len(whole) >= 1

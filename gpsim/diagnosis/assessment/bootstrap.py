@@ -8,13 +8,9 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.report import Kind, OverBefore, Ratio
+from gpsim.diagnosis.settings import BootstrapSettings
 
 MODELS: tuple[Kind, ...] = ("before", "tuned", "gp", "after", "after_gp")
-BLOCK, FEWEST_BLOCKS, DRAWS = (
-    25,
-    8,
-    400,
-)  # samples in a row that are drawn together; fewer where there are few
 TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
 
 
@@ -29,7 +25,11 @@ def typical(errors: FloatArray) -> float:
 
 
 def over_before(
-    errors: Mapping[str, FloatArray], rng: np.random.Generator, *, correlated: bool = True
+    errors: Mapping[str, FloatArray],
+    rng: np.random.Generator,
+    settings: BootstrapSettings,
+    *,
+    correlated: bool = True,
 ) -> OverBefore:
     """Each model's root mean square over the base's, with its 90 % interval.
 
@@ -37,16 +37,16 @@ def over_before(
     Errors: (N,) each; the interval is None where there are too few.
     """
     count = len(errors["before"])
-    block = max(1, min(BLOCK, count // FEWEST_BLOCKS)) if correlated else 1
+    block = max(1, min(settings.block, count // settings.fewest_blocks)) if correlated else 1
     which = np.arange(count) // block
     sums = {kind: np.bincount(which, weights=e**2) for kind, e in errors.items()}
-    drawn = rng.integers(0, len(sums["before"]), (DRAWS, len(sums["before"])))
+    drawn = rng.integers(0, len(sums["before"]), (settings.draws, len(sums["before"])))
     base = sums["before"]
 
     def ratio(kind: Kind) -> Ratio:
         ratios = np.sqrt(sums[kind][drawn].sum(axis=1) / np.maximum(base[drawn].sum(axis=1), 1e-300))
-        low, high = np.quantile(ratios, [0.05, 0.95])
-        known = len(base) >= FEWEST_BLOCKS and bool(np.isfinite(high))
+        low, high = np.quantile(ratios, [settings.low, settings.high])
+        known = len(base) >= settings.fewest_blocks and bool(np.isfinite(high))
         value = rms(errors[kind]) / max(rms(errors["before"]), 1e-300)
         return Ratio(value, float(low) if known else None, float(high) if known else None)
 

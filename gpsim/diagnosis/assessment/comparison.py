@@ -27,12 +27,11 @@ from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted, traced
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, StepErrors
+from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
 from gpsim.recordings import Recording, evenly
 
-MOST = 3000
-LOOKED_AT = 20_000  # transitions, evenly spread, from which training and held-out ones are taken
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
 
 
@@ -162,8 +161,11 @@ def _steps_of(
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
     if question.hidden:
-        return {kind: _steps(completions.by(h), past) for kind, h in hypotheses.items()}
-    steps, made_by = _steps(recording, past), filters(recording, problem.simulator)
+        return {kind: _steps(completions.by(h), problem.run.settings, past) for kind, h in hypotheses.items()}
+    steps, made_by = (
+        _steps(recording, problem.run.settings, past),
+        filters(recording, problem.simulator, problem.run.settings.velocity_filter),
+    )
     if not made_by:
         return dict.fromkeys(hypotheses, steps)
     out: dict[str, _Steps] = {}
@@ -181,14 +183,15 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
-def _steps(recording: Recording, past: bool = False) -> _Steps:
+def _steps(recording: Recording, settings: Settings, past: bool = False) -> _Steps:
     """past: without those before which nobody knows what was commanded, where there are others."""
-    windows = cut(recording, 1, most=LOOKED_AT)
+    windows = cut(recording, settings.windows, 1, most=settings.comparison.looked_at)
     held = held_out_mask(recording, windows)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
         train, test = _later(train), _later(test)
-    return _Steps(_some(train, MOST), _some(test, MOST))
+    most = settings.comparison.steps
+    return _Steps(_some(train, most), _some(test, most))
 
 
 def _later(windows: Windows) -> Windows:
@@ -208,12 +211,13 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
             tuned = tuned.plus(candidate.term([1.0]), candidate.declared)
     if not tuned.terms:
         return base
-    problem = question.searched
-    found = fit(problem, tuned, problem.windows.measured[:, 0], iterations=15, tolerance=0.5)
-    plain = fit(problem, base, problem.windows.measured[:, 0], iterations=8)
+    problem, settings = question.searched, question.searched.run.settings
+    start, fits = problem.windows.measured[:, 0], settings.comparison
+    found = fit(problem, tuned, start, iterations=fits.tuned_iterations, tolerance=fits.tuned_tolerance)
+    plain = fit(problem, base, start, iterations=fits.base_iterations)
     share = 1.0 - found.variance / plain.variance
-    good_share = problem.run.settings.acceptance.good_share
-    return found.hypothesis if bool((share[problem.observed] > good_share).any()) else base
+    good = share[problem.observed] > settings.acceptance.good_share
+    return found.hypothesis if bool(good.any()) else base
 
 
 def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
@@ -255,13 +259,13 @@ def _one_step(
     `finely` where nothing is missing but a finer step: the base simulator's error with that.
     """
     out: dict[str, StepErrors] = {}
-    shown = _shown_rates(question)
+    shown, settings = _shown_rates(question), question.everything.run.settings.bootstrap
     for i, channel in enumerate(question.everything.simulator.rate):
         if not shown[i]:
             continue
         spread = max(float(measured[:, i].std()), 1e-300)
         errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
-        over = over_before({kind: rates[kind][:, i] for kind in MODELS}, rng)
+        over = over_before({kind: rates[kind][:, i] for kind in MODELS}, rng, settings)
         out[channel.name] = StepErrors(
             **errors,
             unit=channel.unit,

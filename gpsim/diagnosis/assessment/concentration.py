@@ -9,17 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.report import Concentration
-
-BINS = 40  # of equal numbers of samples
-MOST_OF_IT = 0.9  # share of the squares beyond noise that a part must hold
-FEW = 0.35  # share of the samples that it may hold at most
-MANY, SHARP, NOTHING = (
-    0.8,
-    0.5,
-    0.1,
-)  # or so many, if edges are so dense, and what is outside, in parts of what is inside
-EDGE = 2  # bins that make an edge
-FEWEST_SAMPLES, LEAST = 400, 0.25  # below, chance may put the squares beyond noise anywhere
+from gpsim.diagnosis.settings import ConcentrationSettings
 
 
 @dataclass(frozen=True)
@@ -53,6 +43,7 @@ def concentrated(
     inputs: Mapping[str, FloatArray],
     squares: FloatArray,
     noise: float,
+    settings: ConcentrationSettings,
     ages: Mapping[str, FloatArray] | None = None,
 ) -> Part | None:
     """The part of one input (N,) that holds nearly all of the `squares` (N,) beyond `noise`, or None.
@@ -62,20 +53,20 @@ def concentrated(
     counts where its edges are sharp, as those of an onset are: a law that grows steadily has none.
     """
     beyond = squares - noise
-    if len(squares) < FEWEST_SAMPLES or beyond.mean() <= LEAST * noise:
+    if len(squares) < settings.fewest_samples or beyond.mean() <= settings.least_mismatch * noise:
         return None
-    parts = [_part(name, values, beyond) for name, values in inputs.items()]
+    parts = [_part(name, values, beyond, settings) for name, values in inputs.items()]
     found = [part for part in parts if part is not None]
     for name, age in (ages or {}).items():
-        part = _part(name, age, beyond)
+        part = _part(name, age, beyond, settings)
         if part is not None and part.inside and part.low == age.min():
             found.append(replace(part, age=True))
     return min(found, key=lambda part: part.samples, default=None)
 
 
-def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
-    """The smallest part that holds MOST_OF_IT, if it is small; else the one that stands out most, if it is sharp."""
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1), method="inverted_cdf"))
+def _part(name: str, values: FloatArray, beyond: FloatArray, settings: ConcentrationSettings) -> Part | None:
+    """The smallest part that holds nearly all, if it is small; else the one that stands out most, if it is sharp."""
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, settings.bins + 1), method="inverted_cdf"))
     if len(edges) < 3:
         return None
     which = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
@@ -93,7 +84,8 @@ def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
 
     found = []
     for inside, shares, counts in parts:
-        costs = np.where((shares >= MOST_OF_IT) & (counts > 0.0) & (counts <= FEW), counts, np.inf)
+        whole = (shares >= settings.held) & (counts > 0.0)
+        costs = np.where(whole & (counts <= settings.few), counts, np.inf)
         k = int(np.argmin(costs))
         if np.isfinite(costs[k]):
             found.append(named(k, inside, shares, counts))
@@ -102,25 +94,33 @@ def _part(name: str, values: FloatArray, beyond: FloatArray) -> Part | None:
     for inside, shares, counts in parts:
         # Squares of the best fit by one level in the part and none elsewhere.
         squares = shares**2 / np.maximum(counts, 1e-300)
-        worth = np.where((shares >= MOST_OF_IT) & (counts > 0.0) & (counts <= MANY), squares, -np.inf)
+        whole = (shares >= settings.held) & (counts > 0.0)
+        worth = np.where(whole & (counts <= settings.many), squares, -np.inf)
         k = int(np.argmax(worth))
         ends = int(first[k]), int(last[k])
-        if np.isfinite(worth[k]) and _is_sharp(share / samples, samples, ends, inside):
+        if np.isfinite(worth[k]) and _is_sharp(share / samples, samples, ends, inside, settings):
             found.append(named(k, inside, shares, counts))
     return min(found, key=lambda part: part.samples, default=None)
 
 
-def _is_sharp(density: FloatArray, samples: FloatArray, ends: tuple[int, int], inside: bool) -> bool:
+def _is_sharp(
+    density: FloatArray,
+    samples: FloatArray,
+    ends: tuple[int, int],
+    inside: bool,
+    settings: ConcentrationSettings,
+) -> bool:
     """Whether a part of the bins is as dense at its edges as within, and next to nothing lies outside."""
-    part = np.zeros(len(density), dtype=np.bool_)
+    edge, part = settings.edge, np.zeros(len(density), dtype=np.bool_)
     part[ends[0] : ends[1]] = True
     part = part if inside else ~part
     level = float(np.average(density[part], weights=samples[part]))
     cuts = np.flatnonzero(part[1:] != part[:-1])  # between bins cut and cut + 1
-    sides = [np.arange(c - EDGE + 1, c + 1) if part[c] else np.arange(c + 1, c + 1 + EDGE) for c in cuts]
+    sides = [np.arange(c - edge + 1, c + 1) if part[c] else np.arange(c + 1, c + 1 + edge) for c in cuts]
     near = [side[(side >= 0) & (side < len(part))] for side in sides]
-    dense = all(density[side[part[side]]].mean() >= SHARP * level for side in near)
-    return dense and float(np.average(density[~part], weights=samples[~part])) <= NOTHING * level
+    dense = all(density[side[part[side]]].mean() >= settings.sharp * level for side in near)
+    outside = float(np.average(density[~part], weights=samples[~part])) if dense else np.inf
+    return dense and outside <= settings.outside * level
 
 
 def _named(

@@ -12,14 +12,10 @@ from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Claims, Discrimination, Excitation, Separation, Shape
+from gpsim.diagnosis.settings import ExperimentDesignSettings
 from gpsim.effects import PRE_ROLL
 
-AFTERWARDS = 2**31  # an episode that comes after all others
-SECONDS, FEWEST, MOST = 3.0, 20, 150
-LEVELS = (0.25, 1.0, 1.5)
-LARGE = 0.95  # quantile of an action's sizes that is taken for a large command,
-RESTS = 0.01  # unless it is no more than this share of the largest one
-VISIBLE = 1.0  # standard deviations below which nobody could see a difference
+AFTERWARDS = 2**31  # number of an episode that comes after all others, no threshold
 
 
 def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
@@ -34,10 +30,12 @@ def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
     pairs = list(combinations(range(len(said)), 2))
     gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
     claims = [tuple((t.family, t.on) for t in h.terms) for h in hypotheses]
-    return _advice(problem.simulator.state.names, excitations, pairs, gaps, claims)
+    visible = problem.run.settings.experiment_design.visible
+    return _advice(visible, problem.simulator.state.names, excitations, pairs, gaps, claims)
 
 
 def _advice(
+    visible: float,
     channels: Sequence[str],
     excitations: Sequence[Excitation],
     pairs: Sequence[tuple[int, int]],
@@ -49,13 +47,13 @@ def _advice(
     gaps: (pairs, E, S) between what two explanations predict, in standard deviations of the noise.
     """
     reach, left, recordings = gaps.max(axis=2), list(range(len(pairs))), []
-    while left and reach[left].max() >= VISIBLE:
-        seen = reach[left] >= VISIBLE
+    while left and reach[left].max() >= visible:
+        seen = reach[left] >= visible
         best = max(
             range(len(excitations)),
             key=lambda e: (seen[:, e].sum(), reach[left, e][seen[:, e]].min(initial=np.inf)),
         )
-        told = [p for p in left if reach[p, best] >= VISIBLE]
+        told = [p for p in left if reach[p, best] >= visible]
         weakest = min(told, key=lambda p: reach[p, best])
         channel = channels[int(np.argmax(gaps[weakest, best]))]
         who = tuple(claims[i] for i in sorted({i for p in told for i in pairs[p]}))
@@ -67,21 +65,22 @@ def _advice(
 
 def _excitations(problem: Problem) -> tuple[list[Excitation], FloatArray]:
     """What they are, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
-    steps = int(np.clip(SECONDS / problem.dt, FEWEST, MOST))
+    settings = problem.run.settings.experiment_design
+    steps = int(np.clip(settings.seconds / problem.dt, settings.fewest, settings.most))
     t = problem.dt * np.arange(steps)
-    span = _amplitudes(problem.windows)
+    span = _amplitudes(problem.windows, settings)
     offset = np.median(problem.windows.actions, axis=(0, 1))
-    rng = np.random.default_rng(0)
+    rng, held = np.random.default_rng(0), settings.held
     shapes: list[tuple[Shape, float, FloatArray]] = [  # sign of the size that is told, course
         ("constant", 1.0, np.ones(steps)),
         ("constant", -1.0, -np.ones(steps)),
         ("slow wave", 1.0, np.sin(2 * np.pi * t / t[-1])),
-        ("fast wave", 1.0, np.sin(2 * np.pi * t / (10 * problem.dt))),
-        ("random levels", 1.0, np.repeat(rng.uniform(-1, 1, steps // 5 + 1), 5)[:steps]),
+        ("fast wave", 1.0, np.sin(2 * np.pi * t / (settings.fast_period * problem.dt))),
+        ("random levels", 1.0, np.repeat(rng.uniform(-1, 1, steps // held + 1), held)[:steps]),
     ]
     excitations, out = [], []
     for i, action in enumerate(problem.simulator.action.names):
-        for level in LEVELS:
+        for level in settings.levels:
             for shape, sign, course in shapes:
                 excitations.append(Excitation(action, shape, float(sign * level * span[i])))
                 actions = np.tile(offset, (steps, 1))
@@ -90,15 +89,15 @@ def _excitations(problem: Problem) -> tuple[list[Excitation], FloatArray]:
     return excitations, np.stack(out)
 
 
-def _amplitudes(windows: Windows) -> FloatArray:
+def _amplitudes(windows: Windows, settings: ExperimentDesignSettings) -> FloatArray:
     """(A,) the size of each action's large commands; where it rests most of the time, of those that it was given."""
     sizes = np.abs(windows.actions).reshape(-1, windows.actions.shape[2])
-    usual, largest = np.quantile(sizes, LARGE, axis=0), sizes.max(axis=0)
+    usual, largest = np.quantile(sizes, settings.large, axis=0), sizes.max(axis=0)
     given = [
-        np.quantile(column[column > RESTS * most], LARGE) if most > 0.0 else 0.0
+        np.quantile(column[column > settings.rests * most], settings.large) if most > 0.0 else 0.0
         for column, most in zip(sizes.T, largest, strict=True)
     ]
-    return np.asarray(np.where(usual > RESTS * largest, usual, given))
+    return np.asarray(np.where(usual > settings.rests * largest, usual, given))
 
 
 def _latest(hypotheses: Sequence[Hypothesis]) -> float:

@@ -17,18 +17,12 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature
 from gpsim.diagnosis.fitting import fit as shoot
 
-LEVEL = 0.90
-WALK, CLOSE = (
-    14,
-    0.1,
-)  # places that a profile asks at most; of the half width, how exactly it is narrowed down
-UNDETERMINED = 1e-13  # of the largest eigenvalue: what the windows know of a direction is at least as much,
-LEAST_INFORMATION = 1e-100  # and of a parameter that moves nothing
-CHANCE = 1.5  # correlation times up to here are white noise's
+LEAST_INFORMATION = 1e-100  # guards a division: what the windows know of a parameter that moves nothing
 
 
-def intervals(problem: Problem, fit: Fit, level: float = LEVEL) -> FloatArray:
-    """(P, 2): the interval of each parameter that holds it with a probability `level`."""
+def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatArray:
+    """(P, 2): the interval of each parameter that holds it with a probability `level`, the usual one without it."""
+    level = level or problem.run.settings.intervals.level
     theta = fit.hypothesis.theta
     if not theta.size:
         return np.empty((0, 2))
@@ -49,7 +43,7 @@ def intervals(problem: Problem, fit: Fit, level: float = LEVEL) -> FloatArray:
 
 def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
-    inverse = _inverse(around.information)
+    inverse = _inverse(around.information, problem.run.settings.intervals.undetermined)
     count, size = around.gradients.shape
     centred = around.gradients - around.gradients.mean(axis=0)
     scatter = centred.T @ centred * count / max(count - size, 1)
@@ -62,17 +56,17 @@ def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
 def _correlated(problem: Problem, fit: Fit) -> float:
     """By how much correlation makes samples count for less; 1 where it may be chance."""
     tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))
-    return tau if tau > CHANCE else 1.0
+    return tau if tau > problem.run.settings.intervals.chance else 1.0
 
 
-def _inverse(information: FloatArray) -> FloatArray:
+def _inverse(information: FloatArray, least: float) -> FloatArray:
     """Of parameters in whatever units: scaled to a unit diagonal before.
 
     A direction of which the windows say nothing keeps a little information: a pseudo-inverse would call it certain.
     """
     scale = np.sqrt(np.maximum(np.diag(information), LEAST_INFORMATION))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    values = np.maximum(values, UNDETERMINED * max(float(values[-1]), 1.0))
+    values = np.maximum(values, least * max(float(values[-1]), 1.0))
     return np.asarray((vectors / values) @ vectors.T / np.outer(scale, scale))
 
 
@@ -82,7 +76,7 @@ def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArra
         return np.zeros(len(fit.hypothesis.theta))
     finer = replace(problem, substeps=2 * problem.substeps)
     moved = curvature(finer, fit).gradients.sum(axis=0) - around.gradients.sum(axis=0)
-    return np.asarray(_inverse(around.information) @ moved)
+    return np.asarray(_inverse(around.information, problem.run.settings.intervals.undetermined) @ moved)
 
 
 def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) -> float:
@@ -91,6 +85,7 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) 
     At every place start states and all other parameters are fitted anew: one that gives way widens the interval. Steps
     grow until one goes too far; then the place is narrowed down to a share of its distance.
     """
+    settings = problem.run.settings.intervals
     theta, parameter = fit.hypothesis.theta, fit.hypothesis.parameters[index]
     drop = 0.5 * float(chi2.ppf(level, 1)) * _correlated(problem, fit)
     bound = parameter.high if step > 0 else parameter.low
@@ -99,21 +94,22 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) 
         at = theta.copy()
         at[index] += distance
         held = fit.hypothesis.having(at).holding(index)
-        return shoot(problem, held, fit.starts, iterations=3).objective - fit.objective < drop
+        again = shoot(problem, held, fit.starts, iterations=settings.profile_iterations)
+        return again.objective - fit.objective < drop
 
-    inside, beyond, pace, last = 0.0, None, step / 16, float(bound - theta[index])
-    for _ in range(WALK):
+    inside, beyond, pace, last = 0.0, None, settings.first_pace * step, float(bound - theta[index])
+    for _ in range(settings.places):
         if beyond is None:
             asked = float(np.clip(inside + pace, min(last, 0.0), max(last, 0.0)))
-            pace *= 1.5
+            pace *= settings.pace_grows
         else:
-            asked = 0.5 * (inside + beyond) if inside else 0.25 * beyond
+            asked = 0.5 * (inside + beyond) if inside else settings.falls_back * beyond
         if holds(asked):
             inside = asked
             if asked == last:
                 return float(bound)
         else:
             beyond = asked
-        if beyond is not None and abs(beyond - inside) < CLOSE * abs(beyond):
+        if beyond is not None and abs(beyond - inside) < settings.close * abs(beyond):
             break
     return float(theta[index]) + (inside if beyond is None else 0.5 * (inside + beyond))

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
+from gpsim.diagnosis.assessment.bootstrap import TYPICAL
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Concentration, Location
+from gpsim.diagnosis.settings import LocationSettings
 from gpsim.diagnosis.setup import Question
 from gpsim.simulators import Simulator
 
-BINS, DEPENDS = 8, 0.05
 SINCE_REVERSAL = "since_reversal:"  # before the name of what turned round, [s]
-GLITCH = 8.0  # times the typical residual: more is taken for a leap of the sensor
 
 
 def locate(question: Question, judgement: Judgement, comparison: Comparison) -> Location:
@@ -27,13 +27,15 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison) -> 
     region = {k: v for gate in gates for k, v in gate.region.items()}
     since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
     episode = next((gate.since_episode for gate in gates if gate.since_episode is not None), None)
-    differs = judgement.verdict != "none"
+    settings, differs = question.everything.run.settings.location, judgement.verdict != "none"
     return Location(
         channels=channels,
         region=region,
         since=since,
         since_episode=question.episode_name(episode),
-        depends_on=tuple(depends_on(simulator, comparison, comparison.left_before)) if differs else (),
+        depends_on=tuple(depends_on(simulator, comparison, comparison.left_before, settings))
+        if differs
+        else (),
         concentrated=_concentrated(question, comparison) if differs else None,
     )
 
@@ -43,7 +45,7 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
 
     Or how soon after a command or a velocity has turned round.
     """
-    simulator = question.everything.simulator
+    simulator, settings = question.everything.simulator, question.everything.run.settings
     rates = [
         (errors.noise_floor / max(errors.before, 1e-300), name)
         for name, errors in comparison.one_step.items()
@@ -52,7 +54,7 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
         return None
     name = min(rates)[1]
     column = simulator.rate.index(name)
-    residual = _without_glitches(comparison.left_before[:, [column]])[:, 0]
+    residual = _without_glitches(comparison.left_before[:, [column]], settings.location.glitch)[:, 0]
     inputs = {
         channel.name: wrap_angle(values) if channel.wraps else values
         for channel, values in zip((*simulator.state, *simulator.action), comparison.inputs.T, strict=True)
@@ -60,7 +62,8 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
     if question.recording.clock == "episode":  # their times say nothing of what came first
         inputs["episode"] = comparison.episodes
     ages = {f"{SINCE_REVERSAL}{of}": age for of, age in comparison.since_reversal.items()}
-    part = concentrated(inputs, residual**2, comparison.one_step[name].noise_floor ** 2, ages)
+    noise = comparison.one_step[name].noise_floor ** 2
+    part = concentrated(inputs, residual**2, noise, settings.concentration, ages)
     if part is None:
         return None
     # A channel may be called as an age is: a reader must know which one it is.
@@ -85,38 +88,58 @@ def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) 
     return channels
 
 
-def depends_on(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> list[str]:
-    """Inputs that explain more than a twentieth of a residual rate (N, R) when it is averaged in bins of them."""
+def depends_on(
+    simulator: Simulator,
+    comparison: Comparison,
+    residual: FloatArray,
+    settings: LocationSettings | None = None,
+) -> list[str]:
+    """Inputs that explain a good share of a residual rate (N, R) when it is averaged in bins of them.
+
+    By the default settings where none are given.
+    """
+    settings = settings or LocationSettings()
     shown = [i for i, channel in enumerate(simulator.rate) if channel.name in comparison.one_step]
-    shares = _shares_explained(simulator, comparison, residual[:, shown])
-    return [name for name, share in shares.items() if share > DEPENDS]
+    shares = _shares_explained(simulator, comparison, residual[:, shown], settings)
+    return [name for name, share in shares.items() if share > settings.least_share]
 
 
-def most_telling(simulator: Simulator, comparison: Comparison, rate: int, count: int = 2) -> list[str]:
+def most_telling(
+    simulator: Simulator,
+    comparison: Comparison,
+    rate: int,
+    count: int = 2,
+    settings: LocationSettings | None = None,
+) -> list[str]:
     """The `count` inputs that explain most of one rate's residual under the base, however little that is."""
-    return list(_shares_explained(simulator, comparison, comparison.left_before[:, [rate]]))[:count]
+    residual, settings = comparison.left_before[:, [rate]], settings or LocationSettings()
+    return list(_shares_explained(simulator, comparison, residual, settings))[:count]
 
 
-def _shares_explained(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> dict[str, float]:
+def _shares_explained(
+    simulator: Simulator, comparison: Comparison, residual: FloatArray, settings: LocationSettings
+) -> dict[str, float]:
     """Every input, the most telling one first, with the largest share of a residual (N, K) that it explains."""
-    names, targets = (*simulator.state.names, *simulator.action.names), _without_glitches(residual)
+    names = (*simulator.state.names, *simulator.action.names)
+    targets = _without_glitches(residual, settings.glitch)
     shares = {
-        name: _explained(values, targets) for name, values in zip(names, comparison.inputs.T, strict=True)
+        name: _explained(values, targets, settings.bins)
+        for name, values in zip(names, comparison.inputs.T, strict=True)
     }
     return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
-def _without_glitches(targets: FloatArray) -> FloatArray:
+def _without_glitches(targets: FloatArray, times: float) -> FloatArray:
     """Clipped where the sensor's rare leaps would make up the variance."""
     middle = np.median(targets, axis=0)
-    typical = 1.4826 * np.median(np.abs(targets - middle), axis=0)
-    reach = np.where(typical > 0, GLITCH * typical, np.inf)
+    typical = TYPICAL * np.median(np.abs(targets - middle), axis=0)
+    reach = np.where(typical > 0, times * typical, np.inf)
     return np.asarray(np.clip(targets, middle - reach, middle + reach))
 
 
-def _explained(values: FloatArray, targets: FloatArray) -> float:
+def _explained(values: FloatArray, targets: FloatArray, bins: int) -> float:
     """The largest share of a target's variance between quantile bins of `values`, chance level taken off."""
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1]))
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, bins + 1)[1:-1]))
     which = np.searchsorted(edges, values)
     count = np.bincount(which, minlength=len(edges) + 1)
     shares = []
@@ -124,5 +147,5 @@ def _explained(values: FloatArray, targets: FloatArray) -> float:
         means = np.bincount(which, weights=target, minlength=len(edges) + 1) / np.maximum(count, 1)
         total = max(float(((target - target.mean()) ** 2).sum()), 1e-300)
         between = float((count * (means - target.mean()) ** 2).sum()) / total
-        shares.append(between - BINS / len(target))
+        shares.append(between - bins / len(target))
     return max(shares, default=0.0)

@@ -26,10 +26,7 @@ from gpsim.diagnosis.report import NoGp
 from gpsim.diagnosis.setup import Question
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
-ROWS, AT_MOST = 250, 0.8  # transitions it learns from: so many, and no larger a share of those there are
-HELPS, HARMS = 0.99, 1.05  # times the error without it, on data it did not learn from
-MUCH = 0.9  # times the errors of another model
-TINY = 1e-300
+TINY = 1e-300  # guards divisions and logarithms of errors that are 0
 
 
 @dataclass(frozen=True)
@@ -50,14 +47,19 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
 
     What the hypothesis's sensors make of them the corrected simulator says by itself.
     """
-    rows = np.zeros(len(train), dtype=np.bool_)
-    rows[rng.permutation(len(train))[: min(ROWS, max(2, int(AT_MOST * len(train))))]] = True
+    gp, rows = problem.run.settings.remainder_gp, np.zeros(len(train), dtype=np.bool_)
+    count = min(gp.rows, max(2, int(gp.most_share * len(train))))
+    rows[rng.permutation(len(train))[:count]] = True
     chosen = train.take(rows)
     if has_sensors(hypothesis):
         chosen, hypothesis = as_it_was(problem, chosen, hypothesis), without_sensors(hypothesis)
     targets = residual_rates(problem, chosen, hypothesis)
     features = _features(problem)
-    settings = FitSettings(restarts=2, screening_iterations=5, max_iterations=60)
+    settings = FitSettings(
+        restarts=gp.restarts,
+        screening_iterations=gp.screening_iterations,
+        max_iterations=gp.iterations,
+    )
     return Learnt(Predictor(fit_outputs(features(inputs(chosen)), targets, settings, rng)), features, rows)
 
 
@@ -109,18 +111,19 @@ def best(problem: Problem, choices: Sequence[Corrected]) -> tuple[Corrected, Flo
     errors = [choice.errors(problem, modelled=True) for choice in choices]
     logs = [float(np.log(found).mean()) for found in errors]
     least = int(np.argmin(logs))
-    chosen = least if logs[least] < logs[0] + np.log(MUCH) else 0
+    chosen = least if logs[least] < logs[0] + np.log(problem.run.settings.remainder_gp.much_better) else 0
     return choices[chosen], errors[chosen]
 
 
 def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> NoGp | None:
     """Why simulations are no better with a Gaussian process, None if they are; `errors` (R + S,) of both."""
+    settings = problem.run.settings.remainder_gp
     names = [*problem.simulator.rate.names, *problem.simulator.state.names]
     ratios = with_it / np.maximum(without, TINY)
     worst = int(np.argmax(ratios))
-    if ratios[worst] > HARMS:
+    if ratios[worst] > settings.harms:
         return NoGp("harms", names[worst], worst >= len(problem.simulator.rate), float(ratios[worst]))
-    return None if ratios.min() < HELPS else NoGp("explains nothing")
+    return None if ratios.min() < settings.helps else NoGp("explains nothing")
 
 
 def _of_columns(errors: FloatArray) -> FloatArray:

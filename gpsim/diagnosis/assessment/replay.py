@@ -10,6 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.data import at
 from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
+from gpsim.diagnosis.run import Run
 from gpsim.recordings import Recording
 
 
@@ -22,13 +23,14 @@ def replayed(
     plant's onsets and ages are moments. What was commanded before is remembered, sensors are read backwards at the
     start to find the true state. Named effects alone: a Gaussian process beside them is left out.
     """
-    windows = at(recording, places, steps)
+    run = Run()
+    windows = at(recording, places, steps, run.settings.windows)
     size, nothing = len(plant.state), np.zeros(len(plant.state))
     everywhere = np.ones(size, dtype=np.bool_)
     scale = np.maximum(windows.measured.std(axis=(0, 1)), 1e-9)
     problem = Problem(
         plant.simulator, plant.parameters, plant.dt, windows, everywhere, nothing, ~everywhere, scale, nothing,
-        plant.substeps,
+        plant.substeps, run=run,
     )  # fmt: skip
     hypothesis = Hypothesis(plant.terms, tuple(() for _ in plant.terms), plant.scheme)
     return predicted(problem, windows, hypothesis)

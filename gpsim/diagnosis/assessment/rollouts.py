@@ -9,13 +9,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
-from gpsim.diagnosis.data import LENGTH, Windows, cut, first_held_out, held_out_mask, stretches
+from gpsim.diagnosis.data import Windows, cut, first_held_out, held_out_mask, stretches
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.report import Rollout, RolloutErrors, RolloutModelErrors
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
-
-HORIZON, LONGEST, MOST = 1.0, 200, 400  # s (a window at least), steps at most, rollouts at most
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ def rollouts(
     noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
     `typical` holds the same from the median, which rare glitches of a sensor do not move.
     """
-    problem, dt, length = question.everything, question.recording.dt, _length(question.recording)
+    problem, dt, length = question.everything, question.recording.dt, _length(question)
     calls: list[tuple[Problem, Windows, Hypothesis, Extra | None]] = []
     for model in models.values():
         if question.hidden or not calls:  # what is hidden each model guesses for itself
@@ -56,11 +54,12 @@ def rollouts(
     noisy = replace(windows, measured=windows.measured + start[:, None])
     disturbed = _ends(problem, noisy, hypothesis, extra)
     errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
+    settings = problem.run.settings.bootstrap
     out: dict[str, RolloutErrors] = {}
     for i, channel in enumerate(problem.simulator.state):
         if channel.name not in question.hidden:
             own = {kind: e[:, i] for kind, e in errors.items()}
-            over = over_before({kind: own[kind] for kind in MODELS}, rng, correlated=False)
+            over = over_before({kind: own[kind] for kind in MODELS}, rng, settings, correlated=False)
             out[channel.name] = RolloutErrors(
                 **{kind: rms(e) for kind, e in own.items()},
                 unit=channel.unit,
@@ -87,15 +86,19 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
 
     All is both where nothing is held out. recording: the question's, completed where channels are hidden.
     """
-    windows = cut(recording, _length(question.recording), most=10 * MOST)
+    settings = question.everything.run.settings
+    most, looked_at = settings.rollouts.most, settings.rollouts.looked_at
+    windows = cut(recording, settings.windows, _length(question), most=looked_at)
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() and not learnt_from else ~held)
     windows = windows.take(windows.valid[:, -1])
-    return windows.take(evenly(len(windows), MOST))
+    return windows.take(evenly(len(windows), most))
 
 
-def _length(recording: Recording) -> int:
-    return max(2, min(max(round(HORIZON / recording.dt), LENGTH), LONGEST, _longest(recording)))
+def _length(question: Question) -> int:
+    recording, settings = question.recording, question.everything.run.settings
+    usual = max(round(settings.rollouts.horizon / recording.dt), settings.windows.length)
+    return max(2, min(usual, settings.rollouts.longest, _longest(recording)))
 
 
 def _longest(recording: Recording) -> int:

@@ -11,19 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, difference
-from gpsim.diagnosis.data import Windows, cut, held_out_mask
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, shortest
 from gpsim.diagnosis.fitting import Hypothesis, Problem, predicted
-from gpsim.diagnosis.setup import CUT, Question, completed, smoothed
+from gpsim.diagnosis.setup import Question, completed, smoothed
 from gpsim.effects import PRE_ROLL
 from gpsim.recordings import Episode, HeldOut, Recording, evenly
 
 BASE, EFFECTS = "base", "base + effects"
-LOOKED_AT = 40  # held-out stretches among which the worst and the median are looked for
-PIECES = (
-    12,
-    4,
-)  # rollouts of a stretch at most: a longer one is shown in parts; and where it would be the only one
-CHANNELS = 3  # shown at most: those in which the base is furthest off
 
 
 @dataclass(frozen=True)
@@ -87,7 +81,7 @@ def models_of(question: Question, leader: Hypothesis) -> dict[str, Hypothesis]:
 def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     """The held-out stretches in which the best model does worst and middling; of everything where none is held out."""
     length = max(2, round(horizon / question.recording.dt))
-    stretches, held_out = _stretches(question.recording, length)
+    stretches, held_out = _stretches(question, length)
     models = models_of(question, leader)
     parts = {kind: _rolled(question, stretches, model, length) for kind, model in models.items()}
     scale, best = question.everything.scale, list(models)[-1]
@@ -96,7 +90,8 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     rank = (np.nan_to_num(errors[best] / scale, nan=-1.0) ** 2 * seen).sum(axis=1)
     known = np.flatnonzero(np.isfinite(errors[best]).all(axis=1))
     off = np.sqrt((errors[BASE][known] ** 2).mean(axis=0)) / scale
-    shown = tuple(sorted(i for i in np.argsort(-np.where(seen, off, -1.0))[:CHANNELS] if seen[i]))
+    most = question.everything.run.settings.traces.channels
+    shown = tuple(sorted(i for i in np.argsort(-np.where(seen, off, -1.0))[:most] if seen[i]))
     order = known[np.argsort(rank[known])][::-1]
     places = {f"worst of {len(order)}": 0, f"median of {len(order)}": len(order) // 2}
     if len(order) < 2:
@@ -128,9 +123,10 @@ def course(question: Question, leader: Hypothesis) -> Course:
     )
 
 
-def _stretches(recording: Recording, length: int) -> tuple[list[_Stretch], bool]:
-    """Held-out episodes, or what is held out of them, in parts of PIECES rollouts at most, evenly spread."""
-    windows = cut(recording, length, most=CUT)
+def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
+    """Held-out episodes, or what is held out of them, in parts of so many rollouts at most, evenly spread."""
+    recording, settings = question.recording, question.everything.run.settings
+    windows = cut(recording, settings.windows, length, most=settings.prepare.cut)
     held = held_out_mask(recording, windows)
     some = windows.take(held if held.any() else ~held)
     rests = []
@@ -138,18 +134,19 @@ def _stretches(recording: Recording, length: int) -> tuple[list[_Stretch], bool]
         t = recording.episodes[index].t
         first = int(np.searchsorted(t, some.t[some.episode == index, 0].min()))
         rests.append((int(index), t, first))
-    for most in PIECES:
-        found = [part for index, t, first in rests for part in _parts(index, t, first, length, most)]
+    least = shortest(length, settings.windows)
+    for most in (settings.traces.most, settings.traces.most_alone):
+        found = [part for index, t, first in rests for part in _parts(index, t, first, length, most, least)]
         if len(found) > 1:
             break
-    return [found[i] for i in evenly(len(found), LOOKED_AT)], bool(held.any())
+    return [found[i] for i in evenly(len(found), settings.traces.stretches)], bool(held.any())
 
 
-def _parts(index: int, t: FloatArray, first: int, length: int, most: int) -> list[_Stretch]:
+def _parts(index: int, t: FloatArray, first: int, length: int, most: int, least: int) -> list[_Stretch]:
     """The rest of an episode from sample `first` on, cut into equal parts where it is long."""
     rollouts = max(1, round((len(t) - first) / (length + 1)))
     each = int(np.ceil(rollouts / np.ceil(rollouts / most))) * (length + 1)
-    lows = list(range(first, max(first + 1, len(t) - max(3, length // 3)), each))
+    lows = list(range(first, max(first + 1, len(t) - least), each))
     ends = [*lows[1:], len(t)]
     return [_Stretch(index, low, end - 1, float(t[low])) for low, end in zip(lows, ends, strict=True)]
 
@@ -162,7 +159,8 @@ def _rolled(
     alone = replace(
         question.recording, episodes=parts, held_out=HeldOut(episodes_from=0)
     )  # no boundary in them
-    windows = cut(smoothed(question.everything, alone, model, question.hidden), length)
+    settings = question.everything.run.settings.windows
+    windows = cut(smoothed(question.everything, alone, model, question.hidden), settings, length)
     begins = np.array([stretch.begin for stretch in stretches])
     windows = windows.take(windows.t[:, 0] >= begins[windows.episode])
     return windows, predicted(question.everything, windows, model)

@@ -7,22 +7,20 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.settings import DecimationSettings
 from gpsim.recordings import Episode, Recording
 
-PACE = 0.01  # s: faster clocks than this are thinned
-KEPT = 0.99  # share of every action's variance that the means over the blocks must keep
 
-
-def thinned(recording: Recording) -> tuple[Recording, int]:
+def thinned(recording: Recording, settings: DecimationSettings) -> tuple[Recording, int]:
     """Every k-th sample and the mean action over each block of k, and k; 1 where nothing was thinned.
 
-    k is about PACE / dt, less where commands change so fast that their means would hide them. What is left of an
+    k is about pace / dt, less where commands change so fast that their means would hide them. What is left of an
     episode after its last whole block is left out.
     """
-    most = round(PACE / recording.dt)
+    most = round(settings.pace / recording.dt)
     longest = max(len(episode) for episode in recording.episodes)
     for k in range(min(most, longest), 1, -1):
-        if _share_kept(recording, k) >= KEPT:
+        if _share_kept(recording, k) >= settings.kept_share:
             episodes = tuple(_blocks(episode, k) for episode in recording.episodes)
             return replace(recording, episodes=episodes, dt=k * recording.dt), k
     return recording, 1

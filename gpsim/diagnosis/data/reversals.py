@@ -8,7 +8,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.data.windows import Windows
 from gpsim.simulators import Simulator
 
-CLOCK = 6  # decimals of a second: equal numbers of even steps are the same age
+CLOCK = 6  # decimals of a second, rounding: equal numbers of even steps are the same age
 
 
 def since_reversal(windows: Windows, simulator: Simulator) -> dict[str, FloatArray]:

@@ -7,7 +7,7 @@ import numpy as np
 from gpsim.channels import IntArray
 from gpsim.recordings import Recording
 
-ONE_IN = 5  # episodes, or samples where there are fewer episodes than that, is held out
+ONE_IN = 5  # episodes (or samples, of fewer episodes) is held out where a recording says nothing: part of its format
 
 
 def first_held_out(recording: Recording) -> IntArray:

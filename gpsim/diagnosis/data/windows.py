@@ -12,14 +12,11 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.data.split import first_held_out
+from gpsim.diagnosis.settings import WindowSettings
 from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 
-LENGTH = 25  # transitions a window: memory effects need more than 10, chaos and slow fits punish more than 60
-LONGEST = 100  # transitions a window at most, where a clock is fast
-SAME_STEP = 1e-6  # relative difference of the nominal step that is rounding
-AT_ONCE = 2000  # windows that are simulated together, however long a recording is
-HIDING = 3.5  # control steps: a longer gap hides commands; over a row or two the last one is nearly right
+SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
 
 
 @dataclass(frozen=True)
@@ -86,45 +83,54 @@ class Windows:
         return replace(self, **{name: getattr(self, name)[rows] for name in known})
 
 
-def cut(recording: Recording, length: int = LENGTH, most: int | None = None) -> Windows:
-    """Non-overlapping windows that share no sample; pieces of less than a third of a window are left out.
+def cut(
+    recording: Recording, settings: WindowSettings, length: int | None = None, most: int | None = None
+) -> Windows:
+    """Non-overlapping windows that share no sample; pieces of much less than a window are left out.
 
-    None holds both samples to learn from and held-out ones. most: evenly spread ones are taken where there are more.
+    None holds both samples to learn from and held-out ones. length: transitions of a window, the usual one without it;
+    most: evenly spread ones are taken where there are more.
     """
-    places = _places(recording, length)
+    length = length or settings.length
+    places = _places(recording, length, settings)
     if most is not None:
         places = [places[i] for i in evenly(len(places), most)]
-    return _cut_at(recording, places, length)
+    return _cut_at(recording, places, length, settings)
 
 
-def cut_in_parts(recording: Recording, length: int = LENGTH) -> Iterator[Windows]:
-    """All of `cut`'s windows, no more than AT_ONCE in memory."""
-    places = _places(recording, length)
-    for first in range(0, len(places), AT_ONCE):
-        yield _cut_at(recording, places[first : first + AT_ONCE], length)
+def cut_in_parts(recording: Recording, settings: WindowSettings) -> Iterator[Windows]:
+    """All of `cut`'s windows of the usual length, no more than `at_once` in memory."""
+    places, size = _places(recording, settings.length, settings), settings.at_once
+    for first in range(0, len(places), size):
+        yield _cut_at(recording, places[first : first + size], settings.length, settings)
 
 
-def _places(recording: Recording, length: int) -> list[tuple[int, int, int]]:
+def _places(recording: Recording, length: int, settings: WindowSettings) -> list[tuple[int, int, int]]:
     """Episode, first and last sample of every window."""
     return [
         (index, low, high)
         for index, first, last in stretches(recording)
-        for low, high in _slices(first, last, length)
+        for low, high in _slices(first, last, length, shortest(length, settings))
     ]
 
 
-def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length: int) -> Windows:
+def _cut_at(
+    recording: Recording, places: Sequence[tuple[int, int, int]], length: int, settings: WindowSettings
+) -> Windows:
     parts = [
-        _window(recording, index, recording.episodes[index], low, high, length) for index, low, high in places
+        _window(recording, index, recording.episodes[index], low, high, length, settings)
+        for index, low, high in places
     ]
     return _stacked(parts) if parts else _none(recording, length)
 
 
-def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:
+def at(
+    recording: Recording, places: Sequence[tuple[int, int]], length: int, settings: WindowSettings
+) -> Windows:
     """Windows of `length` transitions from these (episode, sample) on; none may cross a gap or the end."""
     return _stacked(
         [
-            _window(recording, index, recording.episodes[index], first, first + length, length)
+            _window(recording, index, recording.episodes[index], first, first + length, length, settings)
             for index, first in places
         ]
     )
@@ -161,9 +167,14 @@ def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
     return pieces(ends, len(episode.t) - 1)
 
 
-def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:
+def shortest(length: int, settings: WindowSettings) -> int:
+    """Transitions of the shortest piece that is a window of such a length, padded."""
+    return max(settings.fewest, length // settings.least_part)
+
+
+def _slices(first: int, last: int, length: int, least: int) -> list[tuple[int, int]]:
     out, low = [], first
-    while last - low >= min(length, max(3, length // 3)):
+    while last - low >= min(length, least):
         high = min(low + length, last)
         out.append((low, high))
         low = high + 1
@@ -171,7 +182,13 @@ def _slices(first: int, last: int, length: int) -> list[tuple[int, int]]:
 
 
 def _window(
-    recording: Recording, index: int, episode: Episode, low: int, high: int, length: int
+    recording: Recording,
+    index: int,
+    episode: Episode,
+    low: int,
+    high: int,
+    length: int,
+    settings: WindowSettings,
 ) -> tuple[Any, ...]:
     count, dt, step = high - low, recording.dt, _usual_step(episode, recording.dt)
     pad = length - count
@@ -185,7 +202,7 @@ def _window(
     valid = np.arange(length + 1) <= count
     before_states, before_actions, before_t = _before(episode, low, dt, step)
     _unwrap(recording, before_states, measured)
-    lost = low > 0 and bool(episode.t[low] - episode.t[low - 1] > HIDING * dt)
+    lost = low > 0 and bool(episode.t[low] - episode.t[low - 1] > settings.hiding_gap * dt)
     return (
         measured,
         actions,

@@ -2,8 +2,6 @@
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
 from gpsim.diagnosis.fitting.discretisation import (
-    FINER_GAINS,
-    MOST_FINER,
     enough_substeps,
     numerical_error,
     rescored,
@@ -27,8 +25,6 @@ from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, s
 from gpsim.diagnosis.fitting.simulate import Extra
 
 __all__ = [
-    "FINER_GAINS",
-    "MOST_FINER",
     "Candidate",
     "Curvature",
     "Directions",

@@ -19,7 +19,6 @@ Drive = Callable[[int, int, FloatArray], FloatArray]
 
 Transitions before the window are -1, -2, ..., their commands are known whatever the state.
 """
-DENSER = 4  # times as many substeps as usual may an uneven clock have where a delay is simulated step by step
 
 
 @dataclass(frozen=True)
@@ -27,8 +26,8 @@ class Setting:
     """What follows from all windows and thetas together, and must not depend on which of them are simulated here.
 
     even: whether all clocks are; usual: s, a substep; slots: how many substeps back the sensors look; first: copies
-    with commands of their own; which: (C,) the place in `first` of each copy's commands; leaps: whether whole control
-    steps lead up to the windows.
+    with commands of their own; which: (C,) the place in `first` of each copy's commands; shortest: s, a substep where
+    an uneven clock is densest; leaps: whether whole control steps lead up to the windows.
     """
 
     n: int
@@ -37,6 +36,7 @@ class Setting:
     slots: int
     first: IntArray
     which: IntArray
+    shortest: float = 0.0
     leaps: bool = False
 
 
@@ -69,7 +69,7 @@ def precomputed(
     count, n, first = len(windows), setting.n, setting.first
     rows, values = np.tile(np.arange(count), len(first)), values_of(chain, windows, spread, thetas[first])
     coarser = chain.looks and not setting.even
-    memory = chain.rest(len(rows), setting.usual / DENSER if coarser else setting.usual)
+    memory = chain.rest(len(rows), setting.shortest if coarser else setting.usual)
     if setting.leaps:
         memory = _led_up_to(chain, windows, rows, values, setting)
         windows = windows.remembering(0)

@@ -11,10 +11,6 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
 
-MARGIN = 2.0  # on the numerical error
-FINER_GAINS = 5.0  # nats that a grid twice as fine must gain
-MOST_FINER = 4  # times as many substeps as the base simulator needs
-
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     """(S,) root mean square change of the simulated windows when the substep is halved, with a margin.
@@ -22,11 +18,12 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     The error of a third-order scheme is 8/7 of that change (4/3 where friction stops a body), and it is the same in all
     windows that look alike: what it could pass off as physics must stay below the floor.
     """
-    null = at or fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=4)
+    settings, start = problem.run.settings.discretisation, problem.windows.measured[:, 0]
+    null = at or fit(problem, Hypothesis(), start, iterations=settings.error_iterations)
     finer = replace(problem, substeps=2 * problem.substeps)
     theta = null.hypothesis.theta[None]
     change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
-    return np.asarray(MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+    return np.asarray(settings.margin * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
 def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
@@ -35,11 +32,12 @@ def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     What a coarse grid leaves over would pass for physics: a late command that changes inside a substep, say, of a
     vehicle that turns no tighter than so. With the fit on the last grid.
     """
+    settings = problem.run.settings.discretisation
     substeps, at = problem.substeps, best
-    while at.hypothesis.scheme == "fine" and substeps < MOST_FINER * problem.substeps:
+    while at.hypothesis.scheme == "fine" and substeps < settings.most_finer * problem.substeps:
         grid = replace(problem, substeps=2 * substeps)
-        finer = fit(grid, at.hypothesis, at.starts, iterations=8, near=True)
-        if finer.objective > at.objective - FINER_GAINS:
+        finer = fit(grid, at.hypothesis, at.starts, iterations=settings.finer_iterations, near=True)
+        if finer.objective > at.objective - settings.finer_gain:
             break
         substeps, at = 2 * substeps, finer
     return substeps, at

@@ -15,12 +15,10 @@ from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
 
-LONGEST_LAG = 12
-MOST_PROJECTED = 60  # windows over which the start states' share is averaged
 
-
-def autocorrelation(problem: Problem, residual: FloatArray, lags: int = LONGEST_LAG) -> FloatArray:
-    """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags."""
+def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = None) -> FloatArray:
+    """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags; None: the longest."""
+    lags = lags or problem.run.settings.evidence.longest_lag
     power = (residual**2).sum(axis=(0, 1))
     valid = problem.windows.valid
     out = np.zeros((residual.shape[2], lags))
@@ -53,10 +51,10 @@ def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
 
 
 def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
-    """Nats that the additional parameters cost; each gate has edges, which count as two."""
+    """Nats that the additional parameters cost; each gate has edges, which count, too."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
     extra = len(richer.hypothesis.parameters) - len(poorer.hypothesis.parameters)
-    extra += 2 * (_gates(richer) - _gates(poorer))
+    extra += _gate_parameters(problem, richer) - _gate_parameters(problem, poorer)
     effective = float((problem.counts / tau)[problem.observed].sum())
     return float(extra / 2 * np.log(max(effective, 2.0)))
 
@@ -69,7 +67,7 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     best = min(fits, key=lambda f: f.objective + _price(problem, f))
     tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
     effective = float((problem.counts / tau)[problem.observed].sum())
-    size = [len(f.hypothesis.parameters) + 2 * _gates(f) for f in fits]
+    size = [len(f.hypothesis.parameters) + _gate_parameters(problem, f) for f in fits]
     nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
     terms = np.array([len(f.hypothesis.terms) for f in fits])
     per_term = problem.run.settings.acceptance.per_term
@@ -78,17 +76,18 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
 
 
 def _price(problem: Problem, fit: Fit) -> float:
-    size = len(fit.hypothesis.parameters) + 2 * _gates(fit)
+    size = len(fit.hypothesis.parameters) + _gate_parameters(problem, fit)
     per_term = problem.run.settings.acceptance.per_term
     return per_term * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
 
 
-def _gates(fit: Fit) -> int:
-    """Gates; each has edges, which count as two parameters."""
-    return sum(bool(term.gate) for term in fit.hypothesis.terms)
+def _gate_parameters(problem: Problem, fit: Fit) -> int:
+    """Parameters that the edges of its gates count as."""
+    gates = sum(bool(term.gate) for term in fit.hypothesis.terms)
+    return problem.run.settings.evidence.gate_parameters * gates
 
 
-def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
+def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
     """(p_value, size): is the residual white, beyond its floor? size: the autocorrelation where it is least so.
 
     A one-sided test for positive correlation at short lags, each window one independent draw (Student 1908: their
@@ -98,13 +97,15 @@ def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
     windows = problem.windows
     if len(windows) < 2:
         return 1.0, 0.0
+    settings = problem.run.settings.evidence
+    lags = settings.whiteness_lags
     rho = autocorrelation(problem, fit.residuals, lags)
     seen = np.flatnonzero(problem.observed)
     expected = _fitted_share(problem, fit, lags)
     worst, size = 1.0, 0.0
     for place, channel in enumerate(seen):
         power = float((fit.residuals[..., channel] ** 2).sum()) / max(problem.counts[channel], 1.0)
-        if power <= (1.01 * problem.floor[channel]) ** 2:
+        if power <= (settings.at_floor * problem.floor[channel]) ** 2:
             continue  # the floor (known noise, numerical error) is all there is
         # In units of the window's own power: one loud window must not drown what all others say.
         freedom = problem.counts[channel] / len(windows)
@@ -121,9 +122,8 @@ def whiteness(problem: Problem, fit: Fit, lags: int = 3) -> tuple[float, float]:
 
 def _fitted_share(problem: Problem, fit: Fit, lags: int) -> FloatArray:
     """(observed channels, lags): what fitting start states takes off a window's lag products of white noise."""
-    rows = np.linspace(0, len(problem.windows) - 1, min(len(problem.windows), MOST_PROJECTED)).astype(
-        np.int64
-    )
+    most = problem.run.settings.evidence.projected_windows
+    rows = np.linspace(0, len(problem.windows) - 1, min(len(problem.windows), most)).astype(np.int64)
     part = problem.on(problem.windows.take(rows))
     slopes = state_jacobian(part, fit.hypothesis, fit.starts[rows], fit.residuals[rows])[
         :, :, problem.observed

@@ -14,8 +14,6 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem, variance_of
 
-STEP_OF_STATE, STEP_OF_PARAMETER = 1e-5, 1e-4  # finite differences, in units of the typical size
-
 
 @dataclass(frozen=True)
 class Step:
@@ -36,16 +34,16 @@ def jacobians(
     states_only: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """D residual / d start (W, L + 1, S, S) and d residual / d theta (W, L + 1, S, P), by forward differences."""
-    dimension = starts.shape[1]
+    settings, dimension = problem.run.settings.shooting, starts.shape[1]
     size = 0 if states_only else theta.size
     thetas = np.tile(theta, (dimension + size, 1))
     copies = np.tile(starts, (dimension + size, 1, 1))
     steps = np.empty(dimension + size)
     for i in range(dimension):
-        steps[i] = STEP_OF_STATE * problem.scale[i]
+        steps[i] = settings.state_step * problem.scale[i]
         copies[i, :, i] += steps[i]
     for j, parameter in enumerate(hypothesis.parameters[:size]):
-        step = parameter.step or STEP_OF_PARAMETER * parameter.scale
+        step = parameter.step or settings.parameter_step * parameter.scale
         steps[dimension + j] = step if theta[j] + step <= parameter.high else -step
         thetas[dimension + j, j] += steps[dimension + j]
     moved = problem.residuals(hypothesis, thetas, copies)

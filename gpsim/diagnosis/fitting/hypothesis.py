@@ -9,6 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.settings import PatchworkSettings
 from gpsim.effects import (
     ActuatorEffect,
     Chain,
@@ -21,11 +22,6 @@ from gpsim.effects import (
     effect_of,
 )
 from gpsim.simulators import Simulator
-
-SAME = (
-    0.05  # of a region's width, itself a bin of 24 at least: edges are placed and known no better than that
-)
-SLIVER = 0.15  # of the largest command that is followed: a smaller range is none
 
 
 @dataclass(frozen=True)
@@ -92,6 +88,10 @@ class Hypothesis:
 
     @property
     def patchwork(self) -> bool:
+        """`is_patchwork` by the default settings."""
+        return self.is_patchwork(PatchworkSettings())
+
+    def is_patchwork(self, settings: PatchworkSettings) -> bool:
         """Whether laws are put together from what there is.
 
         Terms that act in different regions of one channel are, where these differ by more than the edges of one region
@@ -99,11 +99,14 @@ class Hypothesis:
         wide as a limit is high makes coarse levels.
         """
         regions = [item for t in self.terms for item in t.gate.region.items()]
-        apart = any(a == b and not _same(one, other) for (a, one), (b, other) in combinations(regions, 2))
-        return apart or self._in_levels
+        apart = any(
+            a == b and not _same(one, other, settings.same_edge)
+            for (a, one), (b, other) in combinations(regions, 2)
+        )
+        return apart or self._in_levels(settings.least_range)
 
-    @property
-    def _in_levels(self) -> bool:
+    def _in_levels(self, least: float) -> bool:
+        """Whether an actuator follows a range of commands that is less than that part of the largest one."""
         spans: dict[str, tuple[float, float]] = {}
         for term in self.terms:
             if isinstance(term.effect, ActuatorEffect) and not term.gate:
@@ -111,7 +114,7 @@ class Hypothesis:
                 before = spans.get(term.on, (0.0, np.inf))
                 spans[term.on] = max(low, before[0]), min(high, before[1])
         return any(
-            low > 0.0 and high - low < SLIVER * high for low, high in spans.values() if np.isfinite(high)
+            low > 0.0 and high - low < least * high for low, high in spans.values() if np.isfinite(high)
         )
 
     def having(self, theta: FloatArray) -> Hypothesis:
@@ -177,10 +180,10 @@ def _behind(gate: Gate) -> str:
     return "".join(said)
 
 
-def _same(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two regions are one as far as anybody can tell."""
+def _same(one: tuple[float, float], other: tuple[float, float], tolerance: float) -> bool:
+    """Whether the edges of two regions are apart by no more than that part of their width."""
     width = max(one[1] - one[0], other[1] - other[0])
-    return all(a == b or abs(a - b) <= SAME * width for a, b in zip(one, other, strict=True))
+    return all(a == b or abs(a - b) <= tolerance * width for a, b in zip(one, other, strict=True))
 
 
 @dataclass(frozen=True)

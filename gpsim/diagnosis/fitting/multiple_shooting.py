@@ -24,15 +24,6 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of, window_costs
 from gpsim.recordings import evenly
 
-PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
-PATTERN_ROUNDS = (1, 3, 5, 8)
-NEAR_BY = (1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04, 0.02, 0.01)
-PATTERN = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, *NEAR_BY)  # in a parameter's own finite-difference steps
-FIRST_PATTERN = (*np.arange(12.0, 1.5, -0.5), *NEAR_BY)  # a threshold's valley may be as narrow as a step
-PATTERN_WINDOWS = 80  # windows on which the places of a pattern are judged
-LEAST_DAMPING = 1e-9
-NO_DAMPING = 1e-14  # what a rejected step can still multiply
-
 
 @dataclass(frozen=True)
 class Fit:
@@ -63,22 +54,30 @@ def fit(
     hypothesis: Hypothesis,
     starts: FloatArray,
     *,
-    iterations: int = 25,
-    tolerance: float = 0.02,
+    iterations: int | None = None,
+    tolerance: float | None = None,
     near: bool = False,
 ) -> Fit:
     """Minimise the profile likelihood over theta (from the hypothesis's values) and the start states (W, S).
 
-    near: the values are known to be good, thresholds of jumping laws need not be looked for far away.
+    iterations, tolerance [nats]: None of a fit that is made to its end; near: the values are known to be good,
+    thresholds of jumping laws need not be looked for far away.
     """
+    settings = problem.run.settings.shooting
+    iterations = settings.iterations if iterations is None else iterations
+    tolerance = settings.tolerance if tolerance is None else tolerance
     low, high = _bounds(hypothesis)
     theta = np.clip(hypothesis.theta, low, high)
     at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
-    damping, per_window, least = 1e-3, np.full(len(starts), 1e-3), LEAST_DAMPING
+    damping, least, most = settings.first_damping, settings.least_damping, settings.most_damping
+    shrinks, grows = settings.damping_shrinks, settings.damping_grows
+    patience = settings.patience if theta.size else settings.patience_of_starts
+    per_window = np.full(len(starts), damping)
     converged, still, seen_from, moved = False, 0, None, True
     for round_ in range(iterations):
-        if not near and round_ in PATTERN_ROUNDS and any(p.step for p in hypothesis.parameters):
-            pattern = np.array(FIRST_PATTERN if round_ == PATTERN_ROUNDS[0] else PATTERN)
+        if not near and round_ in settings.pattern_rounds and any(p.step for p in hypothesis.parameters):
+            first = round_ == settings.pattern_rounds[0]
+            pattern = np.array(settings.first_pattern if first else settings.pattern)
             at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
         if seen_from is not at.residual:  # after a rejected step it stands where it stood
             by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
@@ -91,17 +90,17 @@ def fit(
         alone = not (moved and theta.size)
         new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high, alone=alone)
         gain = at.value - new.value
-        per_window = np.clip(np.where(stepped, per_window / 5, per_window * 8), least, 1e6)
-        damping = float(np.clip(damping / 5 if moved else damping * 8, least, 1e6))
+        per_window = np.clip(np.where(stepped, per_window / shrinks, per_window * grows), least, most)
+        damping = float(np.clip(damping / shrinks if moved else damping * grows, least, most))
         at = new if gain > 0 else replace(at, anchored=anchored)
         still = 0 if gain >= tolerance else still + 1
-        if (moved and still >= 1) or still >= (PATIENCE if theta.size else 2):
+        if (moved and still >= 1) or still >= patience:
             # Where one channel is known far better than another, a little damping may be all that holds it.
             promised = promised_gain(problem, at.residual, by_state, by_theta, at.theta, low, high)
-            if least < LEAST_DAMPING or promised < tolerance:
+            if least < settings.least_damping or promised < tolerance:
                 converged = True
                 break
-            least, still = NO_DAMPING, 0
+            least, still = settings.no_damping, 0
             damping, per_window = least, np.full(len(starts), least)
     variance = variance_of(problem, at.residual)
     return Fit(hypothesis.having(at.theta), at.starts, at.residual, variance, at.value, converged)
@@ -205,7 +204,7 @@ def _searched_pattern(
     All places of a parameter are judged with start states that follow them linearly, and once more with the other
     parameters following, too; the best of either is taken if it holds.
     """
-    rows = evenly(len(at.starts), PATTERN_WINDOWS)
+    rows = evenly(len(at.starts), problem.run.settings.shooting.pattern_windows)
     some, damped = problem.on(problem.windows.take(rows)), per_window[rows]
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:
@@ -241,10 +240,11 @@ def _followed(
 ) -> list[tuple[Step, FloatArray]]:
     """For each of the residuals got (C, W, L + 1, S): how start states and some parameters adapt, and what is left."""
     variance, slopes = variance_of(problem, at.residual), by_theta[..., following]
+    damping = problem.run.settings.shooting.first_damping
     theta, low, high = at.theta[following], low[following], high[following]
     out = []
     for r in got:
-        step = damped_step(problem, r, by_state, slopes, variance, 1e-3, per_window, theta, low, high)
+        step = damped_step(problem, r, by_state, slopes, variance, damping, per_window, theta, low, high)
         start = step.starts_alone + step.starts_by_theta @ step.theta
         out.append((step, r + (by_state @ start[:, None, :, None])[..., 0] + slopes @ step.theta))
     return out

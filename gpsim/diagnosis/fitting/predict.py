@@ -15,11 +15,6 @@ from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.fitting.simulate import Extra
 from gpsim.diagnosis.run import kept
 
-FIXED_POINT_ROUNDS = 20  # at most
-SETTLED = 1e-9  # of a channel's scale
-NUDGE = 1e-3  # of a channel's scale: how far a state is moved to see what its sensor makes of it
-GAINS = (0.01, 100.0)  # beyond these a sensor is taken for one that reads the truth
-
 
 def predicted(
     problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None = None
@@ -99,21 +94,24 @@ def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> F
         theta = hypothesis.theta[None]
         return np.asarray(problem.simulated(chain, first, state[None], hypothesis.spread, theta)[0, :, 0])
 
+    settings = problem.run.settings.sensor_inversion
     state, gains = measured, _gains(problem, measured, said)
-    for _ in range(FIXED_POINT_ROUNDS):
+    for _ in range(settings.iterations):
         change = difference(measured, said(state), problem.simulator.state) / gains
         state = state + change
-        if (np.abs(change) < SETTLED * problem.scale).all():
+        if (np.abs(change) < settings.settled * problem.scale).all():
             break
     return state
 
 
 def _gains(problem: Problem, state: FloatArray, said: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """(W, S) how much more each channel reads where its state is more."""
+    settings = problem.run.settings.sensor_inversion
     channels, before = problem.simulator.state, said(state)
     gains = np.ones_like(state)
-    for i, nudge in enumerate(NUDGE * problem.scale):
+    for i, nudge in enumerate(settings.nudge * problem.scale):
         moved = np.array(state)
         moved[:, i] += nudge
         gains[:, i] = difference(said(moved), before, channels)[:, i] / nudge
-    return np.where((gains > GAINS[0]) & (gains < GAINS[1]), gains, 1.0)
+    answers = (gains > settings.least_gain) & (gains < settings.most_gain)
+    return np.where(answers, gains, 1.0)

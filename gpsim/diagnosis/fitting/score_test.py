@@ -16,11 +16,7 @@ from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.effects import EffectParameter, Gate
 
 NO_GATE = Gate()
-SCANNED, STEPS = (0.5, 0.05, 0.005), 25  # of a value, to either side, and places that are looked at
-LEAST_TIMES = 1e-9  # as much of a limit, which grows with that
-SMALL = 0.05  # of what a starting value changes
-CHUNK = 8  # offers that one process screens in a row
-MOST = 1e4  # standard deviations that a direction is clipped to
+LEAST_TIMES = 1e-9  # guards a division: a law that falls with its parameter would do nothing at all
 
 
 class Directions:
@@ -53,7 +49,8 @@ class Directions:
 
     def changes(self, residuals: FloatArray) -> FloatArray:
         """(C, W, M): the same for other residuals (C, W, L + 1, S)."""
-        changes = [np.clip(self._flat(self.parent.residuals - r), -MOST, MOST) for r in residuals]
+        most = self.problem.run.settings.score_test.clipped_at
+        changes = [np.clip(self._flat(self.parent.residuals - r), -most, most) for r in residuals]
         return np.stack([self._without(change) for change in changes])
 
     def gains(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
@@ -95,18 +92,20 @@ def screened(
     directions: Directions, offers: Sequence[Candidate], gate: Gate = NO_GATE
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
     """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test."""
-    chunks = [offers[i : i + CHUNK] for i in range(0, len(offers), CHUNK)]
-    looks = directions.problem.run.side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
+    run = directions.problem.run
+    size = run.settings.sharing.screened_in_a_row
+    chunks = [offers[i : i + size] for i in range(0, len(offers), size)]
+    looks = run.side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
     return sorted((found for look in looks for found in look), key=lambda item: -item[0])
 
 
 def _screened(
     directions: Directions, offers: Sequence[Candidate], gate: Gate
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
-    parent = directions.parent.hypothesis
+    parent, small = directions.parent.hypothesis, directions.problem.run.settings.score_test.small_start
     out = []
     for candidate in offers:
-        starts = _looked_at(candidate)
+        starts = _looked_at(candidate, small)
         child = child_of(parent, candidate, starts[0]).gated(len(parent.terms), gate)
         thetas = np.array([[*parent.theta, *start] for start in starts])
         gains = directions.gains(child, thetas)
@@ -129,8 +128,9 @@ def stretched(
     change = directions.of(child, np.array([[*parent.theta, *start]]))[0].ravel()
     size = float(change @ change)
     value = stronger(p, start[0], float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)
-    for reach in SCANNED:
-        values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, STEPS), p.low, p.high)
+    settings = directions.problem.run.settings.score_test
+    for reach in settings.scan_reaches:
+        values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, settings.scan_places), p.low, p.high)
         thetas = np.array([[*parent.theta, v] for v in values])
         value = float(values[np.argmin(directions.objectives(child, thetas))])
     return (value,)
@@ -147,15 +147,15 @@ def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
     return list(product(*(p.starts for p in candidate.declared)))
 
 
-def _looked_at(candidate: Candidate) -> list[tuple[float, ...]]:
-    """The starting values; of a law that grows with its only parameter small ones, too.
+def _looked_at(candidate: Candidate, small: float) -> list[tuple[float, ...]]:
+    """The starting values; of a law that grows with its only parameter values that do so small a part as much, too.
 
     Where motion is sensitive to it (a pendulum that goes round), what a large change does is no line.
     """
     starts, p = starts_of(candidate), candidate.declared[0]
     if len(candidate.declared) > 1 or p.falls or p.step is not None:
         return starts
-    return [*starts, *((stronger(p, start, SMALL),) for (start,) in starts)]
+    return [*starts, *((stronger(p, start, small),) for (start,) in starts)]
 
 
 def child_of(parent: Hypothesis, candidate: Candidate, start: Sequence[float]) -> Hypothesis:

@@ -9,14 +9,13 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
-from gpsim.diagnosis.run import Budget, Run
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values, last_at_most
 
 Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
 """State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
-FAR = 1e6  # what a diverging simulation is clipped to
-PART = 150  # rows at least that a part has: the overhead of its substeps is not split
-WORTH_SENDING = 5e4  # rows times substeps: some ten milliseconds of work
+FAR = 1e6  # what a diverging simulation is clipped to: far beyond any state, and its square is still a number
 
 
 def simulate(
@@ -37,9 +36,9 @@ def simulate(
     if not len(windows):
         return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
     starts = _tamed(starts)  # a step may have sent one anywhere
-    setting, windows = _set(chain, windows, spread, thetas, n)
-    _count(run.budget, chain, windows, len(thetas), setting)
-    parts = _parts(run.workers.count, len(thetas), len(windows), windows.length * n)
+    setting, windows = _set(run, chain, windows, spread, thetas, n)
+    _count(run, chain, windows, len(thetas), setting)
+    parts = _parts(run.settings.sharing, run.workers.count, len(thetas), len(windows), windows.length * n)
     if parts < 2 or not setting.even or extra is not None:
         return _simulated(chain, windows, starts, spread, thetas, setting, extra)
     rows = np.array_split(np.arange(len(windows)), parts)
@@ -69,7 +68,7 @@ def _simulated(
 
 
 def _set(
-    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
+    run: Run, chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
 ) -> tuple[Setting, Windows]:
     """The setting, and the windows with as much of what was commanded before them as matters."""
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
@@ -87,7 +86,9 @@ def _set(
     leaps = (
         even and chain.leaps and not chain.sensors.remember
     )  # sensors look at the substeps before a window
-    return Setting(n, even, float(np.median(steps)), slots, first, which.reshape(-1), leaps), windows
+    usual = float(np.median(steps))
+    shortest = usual / run.settings.discretisation.uneven_finer
+    return Setting(n, even, usual, slots, first, which.reshape(-1), shortest, leaps), windows
 
 
 def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sensors: float) -> Windows:
@@ -99,8 +100,9 @@ def _what_matters(chain: Chain, windows: Windows, values: Sequence[Values], sens
     return windows.remembering(int(np.ceil(min(commands + sensors, FAR))) + 2)
 
 
-def _count(budget: Budget, chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
+def _count(run: Run, chain: Chain, windows: Windows, copies: int, setting: Setting) -> None:
     """Count the effort, which is the same in parts."""
+    budget = run.budget
     rows, inside = copies * len(windows), windows.length * setting.n
     before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
     budget.spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
@@ -111,10 +113,11 @@ def _count(budget: Budget, chain: Chain, windows: Windows, copies: int, setting:
         budget.spend_on_commands(rows, inside, chain.actuators)
 
 
-def _parts(cores: int, copies: int, windows: int, substeps: int) -> int:
+def _parts(settings: SharingSettings, cores: int, copies: int, windows: int, substeps: int) -> int:
     """In how many parts the windows are simulated: as many as there are cores for, where each is worth sending."""
     rows = copies * windows
-    return min(cores, rows // PART, windows) if rows * substeps > WORTH_SENDING else 1
+    enough = rows * substeps > settings.worth_sending
+    return min(cores, rows // settings.least_rows, windows) if enough else 1
 
 
 def _run(

@@ -20,13 +20,6 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.selection import held_out_fit, pays
 from gpsim.diagnosis.setup import Question
 
-MOST_RIVALS = 6
-MOST_EFFORT = 1.2e8  # simulated rows after which no further rival is looked at, the likeliest first
-TIE = 2.3  # nats: rivals this near (odds of 10) cannot be ruled out
-NEARLY = 15.0  # nats that edges of a gate which are placed a little better may be worth
-FAR_AHEAD = 100.0  # nats by which a rival may be ahead on training windows, if held-out ones chose the leader
-MENDING = 5.0  # nats by which a richer fit is ahead that does not pay, and is no rival
-
 
 def rivals_of(
     question: Question, leader: Fit, fits: Sequence[Fit]
@@ -46,19 +39,17 @@ def rivals_of(
     later = _later_nats(question, leader)
     rivals: list[Fit] = []
     counted: list[Fit] = []
-    weights, of_rivals, most = [1.0], [], question.everything.run.budget.spent + MOST_EFFORT
+    run = question.everything.run
+    settings = run.settings.rivals
+    weights, of_rivals, until = [1.0], [], run.budget.spent + settings.budget
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        near, said = by < TIE and len(rivals) < MOST_RIVALS and _fresh(rival, rivals), False
-        if (
-            near
-            and question.everything.run.budget.spent < most
-            and _earned(question.everything, leader, rival)
-        ):
+        near, said = by < settings.tie and len(rivals) < settings.most and _fresh(rival, rivals), False
+        if near and run.budget.spent < until and _earned(question.everything, leader, rival):
             worse = later(rival)
             by += worse
-            said = worse < TIE and by < TIE
-        weight = float(np.exp(-max(by, -FAR_AHEAD)))
+            said = worse < settings.tie and by < settings.tie
+        weight = float(np.exp(-max(by, -settings.far_ahead)))
         if said:
             rivals.append(rival)
             of_rivals.append(weight)
@@ -74,6 +65,7 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
     gates = {t.gate.looks_at: t.gate for t in leader.hypothesis.terms if t.gate}
     if not gates or not others:
         return []
+    settings, steps = problem.run.settings.rivals, problem.run.settings.schedules
     nats = scores(problem, [leader, *others])
     orders = []
     for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
@@ -81,9 +73,10 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
             replace(t, gate=gates.get(t.gate.looks_at, t.gate)) if t.gate else t
             for t in rival.hypothesis.terms
         ]
-        if TIE <= behind < NEARLY and tuple(terms) != rival.hypothesis.terms:
-            orders.append(Order(replace(rival.hypothesis, terms=tuple(terms)), rival.starts, 8, 0.1))
-    return fit_all(problem, orders[:MOST_RIVALS])
+        if settings.tie <= behind < settings.nearly and tuple(terms) != rival.hypothesis.terms:
+            gated = replace(rival.hypothesis, terms=tuple(terms))
+            orders.append(Order(gated, rival.starts, steps.settle, steps.close))
+    return fit_all(problem, orders[: settings.most])
 
 
 def overtaking(problem: Problem, rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
@@ -106,7 +99,8 @@ def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     if not fits:
         return []
     size, nats = len(leader.hypothesis.parameters), scores(problem, [leader, *fits])
-    ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > nats[0] + MENDING]
+    least = nats[0] + problem.run.settings.rivals.mending
+    ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > least]
     return [f for f in ahead if len(f.hypothesis.parameters) > size and not pays(problem, f, leader)]
 
 
@@ -144,8 +138,7 @@ def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
     """Whether every term of a rival that says more than the leader pays; without it, it is another rival."""
     if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
         return True
+    steps = problem.run.settings.schedules
     parts = [rival.hypothesis.without(i) for i in range(len(rival.hypothesis.terms))]
-    return all(
-        pays(problem, rival, less)
-        for less in fit_all(problem, [Order(part, rival.starts, 12, 0.1) for part in parts])
-    )
+    orders = [Order(part, rival.starts, steps.refit, steps.close) for part in parts]
+    return all(pays(problem, rival, less) for less in fit_all(problem, orders))

@@ -10,18 +10,18 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 At = TypeVar("At")
 Answer = TypeVar("Answer")
 More = ParamSpec("More")
-REMEMBERED = 6  # answers to a function's questions: a leader's is asked for again after a few rivals'
 
 
 class Memo:
-    """What a diagnosis was asked last and what the answers were, function by function."""
+    """What a diagnosis was asked last and what the answers were, so many of them of each function."""
 
-    def __init__(self) -> None:
+    def __init__(self, remembered: int) -> None:
+        self._remembered = remembered
         self._last: dict[Callable[..., Any], deque[tuple[tuple[object, ...], Any]]] = {}
 
     def answer(self, function: Callable[..., Answer], given: tuple[object, ...]) -> Answer:
         """What the function makes of the very same objects, asked once."""
-        last = self._last.setdefault(function, deque(maxlen=REMEMBERED))
+        last = self._last.setdefault(function, deque(maxlen=self._remembered))
         for before, answer in last:
             if len(before) == len(given) and all(x is y for x, y in zip(before, given, strict=True)):
                 return answer  # type: ignore[no-any-return]

@@ -25,9 +25,13 @@ class Run:
 
     workers: Workers = field(default_factory=Workers)
     settings: Settings = field(default_factory=Settings)
-    budget: Budget = field(default_factory=Budget)
-    memo: Memo = field(default_factory=Memo)
     trace: Trace = field(default_factory=Trace)
+    budget: Budget = field(init=False)
+    memo: Memo = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "budget", Budget(cost=self.settings.cost))
+        object.__setattr__(self, "memo", Memo(self.settings.sharing.remembered))
 
     def __reduce__(self) -> tuple[Callable[[Settings, str], Run], tuple[Settings, str]]:
         return _begun_elsewhere, (self.settings, self.trace.step)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.data import LENGTH
 from gpsim.diagnosis.fitting import (
     Fit,
     Hypothesis,
@@ -74,7 +73,7 @@ def on_some_windows(problem: Problem, at: Fit, most: int) -> tuple[Problem, Fit]
 
 def _windows(problem: Problem, usual: int) -> int:
     """How many of the problem's windows hold as many transitions as so many of the usual length."""
-    return round(usual * LENGTH / problem.windows.length)
+    return round(usual * problem.run.settings.windows.length / problem.windows.length)
 
 
 def _fitted_unless_needed(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting import FINER_GAINS, MOST_FINER, Fit, Order, Problem, fit_all, rescored
+from gpsim.diagnosis.fitting import Fit, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import lean, simplest
 from gpsim.diagnosis.setup import Question, settled_question
@@ -33,12 +33,13 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     fewer = _best_of_each(best, fits)[: problem.run.settings.grid_check.tried]
     if not fewer:
         return best, best
-    grid = replace(problem, substeps=MOST_FINER * problem.substeps)
+    settings = problem.run.settings.discretisation
+    grid = replace(problem, substeps=settings.most_finer * problem.substeps)
     finely = fit_all(grid, [_order(problem, f) for f in fewer])
     gained = [
         (before, after)
         for before, after in zip(fewer, finely, strict=True)
-        if after.objective < rescored(problem, before).objective - FINER_GAINS
+        if after.objective < rescored(problem, before).objective - settings.finer_gain
     ]
     if not gained:
         return best, best

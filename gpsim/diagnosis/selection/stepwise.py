@@ -90,7 +90,7 @@ def improved(
         if extended is leader:
             break
         leader = extended
-    if leader.hypothesis.patchwork:
+    if leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
         return leader, tried  # it will not be named
     return with_refined_edges(problem, specialised(problem, leader, offers), edges.finest_spacing), tried
 
@@ -131,7 +131,7 @@ def _extended(
     settings, finest = problem.run.settings.stepwise, problem.run.settings.gate_edges.fine_spacing
     tried: list[Fit] = []
     firm, steps = leader, 0
-    while not leader.hypothesis.patchwork:
+    while not leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
         over = problem.run.budget.spent >= most  # to ask when what there is began costs next to nothing
         if over and gates:
             break

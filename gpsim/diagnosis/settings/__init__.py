@@ -1,19 +1,70 @@
 """Settings: every threshold of the diagnosis, step by step, with unit, meaning, default and origin."""
 
+from gpsim.diagnosis.settings.assessment import (
+    BootstrapSettings,
+    ComparisonSettings,
+    ConcentrationSettings,
+    ExperimentDesignSettings,
+    IntervalSettings,
+    LocationSettings,
+    RemainderGPSettings,
+    RolloutSettings,
+    TraceSettings,
+)
+from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import described
+from gpsim.diagnosis.settings.fitting import (
+    DiscretisationSettings,
+    EvidenceSettings,
+    PatchworkSettings,
+    ScoreTestSettings,
+    SensorInversionSettings,
+    ShootingSettings,
+)
 from gpsim.diagnosis.settings.gates import GateSettings
-from gpsim.diagnosis.settings.judgement import VerdictSettings
+from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
+from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
 from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
+from gpsim.diagnosis.settings.setup import (
+    CandidateSettings,
+    LatentStateSettings,
+    PrepareSettings,
+    VelocityFilterSettings,
+)
 
 __all__ = [
     "AcceptanceSettings",
+    "BootstrapSettings",
+    "CandidateSettings",
+    "ComparisonSettings",
+    "ConcentrationSettings",
+    "CostSettings",
+    "DecimationSettings",
+    "DiscretisationSettings",
+    "EvidenceSettings",
+    "ExperimentDesignSettings",
     "GateSettings",
+    "IntervalSettings",
     "LackOfFitSettings",
+    "LatentStateSettings",
+    "LocationSettings",
+    "PatchworkSettings",
+    "PrepareSettings",
+    "RemainderGPSettings",
+    "RivalSettings",
+    "RolloutSettings",
+    "ScoreTestSettings",
     "SearchSettings",
+    "SensorInversionSettings",
     "Settings",
+    "SharingSettings",
+    "ShootingSettings",
+    "TraceSettings",
+    "VelocityFilterSettings",
     "VerdictSettings",
+    "WindowSettings",
     "as_mapping",
     "as_page",
     "as_yaml",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeVar
 
 Value = TypeVar("Value")
@@ -38,3 +38,13 @@ def described(step: Any) -> list[tuple[str, Any, str, str, str]]:
         (f.name, getattr(step, f.name), f.metadata["unit"], f.metadata["meaning"], f.metadata["origin"])
         for f in dataclasses.fields(step)
     ]
+
+
+def check(step: Any, *, lists: Sequence[str] = (), shares: Sequence[str] = ()) -> None:
+    """Raise ValueError where one of the named lists is empty, or one of the named shares is more than 1."""
+    for name in lists:
+        if not getattr(step, name):
+            raise ValueError(f"{name} is empty")
+    for name in shares:
+        if getattr(step, name) > 1.0:
+            raise ValueError(f"{name} is a share of at most 1, got {getattr(step, name)!r}")

@@ -1,4 +1,4 @@
-"""Settings of the judgement: what is said of what was selected."""
+"""Settings of the judgement: what is said of what was selected, and which rivals the data cannot rule out."""
 
 from __future__ import annotations
 
@@ -43,4 +43,29 @@ class VerdictSettings:
     )
     least_excess: float = setting(
         1.2, "1", "times the noise's variance that a channel's mismatch must be to count"
+    )
+
+
+@dataclass(frozen=True)
+class RivalSettings:
+    """Rivals: other explanations that a recording cannot tell from the leading one."""
+
+    tie: float = setting(2.3, "nats", "behind, up to which a rival cannot be ruled out", "odds of ten")
+    most: int = setting(6, "1", "rivals that are named")
+    budget: float = setting(
+        1.2e8, "simulated rows", "after which no further rival is looked at, the likeliest first"
+    )
+    nearly: float = setting(
+        15.0,
+        "nats",
+        "behind, up to which one is fitted behind the leader's gates: its own were placed less closely",
+    )
+    mending: float = setting(
+        5.0, "nats", "ahead, from which a richer fit that does not pay mends the leader's last digits"
+    )
+    far_ahead: float = setting(
+        100.0,
+        "nats",
+        "by which a rival may be ahead on training windows, if held-out ones chose the leader",
+        "a probability is a number still",
     )

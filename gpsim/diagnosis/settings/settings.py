@@ -8,10 +8,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gpsim.diagnosis.settings.assessment import (
+    BootstrapSettings,
+    ComparisonSettings,
+    ConcentrationSettings,
+    ExperimentDesignSettings,
+    IntervalSettings,
+    LocationSettings,
+    RemainderGPSettings,
+    RolloutSettings,
+    TraceSettings,
+)
+from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import too_small
+from gpsim.diagnosis.settings.fitting import (
+    DiscretisationSettings,
+    EvidenceSettings,
+    PatchworkSettings,
+    ScoreTestSettings,
+    SensorInversionSettings,
+    ShootingSettings,
+)
 from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
-from gpsim.diagnosis.settings.judgement import VerdictSettings
+from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.refit import PruningSettings, RefitSettings
+from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.schedules import ScheduleSettings
 from gpsim.diagnosis.settings.selection import (
     AcceptanceSettings,
@@ -21,6 +42,12 @@ from gpsim.diagnosis.settings.selection import (
     SearchSettings,
     StepwiseSettings,
     SubstitutionSettings,
+)
+from gpsim.diagnosis.settings.setup import (
+    CandidateSettings,
+    LatentStateSettings,
+    PrepareSettings,
+    VelocityFilterSettings,
 )
 from gpsim.errors import UsageError
 from gpsim.settings import build
@@ -32,6 +59,20 @@ WHERE = "diagnose"
 class Settings:
     """The steps of a diagnosis, each with its settings; what is not named keeps its default."""
 
+    cost: CostSettings = field(default_factory=CostSettings)
+    sharing: SharingSettings = field(default_factory=SharingSettings)
+    windows: WindowSettings = field(default_factory=WindowSettings)
+    decimation: DecimationSettings = field(default_factory=DecimationSettings)
+    prepare: PrepareSettings = field(default_factory=PrepareSettings)
+    candidates: CandidateSettings = field(default_factory=CandidateSettings)
+    latent_states: LatentStateSettings = field(default_factory=LatentStateSettings)
+    velocity_filter: VelocityFilterSettings = field(default_factory=VelocityFilterSettings)
+    discretisation: DiscretisationSettings = field(default_factory=DiscretisationSettings)
+    shooting: ShootingSettings = field(default_factory=ShootingSettings)
+    evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
+    score_test: ScoreTestSettings = field(default_factory=ScoreTestSettings)
+    sensor_inversion: SensorInversionSettings = field(default_factory=SensorInversionSettings)
+    patchwork: PatchworkSettings = field(default_factory=PatchworkSettings)
     schedules: ScheduleSettings = field(default_factory=ScheduleSettings)
     acceptance: AcceptanceSettings = field(default_factory=AcceptanceSettings)
     search: SearchSettings = field(default_factory=SearchSettings)
@@ -45,7 +86,17 @@ class Settings:
     grid_check: GridCheckSettings = field(default_factory=GridCheckSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     pruning: PruningSettings = field(default_factory=PruningSettings)
+    rivals: RivalSettings = field(default_factory=RivalSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
+    comparison: ComparisonSettings = field(default_factory=ComparisonSettings)
+    rollouts: RolloutSettings = field(default_factory=RolloutSettings)
+    bootstrap: BootstrapSettings = field(default_factory=BootstrapSettings)
+    remainder_gp: RemainderGPSettings = field(default_factory=RemainderGPSettings)
+    location: LocationSettings = field(default_factory=LocationSettings)
+    concentration: ConcentrationSettings = field(default_factory=ConcentrationSettings)
+    experiment_design: ExperimentDesignSettings = field(default_factory=ExperimentDesignSettings)
+    traces: TraceSettings = field(default_factory=TraceSettings)
+    intervals: IntervalSettings = field(default_factory=IntervalSettings)
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:

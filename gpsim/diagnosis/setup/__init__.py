@@ -2,11 +2,10 @@
 
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.latent_states import Completions, completed, guessed, hidden_channels, smoothed
-from gpsim.diagnosis.setup.prepare import CUT, Question, prepare, settled_question, spread_out
+from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question, spread_out
 from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
-    "CUT",
     "Completions",
     "Question",
     "candidates",

@@ -8,20 +8,23 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
+from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.effects import FAMILIES, Effect, Place, effect_of
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
-TINY = 1e-9
-MOST_ROWS = 4000  # that sizes are taken from
+TINY = 1e-9  # guards divisions: no size is 0
 
 
 def candidates(
-    recording: Recording, simulator: Simulator, parameters: Mapping[str, float]
+    recording: Recording,
+    simulator: Simulator,
+    parameters: Mapping[str, float],
+    settings: CandidateSettings | None = None,
 ) -> list[Candidate]:
-    """All terms that may be missing, in the catalogue's order."""
-    sizes = _Sizes(recording, simulator, parameters)
+    """All terms that may be missing, in the catalogue's order; by the default settings where none are given."""
+    sizes = _Sizes(recording, simulator, parameters, settings or CandidateSettings())
     out = []
     for effect in FAMILIES.values():
         for on in effect.places(simulator):
@@ -47,12 +50,19 @@ def offers_of(question: Question) -> list[Candidate]:
 class _Sizes:
     """How large things typically are in a recording."""
 
-    def __init__(self, recording: Recording, simulator: Simulator, parameters: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        recording: Recording,
+        simulator: Simulator,
+        parameters: Mapping[str, float],
+        settings: CandidateSettings,
+    ) -> None:
         rows = recording.transitions()
-        rows = rows.take(evenly(len(rows), MOST_ROWS))
+        rows = rows.take(evenly(len(rows), settings.rows))
+        self._reach = settings.reach
         self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
         self._spans = {
-            name: _typical(np.abs(values))
+            name: _typical(np.abs(values), settings.typical)
             for name, values in zip(
                 (*simulator.state.names, *simulator.action.names),
                 np.hstack([rows.states, rows.actions]).T,
@@ -91,7 +101,7 @@ class _Sizes:
                 length=self._simulator.state.units[on],
                 span=self._forces[on],
                 middle=self._means[on],
-                reach=2 * self._deviations[on],
+                reach=self._reach * self._deviations[on],
                 speed=self._spans[coordinate.velocity],
                 dt=self._dt,
                 loaded=on in self._loaded,
@@ -114,7 +124,7 @@ class _Sizes:
         return min(ends[0], 1.0), max(ends[1], 1.0)
 
 
-def _typical(sizes: FloatArray) -> float:
-    """Of values (N,) >= 0: the 95 % quantile, the largest where nearly all are 0 (a command that is seldom given)."""
-    usual = float(np.quantile(sizes, 0.95))
+def _typical(sizes: FloatArray, quantile: float) -> float:
+    """Of values (N,) >= 0: their quantile, the largest where nearly all are 0 (a command that is seldom given)."""
+    usual = float(np.quantile(sizes, quantile))
     return max(usual if usual > TINY else float(sizes.max()), TINY)

@@ -18,8 +18,6 @@ from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import Simulator
 
-SMOOTHING_ROUNDS = 12
-
 
 def hidden_channels(recording: Recording, simulator: Simulator) -> tuple[str, ...]:
     """State channels that the simulator gives a guess for and the recording does not hold."""
@@ -53,7 +51,7 @@ def smoothed(
     known: dict[
         int, list[tuple[FloatArray, FloatArray]]
     ] = {}  # of each episode: moments, and what is said of them
-    for part in cut_in_parts(recording):
+    for part in cut_in_parts(recording, problem.run.settings.windows):
         windows = completed(problem.on(part), hypothesis, hidden)
         for index in np.unique(windows.episode):
             rows = windows.episode == index
@@ -74,7 +72,8 @@ def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -
     windows = problem.windows
     if not hidden:
         return windows
-    found = fit(problem, hypothesis.frozen(), windows.measured[:, 0], iterations=SMOOTHING_ROUNDS)
+    iterations = problem.run.settings.latent_states.iterations
+    found = fit(problem, hypothesis.frozen(), windows.measured[:, 0], iterations=iterations)
     columns = [problem.simulator.state.index(name) for name in hidden]
     measured = np.array(windows.measured)
     measured[..., columns] = traced(problem, found)[..., columns]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray
-from gpsim.diagnosis.data import LENGTH, LONGEST, PACE, Windows, cut, held_out_mask, rebased, thinned
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, rebased, thinned
 from gpsim.diagnosis.fitting import (
     Fit,
     Hypothesis,
@@ -20,25 +20,12 @@ from gpsim.diagnosis.fitting import (
     settled,
 )
 from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import PrepareSettings, Settings
 from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels, smoothed
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
-
-SEARCHED, FITTED = 72, 480  # windows that the search looks at, and that the final fits use, at most
-CUT = 6000  # windows that are cut at most: millions of transitions must not fill the memory
-FEWEST_WINDOWS = 4
-FEWEST_TRANSITIONS = 12  # below, not even that many short windows
-NOISY, LONGER = 0.02, 2  # noise, in parts of what moves within a window, that makes windows so much longer,
-ENOUGH_WINDOWS, FILLED = 40, 0.9  # if as many are left to learn from, and so much of them holds samples,
-SEARCHED_LONGER = 50  # and as many of those for the search
-SAMPLED = 40  # windows on which the base simulator's own errors are measured
-SUBSTEPS = (2, 3, 4, 6, 8, 12, 16, 24)  # of a transition, that the fine scheme may take
-USUAL_SUBSTEP = 0.0125  # s: what friction at rest needs on robots
-USUAL_MOST = 6  # substeps that this may ask for
-SLOW = 0.5  # s: transitions longer than this belong to systems for which seconds are no guide
-NUMERICAL = 3e-3  # of a channel's spread: what halving the substep may change (or a third of the known noise)
 
 
 @dataclass(frozen=True)
@@ -70,9 +57,10 @@ def prepare(
     The problem's simulator is one in which every angle wraps that does so in the simulator or in the recording.
     """
     run = run or Run()
+    settings = run.settings
     hidden = hidden_channels(recording, simulator)
     check_match(recording, simulator, hidden=hidden)
-    _check_length(recording)
+    _check_length(recording, settings.prepare)
     check_clock(recording)
     check_varies(recording)
     if recording.integrator not in INTEGRATORS:
@@ -81,71 +69,70 @@ def prepare(
         )
     simulator = wrapping(simulator, either_wraps(simulator.state, recording.state))
     seen, origin = rebased(recording)
-    seen, every = thinned(seen)
+    seen, every = thinned(seen, settings.decimation)
     seen = guessed(seen, simulator)
     observed = _observed(seen, simulator, hidden)
-    training, held = _split(seen, observed)
+    training, held = _split(seen, observed, settings)
     problem = _problem(seen, simulator, parameters, training, hidden, run)
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
-        training, held = _split(seen, observed)
+        training, held = _split(seen, observed, settings)
         problem = _problem(seen, simulator, parameters, training, hidden, run)
-    searched = SEARCHED if training.length == _length(seen) else SEARCHED_LONGER
+    usual = training.length == _length(seen, settings)
+    searched = settings.prepare.searched if usual else settings.prepare.searched_longer
+    fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
     problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
         seen,
-        problem.on(spread_out(training, FITTED)),
-        problem.on(spread_out(training, searched)),
-        problem.on(spread_out(held, FITTED)),
+        problem.on(spread_out(training, fitted, fewest)),
+        problem.on(spread_out(training, searched, fewest)),
+        problem.on(spread_out(held, fitted, fewest)),
         every,
         hidden,
         origin,
     )
 
 
-def _check_length(recording: Recording) -> None:
+def _check_length(recording: Recording, settings: PrepareSettings) -> None:
     """Of what is far too short nothing else is worth saying."""
-    count = recording.transition_count
-    if count >= FEWEST_TRANSITIONS:
+    count, fewest = recording.transition_count, settings.fewest_transitions
+    if count >= fewest:
         return
     single = sum(len(episode) == 0 for episode in recording.episodes)
     hint = "record more"
     if single > 1 and 2 * single > len(recording.episodes):
         hint = f"{single} episodes have one row: the column `episode` names episodes, it does not count rows"
-    raise UsageError(f"too short to judge: {count} transitions, {FEWEST_TRANSITIONS} at the least; {hint}")
+    raise UsageError(f"too short to judge: {count} transitions, {fewest} at the least; {hint}")
 
 
-def _split(recording: Recording, observed: BoolArray) -> tuple[Windows, Windows]:
+def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tuple[Windows, Windows]:
     """Windows to learn from and held-out ones."""
-    length = _length(recording)
-    training, held = _parted(recording, length)
+    length, prepared = _length(recording, settings), settings.prepare
+    training, held = _parted(recording, length, settings)
     if recording.held_out is not None and not len(held):
         raise UsageError(
             "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
             "or take it out to hold out the last fifth"
         )
-    if len(training) < FEWEST_WINDOWS:
+    if len(training) < prepared.fewest:
         raise UsageError(
             f"too short to judge: {recording.transition_count} transitions make {len(training)} windows of "
-            f"{training.length} to learn from, {FEWEST_WINDOWS} are needed; record more, or hold out less"
+            f"{training.length} to learn from, {prepared.fewest} are needed; record more, or hold out less"
         )
-    if LONGER * length <= LONGEST and _noisy(recording, training, observed):
-        longer, later = _parted(recording, LONGER * length)
-        if len(longer) >= ENOUGH_WINDOWS and bool(len(later)) == bool(len(held)) and _filled(longer):
+    twice = prepared.longer * length
+    if twice <= settings.windows.longest and _noisy(recording, training, observed, prepared.noisy):
+        longer, later = _parted(recording, twice, settings)
+        enough = len(longer) >= prepared.enough_longer and bool(len(later)) == bool(len(held))
+        if enough and float(longer.valid.mean()) > prepared.filled:  # samples, not what pads short episodes
             return longer, later
     return training, held
 
 
-def _parted(recording: Recording, length: int) -> tuple[Windows, Windows]:
+def _parted(recording: Recording, length: int, settings: Settings) -> tuple[Windows, Windows]:
     """Windows of a length, to learn from and held-out ones."""
-    windows = cut(recording, length, most=CUT)
+    windows = cut(recording, settings.windows, length, most=settings.prepare.cut)
     held = held_out_mask(recording, windows)
     return windows.take(~held), windows.take(held)
-
-
-def _filled(windows: Windows) -> bool:
-    """Whether they hold samples, not what pads the ends of episodes that are shorter."""
-    return float(windows.valid.mean()) > FILLED
 
 
 def _problem(
@@ -157,13 +144,14 @@ def _problem(
     run: Run,
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
-    names = simulator.state.names
+    names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
     guess = np.array([abs(simulator.start.get(n, 0.0)) or 1.0 if n in hidden else 0.0 for n in names])
-    scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(0.1 * guess, 1e-9))
+    share = run.settings.prepare.hidden_scale
+    scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(share * guess, 1e-9))
     known = np.array([recording.noise.get(name, 0.0) for name in names])
-    floor = np.sqrt(known**2 + (1e-8 * scale) ** 2)
-    usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), SUBSTEPS[0], USUAL_MOST))
+    floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
+    usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
     nothing = np.zeros(len(names))
     return Problem(
         simulator,
@@ -182,11 +170,14 @@ def _problem(
 
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
-    sample = problem.on(spread_out(problem.windows, SAMPLED))
-    stands = any(problem.simulator.coordinates) and problem.dt <= SLOW  # friction may hold something at rest
-    fewest = problem.substeps if stands else SUBSTEPS[0]
-    tolerated = np.maximum(NUMERICAL * problem.scale, problem.floor / 3)[problem.observed]
-    for substeps in (n for n in SUBSTEPS if n >= fewest):
+    settings, sample = problem.run.settings.discretisation, _sample(problem)
+    stands = (
+        any(problem.simulator.coordinates) and problem.dt <= settings.slow
+    )  # friction may hold something at rest
+    fewest = problem.substeps if stands else settings.substeps[0]
+    tolerated = np.maximum(settings.tolerated * problem.scale, problem.floor / settings.tolerated_noise)
+    tolerated = tolerated[problem.observed]
+    for substeps in (n for n in settings.substeps if n >= fewest):
         error = numerical_error(replace(sample, substeps=substeps))
         chosen = replace(problem, substeps=substeps, floor=np.hypot(problem.floor, error))
         if (error[problem.observed] <= tolerated).all():
@@ -194,10 +185,17 @@ def _fine_enough(problem: Problem) -> Problem:
     return chosen
 
 
+def _sample(problem: Problem) -> Problem:
+    """The problem on a few windows, which show the base simulator's errors."""
+    settings = problem.run.settings
+    some = spread_out(problem.windows, settings.discretisation.sampled_windows, settings.prepare.fewest)
+    return problem.on(some)
+
+
 def _with_mismatch(problem: Problem) -> Problem:
     """The problem with how far the base simulator is off."""
-    sample = problem.on(spread_out(problem.windows, SAMPLED))
-    null = fit(sample, Hypothesis(), sample.windows.measured[:, 0], iterations=8)
+    sample, iterations = _sample(problem), problem.run.settings.discretisation.mismatch_iterations
+    null = fit(sample, Hypothesis(), sample.windows.measured[:, 0], iterations=iterations)
     return replace(problem, mismatch=null.variance)
 
 
@@ -212,24 +210,30 @@ def settled_question(question: Question, best: Fit) -> Question:
     return replace(question, everything=everything, searched=searched, held_out=held_out)
 
 
-def spread_out(windows: Windows, most: int) -> Windows:
-    """At most `most` windows, evenly spread; those that do not begin an episode first, where there are enough."""
+def spread_out(windows: Windows, most: int, fewest: int) -> Windows:
+    """At most `most` windows, evenly spread; without those that begin an episode, where there are enough others.
+
+    Enough: `fewest`, and twice as many as begin an episode.
+    """
     later = np.flatnonzero(~windows.fresh)
-    rows = (
-        later if len(later) >= max(FEWEST_WINDOWS, 2 * int(windows.fresh.sum())) else np.arange(len(windows))
-    )
+    enough = len(later) >= max(fewest, 2 * int(windows.fresh.sum()))
+    rows = later if enough else np.arange(len(windows))
     return windows.take(rows[evenly(len(rows), most)])
 
 
-def _length(recording: Recording) -> int:
+def _length(recording: Recording, settings: Settings) -> int:
     """Transitions a window: the usual number, more where a clock stayed fast because thinning would hide commands."""
     longest = max(len(episode) for episode in recording.episodes)
-    usual = int(np.clip(round(LENGTH * PACE / recording.dt), LENGTH, LONGEST))
-    return min(usual, max(longest, 3))
+    windows, pace = settings.windows, settings.decimation.pace
+    usual = round(windows.length * pace / recording.dt)
+    usual = int(np.clip(usual, windows.length, windows.longest))
+    return min(usual, max(longest, windows.fewest))
 
 
-def _noisy(recording: Recording, windows: Windows, observed: BoolArray) -> bool:
+def _noisy(recording: Recording, windows: Windows, observed: BoolArray, share: float) -> bool:
     """Whether known noise hides what happens within a window, in all that was observed.
+
+    share: of what moves there, that noise must exceed.
 
     What a lasting effect adds up to within a window grows with its length, at least linearly; noise does not. Unstable
     systems forbid more than twice the usual length.
@@ -239,7 +243,7 @@ def _noisy(recording: Recording, windows: Windows, observed: BoolArray) -> bool:
     if not len(whole):
         return False
     motion = np.sqrt(np.mean(whole.var(axis=1), axis=0))
-    return bool((noise > NOISY * motion)[observed].all())
+    return bool((noise > share * motion)[observed].all())
 
 
 def _observed(recording: Recording, simulator: Simulator, hidden: Sequence[str]) -> BoolArray:

@@ -69,7 +69,7 @@ def rivals(answer: Answer, recording: Recording) -> list[Rival]:
     simulator = make_simulator(world.system)
     parameters = simulator.defaults(clean.parameters)
     problem = prepare(clean, simulator, parameters).everything
-    problem = problem.on(spread_out(problem.windows, WINDOWS))
+    problem = problem.on(spread_out(problem.windows, WINDOWS, problem.run.settings.prepare.fewest))
     judge = _Judge(problem, candidates(clean, simulator, parameters), clean.transition_count)
     best: dict[Claims, Rival] = {}
     for rival in judge.rivals(world.effects):
