@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gpsim.errors import UsageError
-from gpsim.printable import printable
+from gpsim.reports.printable import printable
 
 from .printing import say
 from .progress import warn
@@ -57,7 +57,7 @@ def import_command(
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
     from rich.console import Console
 
-    from gpsim.recordings import render
+    from gpsim.reports.import_text import render
     from gpsim.stages.import_log import import_log
 
     made = import_log(paths, out, mapping, words, salvage, say=_aside)
@@ -100,7 +100,7 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
     """The tables to stderr, the proposal for the first source to stdout or into a file."""
     from rich.console import Console
 
-    from gpsim.recordings import render_inspection
+    from gpsim.reports.import_text import render_inspection
     from gpsim.stages.import_log import inspect_source, write_mapping
 
     if words:

@@ -16,7 +16,7 @@ import typer
 from gpsim import __version__
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import FULL, REFUSED
-from gpsim.printable import printable
+from gpsim.reports.printable import printable
 from gpsim.workers import ends_when_asked
 
 from .diagnose import diagnose_command

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from gpsim.printable import printable
+from gpsim.reports.printable import printable
 
 
 def say(line: object = "") -> None:

@@ -13,8 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.text import Text
 
-from gpsim.artifacts import read_warnings
-from gpsim.printable import literal, printable
+from gpsim.reports.printable import literal, printable
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
@@ -124,6 +123,8 @@ def note(line: str) -> None:
 
 def warn(folder: Path) -> None:
     """What went wrong beside the result when an artifact was made, a line each: also where `--quiet` was given."""
+    from gpsim.artifacts import read_warnings  # it takes a moment that `--help` has no use for
+
     for line in read_warnings(folder):
         _say(f"warning: {line}")
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from gpsim.printable import literal
+from gpsim.reports.printable import literal
 
 from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, Words, shown_words

@@ -39,7 +39,7 @@ LEVELS = [
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"files"},
-    {"errors", "printable"},
+    {"errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 FILES = sorted([*ROOT.glob("gpsim/**/*.py"), *ROOT.glob("cli/**/*.py")])

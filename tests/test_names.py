@@ -23,21 +23,23 @@ from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.judgement.ranking import Ranked, _key
 from gpsim.diagnosis.selection.gate_edges import gate_between
+from gpsim.diagnosis.settings import ConcentrationSettings
 from gpsim.effects import Gate, Term, effect_of
 from gpsim.effects.effect import columns_of
 from gpsim.effects.term import EPISODE
 from gpsim.errors import UsageError
 from gpsim.files import write_json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.printable import printable
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.recordings.export import wide_table, write_mcap
 from gpsim.recordings.files import write_recording
 from gpsim.recordings.gaps import OverGaps
-from gpsim.recordings.import_report import EpisodeCount, ImportReport, as_text
+from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.readers import open_log
 from gpsim.reports.diagnosis_text import _part
+from gpsim.reports.import_text import as_text
+from gpsim.reports.printable import printable
 from gpsim.reports.sheets import Sheet, row
 from gpsim.reports.tables import terminal_table
 from gpsim.residuals import Residuals, from_table, to_table
@@ -219,8 +221,8 @@ def test_a_channel_called_as_an_age_is_told_as_a_channel():
     name = f"{locating.SINCE_REVERSAL}F"
     values = np.linspace(-1.0, 1.0, 2000)
     squares = np.where(np.abs(values) < 0.1, 1.0, 0.0)
-    part = concentrated({name: values}, squares, 1e-3)
-    age = concentrated({}, squares[1000:], 1e-3, {name: values[1000:]})
+    part = concentrated({name: values}, squares, 1e-3, ConcentrationSettings())
+    age = concentrated({}, squares[1000:], 1e-3, ConcentrationSettings(), {name: values[1000:]})
     assert (part.age, age.age) == (False, True)
     entries = [replace(part.of("r"), is_channel=True), age.of("r")]
     said = [_part(made_diagnosis(location=made_location(concentrated=entry))) for entry in entries]

@@ -5,16 +5,17 @@ from gpsim.recordings.export import Predictions, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
 from gpsim.recordings.fitting import finds_all
 from gpsim.recordings.gaps import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
-from gpsim.recordings.import_report import ImportReport, as_text, render
+from gpsim.recordings.import_report import EpisodeCount, ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs
-from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log, render_inspection
+from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping import ChannelSource
 from gpsim.recordings.mapping_changes import changes_of_words, merged
 from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.recordings.names import one_line
-from gpsim.recordings.raw import RawLog
+from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
+from gpsim.recordings.readers.statistics import Statistics
 from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, Opener, find_logs
@@ -25,6 +26,7 @@ __all__ = [
     "LONGEST_STEP",
     "ChannelSource",
     "Episode",
+    "EpisodeCount",
     "FolderLog",
     "HeldOut",
     "ImportReport",
@@ -35,8 +37,10 @@ __all__ = [
     "Predictions",
     "RawLog",
     "Recording",
+    "Statistics",
+    "Topic",
+    "TopicCount",
     "Transitions",
-    "as_text",
     "bag_writing",
     "bare_mapping",
     "changes_of_words",
@@ -56,8 +60,6 @@ __all__ = [
     "read_bare_table",
     "read_recording",
     "read_yaml",
-    "render",
-    "render_inspection",
     "steps_to_next",
     "write_mcap",
     "write_recording",

@@ -4,18 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from io import StringIO
 from typing import Any
 
-from rich.console import Console, Group, RenderableType
-from rich.table import Table
-from rich.text import Text
-
-from gpsim.printable import literal
 from gpsim.recordings.clock import Lag
 from gpsim.recordings.mapping import track_name
-
-LISTED = 40  # episodes listed one by one; longer recordings are summed up
 
 
 @dataclass(frozen=True)
@@ -132,85 +124,3 @@ def _added(tables: Iterable[Mapping[str, int]]) -> dict[str, int]:
         for reason, number in table.items():
             total[reason] = total.get(reason, 0) + number
     return total
-
-
-def render(report: ImportReport) -> RenderableType:
-    """The report for a terminal."""
-    parts: list[RenderableType] = [_topic_table(report.summed()), Text(""), _episode_table(report)]
-    lines = [f"rate: {report.rate}", *_lag_lines(report), *report.notes]
-    parts += [Text(""), *(literal(line) for line in lines)]
-    parts += [literal(f"warning: {line}", style="yellow") for line in report.warnings]
-    return Group(*parts)
-
-
-def as_text(report: ImportReport, width: int = 110) -> str:
-    """The same report as plain text."""
-    console = Console(file=StringIO(), width=width, color_system=None, force_terminal=False)
-    console.print(render(report))
-    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
-    return "\n".join(line.rstrip() for line in lines) + "\n"
-
-
-def _topic_table(counts: Sequence[TopicCount]) -> Table:
-    table = Table(title="read = kept + dropped", title_justify="left", box=None, pad_edge=False)
-    for name in ("topic", "clock"):
-        table.add_column(name, overflow="fold")
-    for name in ("read", "kept", "dropped"):
-        table.add_column(name, justify="right")
-    table.add_column("why dropped; what else was noticed", overflow="fold")
-    for count in counts:
-        why = [f"{number} {reason}" for reason, number in count.dropped.items()]
-        odd = [f"({number} {kind})" for kind, number in count.noticed.items()]
-        if count.delay is not None:
-            middle, low, high = (1e3 * value for value in count.delay)
-            odd.append(f"(received {middle:.1f} ms after its stamp, 5-95 %: {low:.1f} to {high:.1f})")
-        table.add_row(
-            literal(count.name), literal(count.clock),
-            str(count.read), str(count.kept), str(sum(count.dropped.values())),
-            literal(", ".join(why) + (" " if why and odd else "") + " ".join(odd)),
-        )  # fmt: skip
-    return table
-
-
-def _episode_table(report: ImportReport) -> RenderableType:
-    episodes = report.episodes
-    seconds, steps = sum(e.duration for e in episodes), sum(e.transitions for e in episodes)
-    title = f"{len(episodes)} episode(s), {seconds:.2f} s, {steps} transitions"
-    if len(episodes) > LISTED:
-        lengths = sorted(e.duration for e in episodes)
-        return literal(f"{title}; {lengths[0]:.2f} s to {lengths[-1]:.2f} s long")
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("episode")
-    table.add_column("from", overflow="fold")
-    for name in ("start [s]", "duration [s]", "transitions"):
-        table.add_column(name, justify="right")
-    for e in episodes:
-        table.add_row(
-            literal(e.name), literal(e.source), f"{e.start:.3f}", f"{e.duration:.3f}", str(e.transitions)
-        )
-    return table
-
-
-def _lag_lines(report: ImportReport) -> list[str]:
-    lines = []
-    for lag in report.lags:
-        if not lag.usable:
-            lines.append(
-                f"lag of {lag.command}: these data cannot tell it (best correlation {lag.correlation:.2f})"
-            )
-            continue
-        when = (
-            f"follows {1e3 * lag.lag:.0f} ms later" if lag.lag >= 0 else f"leads by {-1e3 * lag.lag:.0f} ms"
-        )
-        why = "clock offset and the system's own delay together"
-        if lag.lag < 0:
-            why = "the command follows the state (feedback), or its stamps are late"
-        lines.append(
-            f"lag of {lag.command}: {lag.response} {when} (correlation {lag.correlation:.2f}); {why}"
-        )
-    if report.applied:
-        shifts = ", ".join(f"{topic} {1e3 * value:+.1f} ms" for topic, value in report.applied.items())
-        lines.append(f"stamps shifted as asked: {shifts}")
-    elif any(lag.usable for lag in report.lags):
-        lines.append("not applied; clock.apply_offset=true would add the lag to the command stamps")
-    return lines

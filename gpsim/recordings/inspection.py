@@ -8,19 +8,13 @@ from typing import Any
 
 import numpy as np
 import yaml
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.printable import literal, printable
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 
-MOST_FIELDS = 16
-_DULL = ("covariance", "stamp.", "data_offset")  # fields that nobody maps
 GAP = 5.0  # a step of this many usual steps is a gap
 System = tuple[Channels, Channels]
 """The state and action channels of a simulator."""
@@ -100,55 +94,6 @@ def _read(log: RawLog, wanted: Mapping[str, Sequence[str]]) -> tuple[dict[str, S
 
 def _telling(topic: Topic) -> str:
     return next((name for name in _TIMES if name in topic.fields), topic.fields[0])
-
-
-def render_inspection(found: Inspection) -> RenderableType:
-    """The inspection for a terminal: a table of the topics, their fields, and what cannot be read."""
-    table = Table(title=literal(found.name), title_justify="left", box=None, pad_edge=False)
-    for name in ("topic", "type"):
-        table.add_column(name, overflow="fold")
-    for name in ("count", "Hz", "gaps", "from [s]", "to [s]"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("noticed", overflow="fold")
-    for topic in found.topics:
-        cells = [literal(topic.name), literal(topic.type.split("/")[-1]), literal(str(topic.count))]
-        table.add_row(*cells, *(literal(cell) for cell in _pace_cells(found.paces.get(topic.name))))
-    fields = [literal(f"  {topic.name}: {_shown(topic)}") for topic in found.topics if topic.fields]
-    more = [literal(f"and {found.others} more log(s) in this folder")] if found.others else []
-    more += [Text(printable(line), style="yellow") for line in ("", *_fault_lines(found.faults))]
-    more += [literal("")] if found.faults else []
-    ready = [f"--mapping {name} comes with gpsim and finds all it wants here" for name in found.ready]
-    return Group(
-        table, *more, literal("numeric fields"), *fields, literal(""), *(literal(line) for line in ready)
-    )
-
-
-def _fault_lines(faults: Mapping[str, str]) -> list[str]:
-    """One line a reason, with the topics that it keeps from being read."""
-    topics: dict[str, list[str]] = {}
-    for name, reason in faults.items():
-        topics.setdefault(reason, []).append(name)
-    return [f"cannot be read: {', '.join(names)} ({reason})" for reason, names in topics.items()]
-
-
-def _pace_cells(pace: Statistics | None) -> list[str]:
-    if pace is None:
-        return ["-", "-", "-", "-", ""]
-    noticed = [f"longest gap {pace.gaps[0][1]:.3g} s"] if pace.gaps else []
-    noticed += [f"{pace.duplicates} duplicates"] if pace.duplicates else []
-    noticed += [f"{pace.backwards} steps back"] if pace.backwards else []
-    rate = f"{pace.rate:.4g}" if pace.rate else "-"
-    return [rate, str(len(pace.gaps)), _seconds(pace.start), _seconds(pace.end), ", ".join(noticed)]
-
-
-def _shown(topic: Topic) -> str:
-    names = [n for n in topic.fields if not any(part in n for part in _DULL)]
-    rest = f" ... ({len(names) - MOST_FIELDS} more)" if len(names) > MOST_FIELDS else ""
-    return ", ".join(names[:MOST_FIELDS]) + rest
-
-
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
 
 
 def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:

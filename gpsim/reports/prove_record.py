@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from gpsim.printable import printable
+from gpsim.reports.printable import printable
 from gpsim.reports.prove_sheets import beside, miss_rows, proof_sheets
 from gpsim.reports.sheets import Cell, Sheet, row
 

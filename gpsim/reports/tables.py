@@ -9,10 +9,10 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from gpsim.printable import printable
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.model_sheets import calibration_sheet, gp_warnings, one_step_sheet, rollout_sheet
 from gpsim.reports.palette import POLICIES, colours
+from gpsim.reports.printable import printable
 from gpsim.reports.return_sheets import return_sheets
 from gpsim.reports.sheets import Cell, Sheet
 from gpsim.reports.success_sheets import success_sheets

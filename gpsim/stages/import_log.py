@@ -20,7 +20,6 @@ from gpsim.recordings import (
     Opener,
     RawLog,
     Recording,
-    as_text,
     bare_mapping,
     changes_of_words,
     find_bad_rows,
@@ -37,6 +36,7 @@ from gpsim.recordings import (
     write_recording,
 )
 from gpsim.reports.import_figure import draw_channels
+from gpsim.reports.import_text import as_text
 from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
 

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.errors import UsageError
-from gpsim.recordings.import_report import as_text
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.reports.import_text import as_text
 
 DRIVE = Drive()
 T = np.arange(0, 10, 0.01)

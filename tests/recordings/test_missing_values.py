@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from gpsim.recordings import write_recording
-from gpsim.recordings.import_report import as_text
+from gpsim.reports.import_text import as_text
 from gpsim.stages.import_log import read_logs
 
 T = np.round(0.01 * np.arange(200), 9)
