@@ -83,7 +83,8 @@ def _gp(comparison: Comparison, leader: Fit) -> RemainderGp:
 
 
 def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
-    return depends_on(problem.simulator, comparison, comparison.left_after)
+    settings = problem.run.settings.location
+    return depends_on(problem.simulator, comparison, comparison.left_after, settings)
 
 
 def _effects(

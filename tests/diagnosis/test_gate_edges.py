@@ -75,7 +75,8 @@ def test_an_onset_is_placed_between_two_samples():
 def test_effort_does_not_depend_on_the_number_of_processes():
     problem = braked()[2].searched
     orders = [
-        Order(Hypothesis(scheme=scheme), problem.windows.measured[:, 0], 5) for scheme in ("fine", "euler")
+        Order(Hypothesis(scheme=scheme), problem.windows.measured[:, 0], 5, 0.5)
+        for scheme in ("fine", "euler")
     ]
     begun = problem.run.budget.spent
     fit_all(problem, orders)

@@ -17,6 +17,7 @@ FRICTION = Term("coulomb_friction", "x", {"force": 1.0})
 SPRING = Term("spring", "x", {"stiffness": 1.0, "rest_position": 0.0})
 DRAG = Term("quadratic_drag", "x", {"drag": 1.0})
 A, B, C = (("a", "x"),), (("b", "x"),), (("c", "x"), ("d", "y"))
+VISIBLE = 1.0  # standard deviations
 SLOW, FAST = Excitation("u", "slow wave", 2.0), Excitation("u", "fast wave", 2.0)
 
 
@@ -60,7 +61,7 @@ def test_three_rivals_of_which_two_are_one():
     gaps[0, 1] = 5.0, 9.0
     gaps[1, 1] = 4.0, 2.0
     pairs = [(0, 1), (0, 2), (1, 2)]
-    found = _advice(("q", "q_dot"), (SLOW, FAST), pairs, gaps, (A, B, C))
+    found = _advice(VISIBLE, ("q", "q_dot"), (SLOW, FAST), pairs, gaps, (A, B, C))
     assert found == Discrimination((Separation(FAST, (A, B, C), "q", 4.0),), ((B, C),))
     said = tell_apart_text(found)
     first, second = said.split("; ", 1)
@@ -76,7 +77,7 @@ def test_three_rivals_of_which_two_are_one():
 def test_pairs_that_need_two_recordings_get_two():
     gaps = np.zeros((3, 2, 1))
     gaps[0, 0], gaps[1, 0], gaps[2, 1] = 3.0, 2.0, 6.0
-    found = _advice(("q",), (SLOW, FAST), [(0, 1), (0, 2), (1, 2)], gaps, (A, B, C))
+    found = _advice(VISIBLE, ("q",), (SLOW, FAST), [(0, 1), (0, 2), (1, 2)], gaps, (A, B, C))
     assert [recording.excitation for recording in found.recordings] == [SLOW, FAST]
     assert found.recordings[1] == Separation(FAST, (B, C), "q", 6.0)
     assert found.inseparable == ()

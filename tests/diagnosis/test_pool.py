@@ -38,7 +38,7 @@ def test_two_processes_fit_what_one_does(reference):
     )
     problem = prepare(recording, simulator, simulator.defaults()).searched
     assert problem.run.workers.count == 1
-    orders = [Order(Hypothesis(scheme=s), problem.windows.measured[:, 0], 3) for s in ("fine", "euler")]
+    orders = [Order(Hypothesis(scheme=s), problem.windows.measured[:, 0], 3, 0.5) for s in ("fine", "euler")]
     alone = fit_all(problem, orders)
     with cores(2) as workers:
         together = fit_all(replace(problem, run=Run(workers)), orders)

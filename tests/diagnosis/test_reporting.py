@@ -13,7 +13,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement import verdict as verdict_module
 from gpsim.diagnosis.report import OverBefore, Ratio, StepErrors
-from gpsim.diagnosis.run import Budget, Run
+from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.recordings import Episode, HeldOut
@@ -109,8 +109,9 @@ def test_the_page_gives_every_models_share_of_the_bases_error(left, said):
 
 
 def test_progress_never_stands_still_nor_goes_back():
-    told, budget = [], Budget()
-    steps = diagnosis._Steps(Run(budget=budget), lambda done, total, text: told.append(done))
+    told, run = [], Run()
+    budget = run.budget
+    steps = diagnosis._Steps(run, lambda done, total, text: told.append(done))
     tell = steps.by_budget(40, 90)
     for spent in (0.0, 3e7, 1e8, 4e8, 1e12):
         budget.spent = spent

@@ -28,14 +28,13 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison) -> 
     since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
     episode = next((gate.since_episode for gate in gates if gate.since_episode is not None), None)
     settings, differs = question.everything.run.settings.location, judgement.verdict != "none"
+    inputs = depends_on(simulator, comparison, comparison.left_before, settings) if differs else []
     return Location(
         channels=channels,
         region=region,
         since=since,
         since_episode=question.episode_name(episode),
-        depends_on=tuple(depends_on(simulator, comparison, comparison.left_before, settings))
-        if differs
-        else (),
+        depends_on=tuple(inputs),
         concentrated=_concentrated(question, comparison) if differs else None,
     )
 
@@ -92,13 +91,9 @@ def depends_on(
     simulator: Simulator,
     comparison: Comparison,
     residual: FloatArray,
-    settings: LocationSettings | None = None,
+    settings: LocationSettings,
 ) -> list[str]:
-    """Inputs that explain a good share of a residual rate (N, R) when it is averaged in bins of them.
-
-    By the default settings where none are given.
-    """
-    settings = settings or LocationSettings()
+    """Inputs that explain a good share of a residual rate (N, R) when it is averaged in bins of them."""
     shown = [i for i, channel in enumerate(simulator.rate) if channel.name in comparison.one_step]
     shares = _shares_explained(simulator, comparison, residual[:, shown], settings)
     return [name for name, share in shares.items() if share > settings.least_share]
@@ -108,11 +103,11 @@ def most_telling(
     simulator: Simulator,
     comparison: Comparison,
     rate: int,
+    settings: LocationSettings,
     count: int = 2,
-    settings: LocationSettings | None = None,
 ) -> list[str]:
     """The `count` inputs that explain most of one rate's residual under the base, however little that is."""
-    residual, settings = comparison.left_before[:, [rate]], settings or LocationSettings()
+    residual = comparison.left_before[:, [rate]]
     return list(_shares_explained(simulator, comparison, residual, settings))[:count]
 
 

@@ -13,15 +13,15 @@ from gpsim.diagnosis.fitting.problem import Problem
 
 @dataclass(frozen=True)
 class Order:
-    """A fit to make: the hypothesis, where its windows start (W, S), how long and how closely.
+    """A fit to make: the hypothesis, and where its windows start (W, S).
 
-    near: its values are known to be good.
+    iterations: at most; tolerance: a step that gains fewer nats is the last; near: its values are known to be good.
     """
 
     hypothesis: Hypothesis
     starts: FloatArray
     iterations: int
-    tolerance: float = 0.5
+    tolerance: float
     near: bool = False
 
 

@@ -40,9 +40,10 @@ def candidates(
 def offers_of(question: Question) -> list[Candidate]:
     """Every term that may be missing from a question's simulator, and that its recording could show."""
     problem = question.everything
+    settings = problem.run.settings.candidates
     return [
         c
-        for c in candidates(question.recording, problem.simulator, problem.parameters)
+        for c in candidates(question.recording, problem.simulator, problem.parameters, settings)
         if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
     ]
 
