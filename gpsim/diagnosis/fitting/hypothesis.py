@@ -86,11 +86,6 @@ class Hypothesis:
             if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
         ]
 
-    @property
-    def patchwork(self) -> bool:
-        """`is_patchwork` by the default settings."""
-        return self.is_patchwork(PatchworkSettings())
-
     def is_patchwork(self, settings: PatchworkSettings) -> bool:
         """Whether laws are put together from what there is.
 

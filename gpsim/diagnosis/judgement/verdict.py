@@ -25,7 +25,7 @@ from gpsim.diagnosis.selection import (
     lack_of_memory,
     simplest,
 )
-from gpsim.diagnosis.settings import VerdictSettings
+from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Question
 
 Verdict = Literal["named", "unknown", "none", "ambiguous"]
@@ -75,7 +75,7 @@ def judge(question: Question, contenders: Contenders, found: Found) -> Judgement
         remembered = lack_of_memory(problem, leader)
         missing = _lacking(problem, leader, null, remembered, p_value)
         lack = remembered if missing else lack
-    verdict = _verdict(problem.run.settings.verdict, leader, rivals, p_value, unexplained, missing)
+    verdict = _verdict(problem.run.settings, leader, rivals, p_value, unexplained, missing)
     return Judgement(
         verdict,
         leader,
@@ -128,7 +128,7 @@ def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool
 
 
 def _verdict(
-    settings: VerdictSettings,
+    settings: Settings,
     leader: Fit,
     rivals: Sequence[Fit],
     p_value: float,
@@ -137,12 +137,12 @@ def _verdict(
 ) -> Verdict:
     left = float(np.max(unexplained))
     if not leader.hypothesis.terms:
-        return "unknown" if p_value < settings.unnamed or missing else "none"
-    if p_value < settings.p_value and left > settings.unexplained:
+        return "unknown" if p_value < settings.verdict.unnamed or missing else "none"
+    if p_value < settings.verdict.p_value and left > settings.verdict.unexplained:
         return "unknown"
-    if p_value < settings.low_p_value and left > settings.little_unexplained:
+    if p_value < settings.verdict.low_p_value and left > settings.verdict.little_unexplained:
         return "unknown"
-    if missing or leader.hypothesis.patchwork:
+    if missing or leader.hypothesis.is_patchwork(settings.patchwork):
         return "unknown"
     return "ambiguous" if rivals else "named"
 

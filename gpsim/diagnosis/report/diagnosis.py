@@ -146,5 +146,7 @@ class Diagnosis:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of diagnosis.json."""
-    content: dict[str, Any] = json.loads((files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8"))
+    content: dict[str, Any] = json.loads(
+        (files("gpsim.diagnosis") / "schema.json").read_text(encoding="utf-8")
+    )
     return content
