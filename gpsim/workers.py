@@ -58,6 +58,30 @@ def ends_when_asked() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
 
 
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Within it SIGTERM and Ctrl-C wait for the end of the block.
+
+    For the start of processes: one that is half started would tell of it with a traceback.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard: list[int] = []
+    before = {
+        number: signal.signal(number, lambda n, frame: heard.append(n))
+        for number in (signal.SIGTERM, signal.SIGINT)
+        if callable(signal.getsignal(number))  # what is ignored or left to the system stays so
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for asked in dict.fromkeys(heard):
+            signal.raise_signal(asked)
+
+
 class WorkerDiedError(UsageError):
     """A worker process is gone in the middle of its work.
 
@@ -73,8 +97,9 @@ class WorkerPool(ProcessPoolExecutor):
     """Its workers leave when the parent ends them, though another job be at hand."""
 
     def submit(self, job: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """As the executor's own."""
-        return super().submit(_run, job, *args, **kwargs)
+        """As the executor's own; the first starts the processes."""
+        with undisturbed():
+            return super().submit(_run, job, *args, **kwargs)
 
 
 def _run(job: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:

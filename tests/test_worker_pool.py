@@ -14,7 +14,11 @@ from pathlib import Path
 
 import pytest
 
+<<<<<<< ours
 from gpsim.errors import Terminated
+=======
+from gpsim.workers import Terminated, ends_when_asked, undisturbed
+>>>>>>> theirs
 from gpsim.stages.trial_jobs import run_trials
 from gpsim.workers import WorkerDiedError, begin_worker, ends_when_asked, worker_pool
 
@@ -140,6 +144,27 @@ def test_asked_to_end_the_block_is_left_once_and_the_old_handler_is_back(interru
         asked()
     assert caught.value.code == 143
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+@pytest.mark.parametrize(
+    ("number", "raised"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)]
+)
+def test_a_request_waits_until_what_begins_has_begun(
+    interruptible: None, number: int, raised: type[BaseException]
+):
+    begun = []
+
+    def begin():
+        with undisturbed():
+            signal.raise_signal(number)
+            signal.raise_signal(number)
+            begun.append("all of it")
+
+    before = signal.getsignal(number)
+    with ends_when_asked(), pytest.raises(raised):
+        begin()
+    assert begun == ["all of it"]
+    assert signal.getsignal(number) == before
 
 
 def test_a_programs_own_processes_are_left_alone(tmp_path: Path):
