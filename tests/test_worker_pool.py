@@ -14,13 +14,9 @@ from pathlib import Path
 
 import pytest
 
-<<<<<<< ours
 from gpsim.errors import Terminated
-=======
-from gpsim.workers import Terminated, ends_when_asked, undisturbed
->>>>>>> theirs
 from gpsim.stages.trial_jobs import run_trials
-from gpsim.workers import WorkerDiedError, begin_worker, ends_when_asked, worker_pool
+from gpsim.workers import WorkerDiedError, begin_worker, ends_when_asked, undisturbed, worker_pool
 
 
 def hold_a_folder(place: str) -> None:
