@@ -17,7 +17,7 @@ from gpsim.stages.building import target_plant
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import corrected_plant
 
-SMALL = ("gp.n_train=80", "gp.restarts=1", "gp.settle=0", "gp.filter=false")
+SMALL = ("gp.n_train=80", "gp.restarts=1", "gp.settle=0", "gp.filter=false", "residuals.test_fraction=0.25")
 
 
 def request(*words):

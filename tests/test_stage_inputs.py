@@ -304,9 +304,9 @@ def test_where_a_diagnosis_left_the_gaussian_process_out_effects_alone_are_train
     assert [str(why) in remark for remark in train_gp_policy.STAGE.remarks(asked)] == ([True] if why else [])
 
 
-@pytest.mark.parametrize(("count", "begins"), [(20, None), (6, 4), (3, 2), (1, None)])
-def test_the_diagnosis_learns_from_no_episode_that_the_loop_holds_out(tmp_path, count, begins):
-    """Where the recording does not say; the rule of a diagnosis of its own is another where episodes are few."""
+@pytest.mark.parametrize(("count", "fraction"), [(20, 0.2), (6, 0.2), (3, 0.2), (1, 0.2), (6, 0.5), (6, 0.0)])
+def test_the_diagnosis_learns_from_nothing_that_the_loop_holds_out(tmp_path, count, fraction):
+    """Where the recording does not say: one rule for both, whatever share the loop holds out."""
     rng = np.random.default_rng(0)
     base = recording()
     episodes = tuple(
@@ -315,9 +315,10 @@ def test_the_diagnosis_learns_from_no_episode_that_the_loop_holds_out(tmp_path, 
     )
     (tmp_path / "recording").mkdir()
     write_recording(replace(base, episodes=episodes), tmp_path / "recording")
-    asked = request(f"recording={tmp_path / 'recording'}")
+    asked = request(f"recording={tmp_path / 'recording'}", f"residuals.test_fraction={fraction}")
     recipe = diagnose_loop.STAGE.recipe(asked)
-    assert recipe.config.get("episodes_from") == begins
-    if begins is None:  # the same key as that of a diagnosis that somebody asks for
+    usual = fraction in (0.0, 0.2)
+    assert recipe.config.get("held_out_share") == (None if usual else fraction)
+    if usual:  # the same key as that of a diagnosis that somebody asks for
         task = diagnose.Task(tmp_path / "recording", "cartpole")
         assert recipe.config == diagnose.stage_for(task).recipe(asked).config

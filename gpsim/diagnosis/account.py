@@ -9,7 +9,6 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import Comparison, depends_on, intervals, locate, tell_apart
-from gpsim.diagnosis.data import held_out_names
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, gain
 from gpsim.diagnosis.judgement import Judgement, odds_against
 from gpsim.diagnosis.report import (
@@ -24,6 +23,7 @@ from gpsim.diagnosis.report import (
 )
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, ParameterEffect, Term
+from gpsim.residuals import held_out_names
 
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 

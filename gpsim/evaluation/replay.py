@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.errors import UsageError
+from gpsim.evaluation.rollout import roll_out
 from gpsim.recordings import Episode, evenly, gaps, pieces
 from gpsim.simulators import Plant
 
@@ -78,12 +79,9 @@ def _run_on(states: FloatArray, channels: Channels) -> FloatArray:
 def replay(plant: Plant, windows: Windows, rng: np.random.Generator) -> FloatArray:
     """(B, T + 1, S): the plant from the window's state on, under the recorded actions.
 
-    For plants whose states are what is measured, and whose clock does not matter: `diagnosis.replaying` is for others.
+    For plants whose states are what is measured, and whose clock does not matter; the diagnosis has one for others.
     """
     memory = plant.begin(len(windows.states), rng)
     for k in range(WARM_UP):
         plant.step(windows.states[:, k], windows.actions[:, k], memory, rng)
-    states = [windows.states[:, WARM_UP]]
-    for k in range(WARM_UP, windows.actions.shape[1]):
-        states.append(plant.step(states[-1], windows.actions[:, k], memory, rng))
-    return np.stack(states, axis=1)
+    return roll_out(plant, windows.states[:, WARM_UP], windows.actions[:, WARM_UP:], rng, memory)

@@ -8,13 +8,20 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray, difference
-from gpsim.simulators import Plant
+from gpsim.simulators import Memory, Plant
 
 
-def roll_out(plant: Plant, start: FloatArray, actions: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(B, T + 1, S): states under the actions (B, T, A), nothing terminates."""
+def roll_out(
+    plant: Plant,
+    start: FloatArray,
+    actions: FloatArray,
+    rng: np.random.Generator,
+    memory: Memory | None = None,
+) -> FloatArray:
+    """(B, T + 1, S): states under the actions (B, T, A), nothing terminates. memory: the plant's, which begins anew."""
     states = [start]
-    memory = plant.begin(len(start), rng)
+    if memory is None:
+        memory = plant.begin(len(start), rng)
     with np.errstate(over="ignore", invalid="ignore"):  # a simulator may run away; what did so is counted
         for k in range(actions.shape[1]):
             states.append(plant.step(states[-1], actions[:, k], memory, rng))

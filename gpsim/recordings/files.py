@@ -163,11 +163,16 @@ def _held_out(meta: Mapping[str, Any], where: str) -> HeldOut | None:
     if not meta.get("held_out"):
         return None
     where = f"{where}: held_out"
-    rule = values.table(meta["held_out"], where, ("episodes_from", "time_from"))
+    rule = values.table(meta["held_out"], where, ("episodes_from", "time_from", "share"))
     if len(rule) > 1:
-        raise UsageError(f"{where}: episodes_from or time_from, not both")
+        raise UsageError(f"{where}: episodes_from, time_from or share, not two of them")
     if "time_from" in rule:
         return HeldOut(None, values.number(rule["time_from"], f"{where}.time_from"))
+    if "share" in rule:
+        share = values.number(rule["share"], f"{where}.share")
+        if not 0.0 <= share < 1.0:
+            raise UsageError(f"{where}.share: expected a number in [0, 1), got {share:g}")
+        return HeldOut(share=share)
     first = values.number(rule["episodes_from"], f"{where}.episodes_from")
     if not first.is_integer():
         raise UsageError(f"{where}.episodes_from: expected a whole number, got {first:g}")

@@ -44,6 +44,8 @@ def notes_of(mapping: ImportMapping, recording: Recording, built: Sequence[Assem
         notes.append("held out: nothing")
     elif held.episodes_from is not None:
         notes.append(f"held out: episodes from {held.episodes_from} on")
+    elif held.share is not None:
+        notes.append(f"held out: the last {100 * held.share:g} %")
     else:
         notes.append(f"held out: time from {held.time_from:g} s on")
     return tuple(notes)

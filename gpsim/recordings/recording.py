@@ -43,10 +43,14 @@ class Episode:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Which part is kept for judging: episodes from a number on, or time from a moment on [s]."""
+    """Which part is kept for judging: episodes from a number on, time from a moment on [s], or the last share of it.
+
+    A share is of the episodes, or of the samples where it is less than one episode.
+    """
 
     episodes_from: int | None = None
     time_from: float | None = None
+    share: float | None = None
 
 
 @dataclass(frozen=True)

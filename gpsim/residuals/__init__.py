@@ -5,10 +5,10 @@ from gpsim.residuals.residuals import (
     Residuals,
     build_residuals,
     either_wraps,
-    first_test_episode,
     from_table,
     to_table,
 )
+from gpsim.residuals.split import first_held_out, held_out_names, holding_out
 
 __all__ = [
     "Residuals",
@@ -18,7 +18,9 @@ __all__ = [
     "check_rates",
     "check_varies",
     "either_wraps",
-    "first_test_episode",
+    "first_held_out",
     "from_table",
+    "held_out_names",
+    "holding_out",
     "to_table",
 ]

@@ -12,6 +12,7 @@ from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, columns_be
 from gpsim.errors import UsageError
 from gpsim.recordings import OverGaps, Recording, Transitions, gaps
 from gpsim.residuals.checks import check_clock, check_match, check_rates, check_varies, not_finite
+from gpsim.residuals.split import held_out_rows, holding_out
 from gpsim.simulators import Integrator, Simulator
 
 
@@ -67,8 +68,8 @@ def build_residuals(
 ) -> Residuals:
     """Residual rates of every transition that lasts a control step; over a gap commands may be hidden.
 
-    Whole episodes are held out for testing, never rows: the recording's own `held_out` decides which, else the last
-    `test_fraction` of its episodes. learnt_from: a channel that never changes is refused; what is only judged may be
+    What is held out for testing the recording's own `held_out` decides, else it is the last `test_fraction` of it (see
+    `split`). learnt_from: a channel that never changes is refused; what is only judged may be
     as it is. Raises UsageError where recording and simulator do not go together.
     """
     check_match(recording, simulator)
@@ -82,12 +83,12 @@ def build_residuals(
     transitions = everything.take(rows)
     simulated = _simulated_rates(recording, simulator, parameters, integrator, transitions, rows)
     state = either_wraps(simulator.state, recording.state)
-    test = held_out_rows(recording, transitions, test_fraction)
+    test = held_out_rows(holding_out(recording, test_fraction), transitions)
     order = np.full(len(transitions), -1, dtype=np.int64)
     training = np.flatnonzero(~test)
     if not training.size:
         raise UsageError(
-            "no transitions are left for training: hold out fewer episodes (residuals.test_fraction)"
+            "no transitions are left for training: hold out less of it (residuals.test_fraction)"
         )
     order[rng.permutation(training)] = np.arange(training.size)
     return Residuals(
@@ -145,33 +146,6 @@ def _simulated_rates(
         at, column = (int(i) for i in bad[0])
         raise not_finite(recording, simulator, f"{names[column]} after a step", made[at, column], rows[at])
     return simulated
-
-
-def held_out_rows(recording: Recording, transitions: Transitions, test_fraction: float) -> BoolArray:
-    """(N,) True on the transitions kept for testing; raises UsageError where the recording's `held_out` keeps none."""
-    test = _held_out_rows(recording, transitions, test_fraction)
-    if recording.held_out is not None and len(test) and not test.any():
-        raise UsageError(
-            "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
-            "or take it out to hold out the last share of its episodes (residuals.test_fraction)"
-        )
-    return test
-
-
-def _held_out_rows(recording: Recording, transitions: Transitions, test_fraction: float) -> BoolArray:
-    held_out = recording.held_out
-    if held_out is not None and held_out.time_from is not None:
-        return np.asarray(transitions.t >= held_out.time_from)
-    count = len(recording.episodes)
-    first = held_out.episodes_from if held_out is not None else None
-    if first is None:
-        first = first_test_episode(count, test_fraction)
-    return np.asarray(transitions.episode >= first)
-
-
-def first_test_episode(count: int, test_fraction: float) -> int:
-    """The first of `count` episodes that is held out where a recording does not say; `count` where none is."""
-    return count - int(np.ceil(test_fraction * count)) if count > 1 and test_fraction > 0 else count
 
 
 def to_table(residuals: Residuals) -> pd.DataFrame:

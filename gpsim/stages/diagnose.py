@@ -11,14 +11,13 @@ from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, GpCorrection, plant_from
 from gpsim.diagnosis import Diagnosis, diagnose
-from gpsim.diagnosis.data import first_held_out
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
 from gpsim.diagnosis.setup import guessed, hidden_channels
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
-from gpsim.recordings import HeldOut, Recording, read_bare_table, read_recording
-from gpsim.residuals import check_match, check_rates, first_test_episode
+from gpsim.recordings import Recording, read_bare_table, read_recording
+from gpsim.residuals import check_match, check_rates, holding_out
 from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosis_files import write_diagnosis
@@ -34,7 +33,7 @@ FORMAT = 1
 class Task:
     """What is to be diagnosed; episodes: the first so many of the recording, None for all.
 
-    test_fraction: the share of the episodes that is held out elsewhere where the recording does not say; None: nowhere.
+    test_fraction: the share that is held out elsewhere where the recording does not say; None or 0: nowhere.
     """
 
     recording: Path
@@ -141,12 +140,10 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
 
 
 def _held_apart(recording: Recording, task: Task) -> Recording:
-    """The recording, nothing learned from that is held out where the diagnosis is compared with others."""
-    if recording.held_out is not None or task.test_fraction is None or task.episodes is not None:
+    """The recording, with as much held out as where the diagnosis is compared with others, if that is something."""
+    if not task.test_fraction or task.episodes is not None:
         return recording
-    first = first_test_episode(len(recording.episodes), task.test_fraction)
-    apart = replace(recording, held_out=HeldOut(episodes_from=first))
-    return apart if (first_held_out(apart) < first_held_out(recording)).any() else recording
+    return holding_out(recording, task.test_fraction)
 
 
 def _first(recording: Recording, episodes: int | None) -> Recording:
@@ -172,7 +169,7 @@ def _recipe(request: Request, task: Task) -> Recipe:
     digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
     name = task.simulator or recording.system
     source = source_file(name)
-    config = {
+    config: Json = {
         "recording": digests,
         "simulator": name,
         "simulator_file": file_digest(source) if source else None,
@@ -180,7 +177,7 @@ def _recipe(request: Request, task: Task) -> Recipe:
         "settings": as_mapping(_settings(request)),
     }
     if apart is not recording and apart.held_out is not None:
-        config["episodes_from"] = apart.held_out.episodes_from
+        config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 

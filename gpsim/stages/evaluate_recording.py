@@ -17,7 +17,7 @@ from gpsim.diagnosis.data import rebased
 from gpsim.evaluation import WARM_UP, compare, replay, windows_of
 from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording, read_recording
-from gpsim.residuals import Residuals, either_wraps
+from gpsim.residuals import Residuals, either_wraps, first_held_out, holding_out
 from gpsim.settings import positive
 from gpsim.stages import build_residuals, fit_gp, one_step
 from gpsim.stages.building import base_plant
@@ -68,11 +68,10 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 
 def judged_episodes(recording: Recording, numbers: list[int]) -> list[Episode]:
-    """Those that are held out, of one that is held out from a moment on the part after it."""
-    moment = recording.held_out.time_from if recording.held_out is not None else None
-    out = []
-    for episode in (recording.episodes[i] for i in numbers):
-        first = 0 if moment is None else int(np.searchsorted(episode.t, moment))
+    """What is held out of these episodes; whole ones where nothing is held out of them."""
+    held, out = first_held_out(recording), []
+    for episode, begins in ((recording.episodes[i], int(held[i])) for i in numbers):
+        first = begins if begins < len(episode.t) else 0
         if first < len(episode):
             out.append(
                 replace(
@@ -90,7 +89,7 @@ def _rollouts(request: Request, recipe: Recipe, judged: Residuals, folder: Path)
     recording = read_recording(build_residuals.recording_folder(request))
     numbers = np.unique(judged.episode).tolist()
     windows = windows_of(
-        judged_episodes(recording, numbers),
+        judged_episodes(holding_out(recording, build_residuals.check(request)), numbers),
         positive(section["rollout_steps"], "evaluate.rollout_steps"),
         positive(section["rollouts"], "evaluate.rollouts"),
         dt=recording.dt,

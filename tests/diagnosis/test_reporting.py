@@ -8,7 +8,6 @@ import pytest
 
 from gpsim.diagnosis import account, diagnosis
 from gpsim.diagnosis.account import _without
-from gpsim.diagnosis.data.split import held_out_names
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.judgement import verdict as verdict_module
@@ -18,6 +17,7 @@ from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.recordings import Episode, HeldOut
 from gpsim.reports import diagnosis_page
+from gpsim.residuals.split import held_out_names
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record

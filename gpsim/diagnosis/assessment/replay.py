@@ -24,7 +24,7 @@ def replayed(
     start to find the true state. Named effects alone: a Gaussian process beside them is left out.
     """
     run = Run()
-    windows = at(recording, places, steps, run.settings.windows)
+    windows = at(recording, places, steps)
     size, nothing = len(plant.state), np.zeros(len(plant.state))
     everywhere = np.ones(size, dtype=np.bool_)
     scale = np.maximum(windows.measured.std(axis=(0, 1)), 1e-9)

@@ -9,11 +9,12 @@ import numpy as np
 
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
-from gpsim.diagnosis.data import Windows, cut, first_held_out, held_out_mask, stretches
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, stretches
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.report import Rollout, RolloutErrors, RolloutModelErrors
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
+from gpsim.residuals import first_held_out
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from gpsim.diagnosis.data.clock import rebased
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.data.reversals import since_reversal
-from gpsim.diagnosis.data.split import first_held_out, held_out_names
 from gpsim.diagnosis.data.windows import (
     Windows,
     at,
@@ -19,9 +18,7 @@ __all__ = [
     "at",
     "cut",
     "cut_in_parts",
-    "first_held_out",
     "held_out_mask",
-    "held_out_names",
     "rebased",
     "shortest",
     "since_reversal",

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.data.split import first_held_out
 from gpsim.diagnosis.settings import WindowSettings
 from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
+from gpsim.residuals import first_held_out
 
 SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
 
@@ -95,14 +95,14 @@ def cut(
     places = _places(recording, length, settings)
     if most is not None:
         places = [places[i] for i in evenly(len(places), most)]
-    return _cut_at(recording, places, length, settings)
+    return _cut_at(recording, places, length)
 
 
 def cut_in_parts(recording: Recording, settings: WindowSettings) -> Iterator[Windows]:
     """All of `cut`'s windows of the usual length, no more than `at_once` in memory."""
     places, size = _places(recording, settings.length, settings), settings.at_once
     for first in range(0, len(places), size):
-        yield _cut_at(recording, places[first : first + size], settings.length, settings)
+        yield _cut_at(recording, places[first : first + size], settings.length)
 
 
 def _places(recording: Recording, length: int, settings: WindowSettings) -> list[tuple[int, int, int]]:
@@ -114,23 +114,18 @@ def _places(recording: Recording, length: int, settings: WindowSettings) -> list
     ]
 
 
-def _cut_at(
-    recording: Recording, places: Sequence[tuple[int, int, int]], length: int, settings: WindowSettings
-) -> Windows:
+def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length: int) -> Windows:
     parts = [
-        _window(recording, index, recording.episodes[index], low, high, length, settings)
-        for index, low, high in places
+        _window(recording, index, recording.episodes[index], low, high, length) for index, low, high in places
     ]
     return _stacked(parts) if parts else _none(recording, length)
 
 
-def at(
-    recording: Recording, places: Sequence[tuple[int, int]], length: int, settings: WindowSettings
-) -> Windows:
+def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:
     """Windows of `length` transitions from these (episode, sample) on; none may cross a gap or the end."""
     return _stacked(
         [
-            _window(recording, index, recording.episodes[index], first, first + length, length, settings)
+            _window(recording, index, recording.episodes[index], first, first + length, length)
             for index, first in places
         ]
     )
@@ -188,7 +183,6 @@ def _window(
     low: int,
     high: int,
     length: int,
-    settings: WindowSettings,
 ) -> tuple[Any, ...]:
     count, dt, step = high - low, recording.dt, _usual_step(episode, recording.dt)
     pad = length - count
@@ -202,7 +196,7 @@ def _window(
     valid = np.arange(length + 1) <= count
     before_states, before_actions, before_t = _before(episode, low, dt, step)
     _unwrap(recording, before_states, measured)
-    lost = low > 0 and bool(episode.t[low] - episode.t[low - 1] > settings.hiding_gap * dt)
+    lost = low > 0 and bool(gaps(episode.t[low - 1 : low + 1], dt)[0])
     return (
         measured,
         actions,

@@ -27,11 +27,6 @@ class WindowSettings:
     fewest: int = setting(
         3, "transitions", "and one with fewer than these, unless windows are as short", least=1
     )
-    hiding_gap: float = setting(
-        3.5,
-        "control steps",
-        "a longer gap before a window hides what was commanded; over a row or two the last command is nearly right",
-    )
     at_once: int = setting(
         2000,
         "windows",

@@ -66,7 +66,7 @@ def undone(
     if not places:
         return windows
     settings = problem.run.settings
-    around = problem.on(at(recording, places, 2 * reach + 1, settings.windows))
+    around = problem.on(at(recording, places, 2 * reach + 1))
     iterations = settings.velocity_filter.iterations
     found = fit(around, hypothesis.frozen(), around.windows.measured[:, 0], iterations=iterations)
     said = traced(around, found)
