@@ -12,7 +12,6 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, shown_words
 from .printing import say
 from .progress import single_progress, warn
@@ -50,6 +49,8 @@ def diagnose_command(
     show_config: ShowConfig = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     recording, settings = _split(words or [])
     if recording is not None:
         _refuse(settings)

@@ -14,7 +14,6 @@ from rich.text import Text
 
 from gpsim.reports.printable import literal
 
-from .configuration import as_yaml, resolve
 from .options import ConfigDir, ShowConfig, Words, shown_words
 from .printing import say
 from .progress import Board, note, warn

@@ -12,8 +12,9 @@ from gpsim.errors import UsageError
 from gpsim.policies.beam import BeamSearch, balance_search
 from gpsim.policies.expert import FAILS, NEARNESS, Expert, Visited
 from gpsim.policies.policy import Policy
-from gpsim.policies.training import expert_iteration, train_ppo
+from gpsim.policies.training import expert_iteration
 from gpsim.policies.training.expert_iteration import improved
+from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.settings import PpoSettings
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant

@@ -59,7 +59,12 @@ def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagno
     for windows in ("all", "search"):
         behind = [entry["nats_behind"] for entry in report["ranking"] if entry["windows"] == windows]
         assert behind == sorted(behind)
-    assert sum(line.startswith("  ") for line in said.splitlines()) == len(report["ranking"])
+    ranked, decided = said.split("Every decision", 1)
+    assert sum(line.startswith("  ") for line in ranked.splitlines()) == len(report["ranking"])
+    trace = [json.loads(line) for line in (out / "trace.jsonl").read_text().splitlines()]
+    assert {"search", "refit"} <= {decision["step"] for decision in trace}
+    for decision in trace:
+        assert decision["rule"] in decided
 
 
 def test_the_files_keep_the_contract(diagnosed):
@@ -181,7 +186,7 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
         ),
         (
             lambda meta: meta.update(held_out={"episodes_from": 1, "time_from": 2.0}),
-            "held_out: episodes_from or time_from, not both",
+            "held_out: episodes_from, time_from or share, not two of them",
         ),
     ],
 )

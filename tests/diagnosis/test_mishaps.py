@@ -2,6 +2,7 @@
 
 import errno
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gpsim.artifacts.artifact import read_artifact
 from gpsim.artifacts.mishaps import Mishaps, read_warnings
 from gpsim.diagnosis.assessment import comparison as comparing
 from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
+from gpsim.diagnosis.report import NoGp
 from gpsim.errors import UsageError
 from gpsim.recordings.files import write_recording
 from gpsim.reports import diagnosis_page
@@ -96,16 +98,16 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     with monkeypatch.context() as patched:
         patched.setattr(comparing, "learn", broken)
         (found,) = searched
-        patched.setattr(type(found.judgement), "structured", property(lambda judgement: True))
-        compared = comparing.compare(found.question, found.judgement, [], np.random.default_rng(0))
+        judgement = replace(found.judgement, structured=True)
+        compared = comparing.compare(found.question, judgement, [], np.random.default_rng(0))
     assert compared.corrected is None
-    assert compared.why_no_gp == "it could not be fitted"
+    assert compared.why_no_gp == NoGp("not fitted")
     assert compared.mishaps == (
         "no Gaussian process beside the base simulator, its errors are the base's: ZeroDivisionError: of all things",
     )
     for errors in compared.one_step.values():
-        assert errors["gp"] == errors["before"]
-        assert errors["after_gp"] == errors["after"]
+        assert errors.gp == errors.before
+        assert errors.after_gp == errors.after
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkey
     held_out = SimpleNamespace(windows=[0] * 9, as_finely=lambda *_: held_out)
     question = SimpleNamespace(everything=SimpleNamespace(run=Run()), held_out=held_out)
     leader, without = (
-        SimpleNamespace(hypothesis=SimpleNamespace(label=said)) for said in ("with", "without")
+        SimpleNamespace(hypothesis=SimpleNamespace(label=said, names=(said,))) for said in ("with", "without")
     )
     monkeypatch.setattr(pruning, "pays", lambda *fits: True)
     monkeypatch.setattr(pruning, "on_its_grid", lambda problem, less, leader: less)

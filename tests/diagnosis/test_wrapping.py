@@ -13,7 +13,8 @@ from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
-from gpsim.stages.diagnose import _described, _wrapped
+from gpsim.stages.diagnose import _wrapped
+from gpsim.stages.diagnosis_files import _described
 
 from .worlds import World, record
 

@@ -16,10 +16,11 @@ from gpsim.environments.envs import BatchedEnv
 from gpsim.environments.stand_in import Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import take_trips
-from gpsim.policies import train_ppo, train_sac
 from gpsim.policies.export import ros_node, to_onnx
 from gpsim.policies.policy import Policy
 from gpsim.policies.training import sac
+from gpsim.policies.training.ppo import train_ppo
+from gpsim.policies.training.sac import train_sac
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.recordings.bag_writing import DriveLog, Topics, write_ros1_bag, write_ros2_bag
 from gpsim.simulators import make_simulator

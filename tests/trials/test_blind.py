@@ -159,7 +159,8 @@ def test_the_proof_is_scored_with_the_equivalents_that_the_rule_finds(diagnosed,
     assert content["all"]["single"]["right"] == int(score["right"])
     assert content["rivals"]["gp"]["n"] == 1
     page = (out / "report.html").read_text()
-    assert "http" not in page
+    assert "http:" not in page
+    assert "https:" not in page
     assert score["right"] or f"diagnoses/{NAME}/diagnosis/report.html" in page
     record = (out / "record.md").read_text()
     assert f"| one effect: right | >= 0.95 | {'1.00' if score['right'] else '**0.00** !'} |" in record
