@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from .configuration import as_yaml, resolve
 from .options import ConfigDir, Out, ShowConfig, Words, run_stage
 from .printing import say
 
@@ -25,6 +24,8 @@ def collect_command(
     plan: Plan = None,
 ) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)

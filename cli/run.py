@@ -44,6 +44,8 @@ def full_loop(
     show_config: ShowConfig = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
@@ -90,6 +92,8 @@ def report_command(
     words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import typer
 
 from .collect import collect_command
-from .configuration import as_yaml, resolve
 from .options import ConfigDir, Out, ShowConfig, Words, run_stage
 
 PANEL = "Stages, in order"
@@ -45,6 +44,7 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
     def command(
         words: Words = None, config_dir: ConfigDir = None, show_config: ShowConfig = False, out: Out = None
     ) -> None:
+        from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
 
         config = resolve(words or [], config_dir)
         if show_config:
