@@ -189,7 +189,7 @@ def _unknown_key(word: str, words: Sequence[str]) -> str:
         if part not in node:
             known = [str(k) for k in node]
             near = difflib.get_close_matches(part, known, n=1)
-            hint = f"; did you mean {'.'.join([*parts[:depth], near[0]])}?" if near else ""
-            return f"no setting '{key}'; {where or 'the top level'} has: {', '.join(known) or 'none'}{hint}"
+            hint = f" (did you mean {'.'.join([*parts[:depth], near[0]])}?)" if near else ""
+            return f"no setting '{key}'{hint}; {where or 'the top level'} has: {', '.join(known) or 'none'}"
         node = node[part]
     return f"'{key}' cannot be set by '{word}'"

@@ -73,7 +73,10 @@ def test_help_lists_the_stages_in_order(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["fit-gp", "gp.n_trian=5"], "error: no setting 'gp.n_trian'; gp has: n_train"),
+        (
+            ["fit-gp", "gp.n_trian=5"],
+            "error: no setting 'gp.n_trian' (did you mean gp.n_train?); gp has: n_train",
+        ),
         (
             ["collect", "experiment=cartpol"],
             "error: no 'cartpol' among the choices of experiment; there are: cartpole",
@@ -87,7 +90,10 @@ def test_help_lists_the_stages_in_order(tmp_path):
         (["fit-gp", "experiment=cartpole"], "make it with: gpsim"),
         (["build-residuals", "recording=nowhere"], "error: recording=nowhere: no such folder"),
         (["collect", "collect.source=nowhere.bag"], "error: nowhere.bag: no such file or folder"),
-        (["run", "full-loop", "polcy.gamma=1"], "error: no setting 'polcy.gamma'; the top level has:"),
+        (
+            ["run", "full-loop", "polcy.gamma=1"],
+            "error: no setting 'polcy.gamma' (did you mean policy?); the top level has:",
+        ),
         (["evaluate", "evaluate.policies=[Best]"], "error:"),
         (
             ["run", "full-loop", "evaluate.start_seed=-1"],
