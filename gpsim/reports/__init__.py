@@ -2,6 +2,7 @@
 
 __all__ = [
     "canvas",
+    "diagnosis_figures",
     "diagnosis_page",
     "diagnosis_text",
     "import_figure",

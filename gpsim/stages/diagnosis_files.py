@@ -15,7 +15,8 @@ from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision
 from gpsim.files import Json, plain, write_json
-from gpsim.reports.diagnosis_page import Picture, figures, page
+from gpsim.reports.diagnosis_figures import Picture, figures
+from gpsim.reports.diagnosis_page import page
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
 from gpsim.stages.policy_files import write_gp

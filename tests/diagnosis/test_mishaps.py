@@ -15,7 +15,7 @@ from gpsim.diagnosis.diagnosis import diagnose as diagnose_recording
 from gpsim.diagnosis.report import NoGp
 from gpsim.errors import UsageError
 from gpsim.recordings.files import write_recording
-from gpsim.reports import diagnosis_page
+from gpsim.reports import diagnosis_figures
 from gpsim.stages import diagnose, diagnosis_files
 from gpsim.stages.diagnose import read_corrected, why_no_gp
 
@@ -68,7 +68,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     assert read_warnings(whole) == []
     results = [(whole / name).read_bytes() for name in ("diagnosis.json", "corrected.json")]
     with monkeypatch.context() as patched:
-        patched.setattr(diagnosis_page, "_inputs", broken)
+        patched.setattr(diagnosis_figures, "_inputs", broken)
         patched.setattr(diagnosis_files, "traces", broken)
         made, said = diagnosed("pictures")
     lines = [

@@ -23,7 +23,8 @@ from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut
-from gpsim.reports.diagnosis_page import figures, page
+from gpsim.reports.diagnosis_figures import figures
+from gpsim.reports.diagnosis_page import page
 from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
