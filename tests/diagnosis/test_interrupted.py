@@ -58,7 +58,7 @@ def same(out: Path, digests: dict[str, str]) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
-@pytest.mark.parametrize("how", ["group", "parent"])
+@pytest.mark.parametrize("how", [pytest.param("group", marks=pytest.mark.slow), "parent"])
 def test_killed_at_random_moments(folder, undisturbed, tmp_path, how):
     digests, seconds = undisturbed
     rng, out = np.random.default_rng(len(how)), tmp_path / "out" / "diagnosis"

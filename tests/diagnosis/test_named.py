@@ -117,7 +117,11 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
     ("world", "on"),
     [
         (World("slider", forces={0: lambda q, v, t: 0.8 * np.sin(5 * v)}), "q_dot"),
-        (World("pendulum", filters=[lambda u, t, h, m: u + 0.5 * np.sin(4 * u)]), "torque"),
+        pytest.param(
+            World("pendulum", filters=[lambda u, t, h, m: u + 0.5 * np.sin(4 * u)]),
+            "torque",
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["velocity", "command"],
 )

@@ -43,6 +43,7 @@ def finished(tmp_path_factory):
     return folder, ended
 
 
+@pytest.mark.slow
 def test_every_policy_of_the_loop_can_learn_from_an_expert(tmp_path):
     ended = run_loop(tmp_path, "policy=expert", "policy.expert_rounds=1", "task.max_steps=60")
     assert ended.returncode == 0, ended.stderr

@@ -37,6 +37,7 @@ def pushed_and_late(monkeypatch):
     return concealed_slider(monkeypatch, effects)
 
 
+@pytest.mark.slow
 def test_of_two_pushes_a_gain_and_a_bias_are_an_asymmetry(monkeypatch):
     effects = (
         TrueEffect("actuator_gain", "force", {"gain": 0.8}, strength="plain"),
@@ -47,6 +48,7 @@ def test_of_two_pushes_a_gain_and_a_bias_are_an_asymmetry(monkeypatch):
     assert frozenset({("actuator_asymmetry", "force")}) in equal
 
 
+@pytest.mark.slow
 def test_two_effects_may_change_their_places_together(pushed_and_late):
     equal = {frozenset(r.claims) for r in rivals(*pushed_and_late) if r.equivalent}
     bias, push = ("actuator_bias", "force"), ("constant_force", "q")
