@@ -190,14 +190,6 @@ def _read_table(folder: Path) -> tuple[pd.DataFrame, Path]:
     return frame, table
 
 
-def read_csv(path: Path, float_precision: Literal["round_trip"] | None = None) -> pd.DataFrame:
-    """A table whose episodes are called letter by letter what it says: NA and 007 are names, too."""
-    frame = pd.read_csv(path, dtype={"episode": str}, float_precision=float_precision)
-    if "episode" in frame.columns and frame["episode"].isna().any():
-        frame["episode"] = pd.read_csv(path, usecols=["episode"], dtype=str, keep_default_na=False)["episode"]
-    return frame
-
-
 def _episode(name: str, rows: pd.DataFrame, state: Channels, action: Channels, table: Path) -> Episode:
     check_name(name, f"{table}: column episode")
     try:
