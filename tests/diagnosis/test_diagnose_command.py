@@ -70,7 +70,7 @@ def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagno
 def test_the_files_keep_the_contract(diagnosed):
     out, _ = diagnosed
     report = json.loads((out / "diagnosis.json").read_text())
-    assert report["schema"] == "gpsim.diagnosis/1"
+    assert report["schema"] == "gpsim.diagnosis/2"
     assert set(report) >= {"verdict", "location", "effects", "alternatives", "tell_apart", "fit", "remainder"}
     assert report["fit"]["held_out"] == ["4"]
     for effect in report["effects"] + [e for other in report["alternatives"] for e in other["effects"]]:

@@ -148,11 +148,24 @@ def test_a_file_of_the_first_version_is_read_and_keeps_the_schema():
 
 def test_keys_of_a_later_version_are_passed_over():
     content = made_diagnosis(effects=(made_effect(),)).to_dict() | {
-        "schema": "gpsim.diagnosis/2",
-        "explained": {},
+        "schema": "gpsim.diagnosis/3",
+        "weather": {},
     }
-    content["effects"][0] |= {"role": "headline", "importance": {"share": 0.9}}
+    content["effects"][0] |= {"colour": "red"}
     assert Diagnosis.from_dict(content).effects == (made_effect(),)
+
+
+def test_the_first_version_is_read():
+    """It had no shares: an effect is a headline then, and nobody tested its law."""
+    content = made_diagnosis(effects=(made_effect(),)).to_dict() | {"schema": "gpsim.diagnosis/1"}
+    for key in ("explained", "curves", "combinations", "log_facts"):
+        del content[key]
+    for key in ("importance", "needed", "role", "form"):
+        del content["effects"][0][key]
+    del content["remainder"]["share"], content["remainder"]["rate"]
+    found = Diagnosis.from_dict(content)
+    assert (found.explained.rollout, found.log_facts, found.remainder.share) == (None, (), None)
+    assert (found.effects[0].role, found.effects[0].form) == ("headline", "untested")
 
 
 def test_several_places_of_one_effect_are_read():
@@ -166,11 +179,11 @@ def test_several_places_of_one_effect_are_read():
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda d: d.pop("schema"), "x.json: not a diagnosis: expected the schema gpsim.diagnosis/1, got None"),
+        (lambda d: d.pop("schema"), "x.json: not a diagnosis: expected the schema gpsim.diagnosis/2, got None"),
         (lambda d: d.update(schema="gpsim.evaluation/1"), "not a diagnosis"),
         (lambda d: d.pop("fit"), "x.json: lacks 'fit'"),
         (lambda d: d["fit"].pop("rollout"), "x.json: fit: lacks 'rollout'"),
-        (lambda d: d.update(verdict="perhaps"), "x.json: verdict: expected one of named, ambiguous, unknown, none, got"),
+        (lambda d: d.update(verdict="perhaps"), "x.json: verdict: expected one of named, ambiguous, partial, unknown, none, got"),
         (lambda d: d.update(effects={}), "x.json: effects: expected a list, got {}"),
         (lambda d: d["effects"][0].update(on=3), "x.json: effects[0].on: expected a list, got 3"),
         (lambda d: d["effects"][0].update(region={"q": [1.0]}), "x.json: effects[0].region.q: expected a list of 2"),

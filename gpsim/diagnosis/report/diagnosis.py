@@ -10,14 +10,15 @@ from typing import Any, Literal
 
 from gpsim.diagnosis.report.codec import OMITTED, UNWRITTEN, read, written
 from gpsim.diagnosis.report.effects import Alternative, NamedEffect, RankedHypothesis
+from gpsim.diagnosis.report.explained import Combination, Curve, Explained, LogFact
 from gpsim.diagnosis.report.facts import Discrimination, NoGp
 from gpsim.diagnosis.report.fit import HeldOutFit
 from gpsim.errors import UsageError
 
-SCHEMA = "gpsim.diagnosis/1"
+SCHEMA = "gpsim.diagnosis/2"
 SCHEMAS = "gpsim.diagnosis/"  # of any version: those to come have all of its keys
 
-Verdict = Literal["named", "ambiguous", "unknown", "none"]
+Verdict = Literal["named", "ambiguous", "partial", "unknown", "none"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class MissingLaw:
     """The smooth law that would take off most of what is left.
 
     Of which rate and of what (`on`); memory: where given, also of the command's average over so long before [s]; nats:
-    what it would gain; p_value: of that gain by chance.
+    what it would gain; p_value: of that gain by chance; curve: what it looks like, where it has one input.
     """
 
     rate: str
@@ -68,6 +69,7 @@ class MissingLaw:
     memory: float | None = None
     nats: float
     p_value: float
+    curve: Curve | None = None
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,8 @@ class RemainderGp:
 class Remainder:
     """What the effects leave: whether it has structure, on which inputs it depends, the p-value of its whiteness.
 
-    gp: None in files of versions that always had a Gaussian process.
+    gp: None in files of versions that always had a Gaussian process; share: of the mismatch [1], that is left; rate:
+    the one in which the largest part of what was there is left, None where none was measured.
     """
 
     structured: bool
@@ -95,17 +98,22 @@ class Remainder:
     p_value: float
     lack_of_fit: MissingLaw | None = None
     gp: RemainderGp | None = None
+    share: float | None = None
+    rate: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """What a recording says about a simulator: which physics was left out, how much of it, and how sure that is.
 
-    verdict: named (one explanation stands out), ambiguous (`alternatives` cannot be ruled out), unknown (no composition
-    of the catalogue explains it; `effects` may be a partial account) or none. tell_apart: which recording would
-    separate the rivals, in words; discrimination: in facts, which the file does not hold. integration: the step of the
-    explanation, `fine` or the base's integrator. tuned: ratios by which tuning alone changed the base's parameters [1].
-    dt: the step [s] of what was looked at, every `thinned`-th sample. not_measured: states that were estimated.
+    verdict: named (one explanation stands out), ambiguous (`alternatives` cannot be ruled out), partial (the effects
+    explain most of it, not all, or a law only approximately), unknown (they explain less than half) or none.
+    explained: how much they explain; curves: free ones beside their laws; combinations: parameters that only act
+    together; log_facts: what is peculiar to the log, in words; facts: the same, which the file does not hold.
+    tell_apart: which recording would separate the rivals, in words; discrimination: in facts, which the file does not
+    hold. integration: the step of the explanation, `fine` or the base's integrator. tuned: ratios by which tuning alone
+    changed the base's parameters [1]. dt: the step [s] of what was looked at, every `thinned`-th sample. not_measured:
+    states that were estimated.
     ranking: all that was fitted, the best first.
     """
 
@@ -121,11 +129,16 @@ class Diagnosis:
     dt: float | None = None
     thinned: int = 1
     not_measured: tuple[str, ...] = ()
+    explained: Explained = field(default_factory=Explained)
+    curves: tuple[Curve, ...] = ()
+    combinations: tuple[Combination, ...] = ()
+    log_facts: tuple[str, ...] = ()
     ranking: tuple[RankedHypothesis, ...]
     discrimination: Discrimination | None = field(default=None, metadata=UNWRITTEN, compare=False)
+    facts: tuple[LogFact, ...] = field(default=(), metadata=UNWRITTEN, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """diagnosis.json, schema `gpsim.diagnosis/1`: JSON's own types, keys in the order of the file."""
+        """diagnosis.json, schema `gpsim.diagnosis/2`: JSON's own types, keys in the order of the file."""
         return {"schema": SCHEMA, **written(self)}
 
     @classmethod

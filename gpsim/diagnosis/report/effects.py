@@ -8,6 +8,8 @@ from typing import Literal
 
 Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
+Role = Literal["headline", "slight"]
+Form = Literal["holds", "approximate", "untested"]
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,15 @@ class Estimate:
     high: float | None
     unit: str
     at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class Share:
+    """A part of the base simulator's mismatch [1] with its 90 % interval, None where there are too few data."""
+
+    share: float
+    low: float | None = None
+    high: float | None = None
 
 
 @dataclass(frozen=True)
@@ -43,7 +54,10 @@ class NamedEffect:
     family, site: docs/effects.md; on: the coordinate, action, channel or parameter it acts on; parameters: by name;
     region: channel -> [low, high] in the channel's unit, where it acts; since: seconds on the recording's clock;
     since_episode: the name of the first episode in which it acts; probability: of the whole explanation; evidence_gain:
-    nats; explains: the share of the residual beyond noise that goes with it; sentence: what a person would say.
+    nats; explains: the share of the residual beyond noise that goes with it; importance: its part of what the account
+    explains (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew;
+    role: headline, or a slight correction that is no claim; form: whether its law holds against a free curve of its own
+    inputs; sentence: what a person would say.
     """
 
     family: str
@@ -57,6 +71,10 @@ class NamedEffect:
     odds: Odds | None = None
     evidence_gain: float
     explains: float
+    importance: Share | None = None
+    needed: Share | None = None
+    role: Role = "headline"
+    form: Form = "untested"
     sentence: str = ""
 
     @property
