@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import Comparison, depends_on, intervals, locate, tell_apart
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, gain
+from gpsim.diagnosis.attribution import Attribution, fits_without
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, gain
 from gpsim.diagnosis.judgement import Judgement, odds_against
 from gpsim.diagnosis.report import (
     Alternative,
     Diagnosis,
     Estimate,
+    Form,
     HeldOutFit,
     MissingLaw,
     NamedEffect,
     Remainder,
     RemainderGp,
+    Verdict,
 )
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import EffectParameter, ParameterEffect, Term
@@ -28,35 +32,67 @@ from gpsim.residuals import held_out_names
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 
 
-def account(question: Question, judgement: Judgement, comparison: Comparison) -> Diagnosis:
+@dataclass(frozen=True)
+class Answer:
+    """What may be said: the verdict, the judgement it is about, what that is worth, whether each term's law holds."""
+
+    verdict: Verdict
+    judgement: Judgement
+    attribution: Attribution
+    comparison: Comparison
+    forms: tuple[Form, ...]
+
+
+def account(question: Question, answer: Answer) -> Diagnosis:
     """The result: facts alone, what a person would say of them is made in reports."""
     problem = question.everything
-    leader = judgement.leader
+    judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
+    leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
     return Diagnosis(
-        verdict=judgement.verdict,
-        location=locate(question, judgement, comparison),
-        effects=_effects(question, judgement, leader, judgement.probabilities[0]),
+        verdict=answer.verdict,
+        location=locate(question, judgement, comparison, answer.verdict),
+        effects=_weighed(_effects(question, judgement, leader, judgement.probabilities[0]), answer),
         alternatives=tuple(
             Alternative(_effects(question, judgement, rival, p), p)
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
         ),
         tell_apart=None,
-        discrimination=tell_apart(problem, judgement),
+        discrimination=tell_apart(problem, judgement) if rivalled else None,
         fit=HeldOutFit(tuple(held_out_names(question.recording)), comparison.one_step, comparison.rollout),
-        remainder=Remainder(
-            judgement.structured,
-            tuple(_remaining(problem, comparison)) if judgement.structured else (),
-            judgement.p_value,
-            _missing_law(judgement),
-            _gp(comparison, leader),
-        ),
+        remainder=_remainder(problem, answer),
         integration=leader.hypothesis.scheme,
         tuned=comparison.tuned,
         dt=question.recording.dt,
         thinned=question.thinned,
         not_measured=tuple(question.hidden),
+        explained=replace(attribution.explained, one_step=comparison.shares),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
     ).settled()
+
+
+def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
+    """The effects with what they are worth."""
+    worth = answer.attribution
+    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.forms, strict=True)
+    return tuple(
+        replace(effect, importance=importance, needed=needed, role=role, form=form)
+        for effect, importance, needed, role, form in parts
+    )
+
+
+def _remainder(problem: Problem, answer: Answer) -> Remainder:
+    judgement, comparison = answer.judgement, answer.comparison
+    lack, shares = judgement.lack, comparison.shares
+    least = min(shares, key=lambda name: shares[name].share, default=None)
+    return Remainder(
+        judgement.structured,
+        tuple(_remaining(problem, comparison)) if judgement.structured else (),
+        judgement.p_value,
+        _missing_law(judgement),
+        _gp(comparison, judgement.leader),
+        None if answer.verdict == "none" else 1.0 - answer.attribution.share.share,
+        lack.rate if lack is not None and lack.significant else least,
+    )
 
 
 def _missing_law(judgement: Judgement) -> MissingLaw | None:
@@ -93,9 +129,7 @@ def _effects(
     problem = question.everything
     if not found.hypothesis.terms:
         return ()
-    bounds = intervals(problem, found)
-    calls = [(question, judgement, found, i) for i in range(len(found.hypothesis.terms))]
-    lesser = problem.run.side_by_side(_without, calls)
+    bounds, lesser = intervals(problem, found), fits_without(problem, found, judgement.null)
     out, at = [], 0
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
@@ -126,15 +160,6 @@ def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> E
     value, (low, high) = term.values[parameter.name], (float(edge) for edge in interval)
     held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
     return Estimate(value, low, high, parameter.unit, held)
-
-
-def _without(question: Question, judgement: Judgement, found: Fit, index: int) -> Fit:
-    """The fit with one term less, integrated by the same scheme on as fine a grid."""
-    problem, less = question.everything, found.hypothesis.without(index)
-    grid = problem.as_finely(less, found.hypothesis)
-    if grid is problem and not less.terms and less.scheme == judgement.null.hypothesis.scheme:
-        return judgement.null
-    return fit(grid, less, found.starts, iterations=12, tolerance=0.2, near=True)
 
 
 def _share(noise: FloatArray, found: Fit, without: Fit, observed: BoolArray) -> float:

@@ -9,10 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.corrected import EffectsPlant
-from gpsim.diagnosis.account import account
+from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare
-from gpsim.diagnosis.judgement import Judgement, judge
-from gpsim.diagnosis.report import Diagnosis
+from gpsim.diagnosis.attribution import Attribution, attribute, supported
+from gpsim.diagnosis.fitting import Candidate
+from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, verdict_of, withheld
+from gpsim.diagnosis.report import Diagnosis, Form
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import Note, beam_search, prune_on_held_out, refine_grid, refit, stepwise
 from gpsim.diagnosis.setup import Question, offers_of, prepare
@@ -66,15 +68,41 @@ def diagnose(
     contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
     step("prune on held-out", 90, "asking held-out windows")
     contenders = prune_on_held_out(question, contenders)
+    step("support", 90, "asking each half of the recording")
+    contenders = supported(question, contenders)
     step("judge", 90, "looking for rivals, and for what is left")
     judgement = judge(question, contenders, found)
-    step("compare", 90, "comparing on held-out data")
-    comparison = compare(question, judgement, offers, rng)
-    step("account", 95, "putting it together")
-    diagnosis = account(question, judgement, comparison)
+    step("attribute", 92, "how much of the mismatch each effect is")
+    attribution = attribute(question, judgement.leader, judgement.null)
+    step("compare", 94, "comparing on held-out data")
+    answer = _answer(question, judgement, attribution, offers, rng)
+    step("account", 98, "putting it together")
+    diagnosis = account(question, answer)
     step("done", 100, "done")
-    plant = _corrected(question, judgement, recording.dt)
-    return Outcome(diagnosis, plant, judgement, comparison, question, tuple(run.trace.decisions))
+    plant = _corrected(question, answer.judgement, recording.dt)
+    decisions = tuple(run.trace.decisions)
+    return Outcome(diagnosis, plant, answer.judgement, answer.comparison, question, decisions)
+
+
+def _answer(
+    question: Question,
+    judgement: Judgement,
+    attribution: Attribution,
+    offers: list[Candidate],
+    rng: np.random.Generator,
+) -> Answer:
+    """What may be said: nothing of an account that is no better than the base on held-out data."""
+    settings = question.run.settings
+    partial = attribution.share.share < settings.verdict.nearly_all
+    comparison = compare(question, judgement, offers, rng, attribution.noise, partial)
+    terms = judgement.leader.hypothesis.terms
+    if terms and not beats_the_base(attribution, comparison.one_step.values(), settings):
+        judgement, terms = withheld(question, judgement), ()
+        attribution = attribute(question, judgement.leader, judgement.null)
+        comparison = compare(question, judgement, offers, rng, attribution.noise, partial=True)
+    forms: tuple[Form, ...] = tuple("untested" for _ in terms)
+    verdict = verdict_of(judgement, attribution, forms, settings)
+    return Answer(verdict, judgement, attribution, comparison, forms)
 
 
 def _scheme(recording: Recording) -> Scheme:

@@ -8,7 +8,8 @@ import pytest
 
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.assessment import compare
-from gpsim.diagnosis.judgement import judge
+from gpsim.diagnosis.attribution import attribute, supported
+from gpsim.diagnosis.judgement import judge, verdict_of
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import beam_search, prune_on_held_out, refine_grid, refit, stepwise
 from gpsim.diagnosis.settings import read_settings
@@ -46,10 +47,15 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     contenders = prune_on_held_out(question, contenders)
     assert contenders.leader.hypothesis.claims == {("viscous_friction", "q")}
     before = contenders.leader.hypothesis.claims
+    contenders = supported(question, contenders)
+    assert contenders.leader.hypothesis.claims == {("viscous_friction", "q")}
     judgement = judge(question, contenders, found)
-    assert judgement.verdict == "named"
+    attribution = attribute(question, judgement.leader, judgement.null)
+    assert attribution.share.share > 0.9
+    assert attribution.roles == ("headline",)
+    assert verdict_of(judgement, attribution, ("holds",), run.settings) == "named"
     assert judgement.leader.hypothesis.claims == before  # it adds nothing
-    comparison = compare(question, judgement, offers, np.random.default_rng(0))
+    comparison = compare(question, judgement, offers, np.random.default_rng(0), attribution.noise)
     errors = comparison.one_step["q_acc"]
     assert errors.after < errors.before
 

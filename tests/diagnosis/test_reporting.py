@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gpsim.diagnosis import account, diagnosis
-from gpsim.diagnosis.account import _without
+from gpsim.diagnosis import diagnosis
+from gpsim.diagnosis.attribution import less
+from gpsim.diagnosis.attribution.less import _without
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.judgement import verdict as verdict_module
+from gpsim.diagnosis.judgement import judgement as judgement_module
 from gpsim.diagnosis.report import OverBefore, Ratio, StepErrors
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup.prepare import prepare
@@ -41,22 +42,24 @@ def test_every_held_out_episode_is_listed_in_the_order_of_its_number(recording):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "terms", "p_value", "significant", "structured"),
+    ("terms", "p_value", "significant", "structured"),
     [
-        ("none", (), 5e-3, False, False),  # below what makes a residual white, not below what makes a verdict
-        ("none", (), 0.5, True, False),
-        ("unknown", (), 1e-6, False, True),
-        ("unknown", (), 0.5, True, True),
-        ("named", ("a term",), 0.5, False, False),
-        ("named", ("a term",), 5e-3, False, True),
-        ("unknown", ("a term",), 0.5, True, True),
+        ((), 5e-3, False, False),  # below what makes a residual white, not below what is something by itself
+        ((), 0.5, True, True),
+        ((), 1e-6, False, True),
+        (("a term",), 0.5, False, False),
+        (("a term",), 5e-3, False, True),
+        (("a term",), 0.5, True, True),
     ],
 )
-def test_where_nothing_is_missing_nothing_is_left_over(verdict, terms, p_value, significant, structured):
+def test_what_is_left_over_is_structured_or_chance(terms, p_value, significant, structured, monkeypatch):
     leader = SimpleNamespace(hypothesis=SimpleNamespace(terms=terms))
     lack = SimpleNamespace(significant=significant)
+    monkeypatch.setattr(judgement_module, "whiteness", lambda *_: (p_value, 0.0))
+    monkeypatch.setattr(judgement_module, "lack_of_fit", lambda *_: lack)
+    monkeypatch.setattr(judgement_module, "lack_of_memory", lambda *_: None)
     problem = SimpleNamespace(run=Run())
-    assert verdict_module._structured(problem, verdict, leader, p_value, lack) is structured
+    assert judgement_module._left_over(problem, leader) == (p_value, lack, structured)
 
 
 def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recording, monkeypatch):
@@ -72,14 +75,13 @@ def test_a_term_in_a_region_is_compared_on_the_grid_that_it_makes_finer(recordin
         asked.append((grid.substeps, len(hypothesis.terms)))
         return null
 
-    monkeypatch.setattr(account, "fit", noted)
-    judgement = SimpleNamespace(null=null)
+    monkeypatch.setattr(less, "fit", noted)
 
     def without(*terms, scheme="fine"):
         asked.clear()
         hypothesis = Hypothesis(terms, ((),) * len(terms), scheme)
         found = replace(null, hypothesis=hypothesis, starts=np.array(starts))
-        return _without(question, judgement, found, 0)
+        return _without(problem, found, null, 0)
 
     assert without(plain) is null  # fitted already
     assert asked == []

@@ -1,22 +1,69 @@
-"""When an account is a partial one."""
+"""The verdict: how much is explained decides, not whether something is left."""
 
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from gpsim.diagnosis.judgement import verdict as judging
-from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
+from gpsim.diagnosis.report import Explained, Ratio, Share, StepErrors
+from gpsim.diagnosis.settings import Settings
+
+
+def attribution(share, counts=True, roles=("headline",)):
+    return SimpleNamespace(share=share, explained=Explained(rollout=share, counts=counts), roles=roles)
+
+
+def judgement(terms=("a term",), rivals=(), structured=True):
+    leader = SimpleNamespace(hypothesis=SimpleNamespace(terms=terms))
+    return SimpleNamespace(leader=leader, rivals=rivals, structured=structured)
 
 
 @pytest.mark.parametrize(
-    ("nats", "p_value", "lacking"),
-    [(10.0, 0.5, False), (10.0, 1e-8, True), (900.0, 0.5, True), (0.2, 1e-20, False)],
+    ("share", "form", "rivals", "verdict"),
+    [
+        (Share(0.97, 0.95, 0.98), "holds", (), "named"),  # whatever trace is left
+        (Share(0.97, 0.95, 0.98), "untested", (), "named"),
+        (Share(0.97, 0.95, 0.98), "approximate", (), "partial"),
+        (Share(0.97, 0.95, 0.98), "holds", ("another",), "ambiguous"),
+        (Share(0.80, 0.70, 0.89), "holds", ("another",), "partial"),
+        (Share(0.80, 0.70, 0.91), "holds", (), "named"),  # not surely less than nearly all
+        (Share(0.80), "holds", (), "partial"),
+        (Share(0.40, 0.30, 0.49), "holds", ("another",), "unknown"),
+        (Share(0.40, 0.30, 0.51), "holds", (), "partial"),
+    ],
 )
-def test_a_law_is_lacking_if_it_is_large_or_if_the_residual_is_not_white(nats, p_value, lacking):
-    """A delay and a friction were once named though a rate limit of a thousand nats was left."""
-    problem = SimpleNamespace(counts=np.array([1000.0]), observed=np.array([True]), run=Run())
-    leader, null = SimpleNamespace(variance=np.array([1.0])), SimpleNamespace(variance=np.array([101.0]))
-    lack = SimpleNamespace(significant=True, nats=nats)
-    assert judging._lacking(problem, leader, null, lack, p_value) == lacking
-    assert not judging._lacking(problem, leader, null, SimpleNamespace(significant=False), p_value)
+def test_the_explained_share_decides(share, form, rivals, verdict):
+    assert verdict_of(judgement(rivals=rivals), attribution(share), (form,), Settings()) == verdict
+
+
+def test_the_form_of_a_slight_effect_never_counts():
+    worth = attribution(Share(0.97, 0.95, 0.98), roles=("headline", "slight"))
+    assert verdict_of(judgement(("a", "b")), worth, ("holds", "approximate"), Settings()) == "named"
+
+
+@pytest.mark.parametrize(
+    ("structured", "counts", "verdict"),
+    [(False, True, "none"), (True, False, "none"), (True, True, "unknown"), (False, False, "none")],
+)
+def test_without_an_effect_something_must_be_left_that_shows(structured, counts, verdict):
+    bare = judgement(terms=(), structured=structured)
+    assert verdict_of(bare, attribution(Share(0.0, 0.0, 0.0), counts), (), Settings()) == verdict
+
+
+def step(after, ratio, floor=0.01):
+    return StepErrors(before=1.0, after=after, noise_floor=floor, unit="m/s^2", after_over_before=ratio)
+
+
+@pytest.mark.parametrize(
+    ("share", "errors", "told"),
+    [
+        (Share(0.9, 0.8, 0.95), step(0.1, Ratio(0.1, 0.08, 0.12)), True),
+        (Share(0.9, 0.8, 0.95), step(2.02, Ratio(2.02, 1.8, 2.2)), False),  # every name was wrong
+        (Share(0.9, 0.8, 0.95), step(1.25, Ratio(1.25, 1.1, 1.4)), True),  # perhaps not worse
+        (Share(0.9, 0.8, 0.95), step(2.02, Ratio(2.02, 1.8, 2.2), floor=2.0), True),  # noise
+        (Share(0.1, -0.1, 0.3), step(0.9, None), False),
+        (Share(0.0), step(0.9, None), False),
+    ],
+)
+def test_an_account_that_does_not_beat_the_base_is_not_told(share, errors, told):
+    assert beats_the_base(attribution(share), [errors], Settings()) is told

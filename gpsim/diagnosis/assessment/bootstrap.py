@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.report import Kind, OverBefore, Ratio
+from gpsim.diagnosis.report import Kind, OverBefore, Ratio, Share
 from gpsim.diagnosis.settings import BootstrapSettings
 
 MODELS: tuple[Kind, ...] = ("before", "tuned", "gp", "after", "after_gp")
@@ -36,10 +36,7 @@ def over_before(
     A paired bootstrap over blocks of neighbouring samples (Kuensch 1989), or over samples if they are not `correlated`.
     Errors: (N,) each; the interval is None where there are too few.
     """
-    count = len(errors["before"])
-    block = max(1, min(settings.block, count // settings.fewest_blocks)) if correlated else 1
-    which = np.arange(count) // block
-    sums = {kind: np.bincount(which, weights=e**2) for kind, e in errors.items()}
+    sums = _by_block(errors, settings, correlated)
     drawn = rng.integers(0, len(sums["before"]), (settings.draws, len(sums["before"])))
     base = sums["before"]
 
@@ -51,3 +48,32 @@ def over_before(
         return Ratio(value, float(low) if known else None, float(high) if known else None)
 
     return OverBefore(**{kind: ratio(kind) for kind in MODELS[1:]})
+
+
+def share_explained(
+    errors: Mapping[str, FloatArray], rng: np.random.Generator, settings: BootstrapSettings
+) -> Share | None:
+    """Which share of the base's squared errors beyond those of noise the effects take off; None where it has none.
+
+    errors: (N,) of `before`, `after` and `noise_floor`, blocks of which are drawn as in `over_before`.
+    """
+    sums = _by_block(errors, settings, correlated=True)
+    drawn = rng.integers(0, len(sums["before"]), (settings.draws, len(sums["before"])))
+    excess, left = (sums[kind] - sums["noise_floor"] for kind in ("before", "after"))
+    if excess.sum() <= 0.0:
+        return None
+    shares = 1.0 - left[drawn].sum(axis=1) / np.maximum(excess[drawn].sum(axis=1), 1e-300)
+    low, high = np.quantile(np.clip(shares, 0.0, 1.0), [settings.low, settings.high])
+    known = len(excess) >= settings.fewest_blocks
+    share = float(np.clip(1.0 - left.sum() / excess.sum(), 0.0, 1.0))
+    return Share(share, float(low) if known else None, float(high) if known else None)
+
+
+def _by_block(
+    errors: Mapping[str, FloatArray], settings: BootstrapSettings, correlated: bool
+) -> dict[str, FloatArray]:
+    """Sums of squares of each model's errors (N,) in blocks of neighbours."""
+    count = len(errors["before"])
+    block = max(1, min(settings.block, count // settings.fewest_blocks)) if correlated else 1
+    which = np.arange(count) // block
+    return {kind: np.asarray(np.bincount(which, weights=e**2), dtype=float) for kind, e in errors.items()}

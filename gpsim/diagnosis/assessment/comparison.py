@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.artifacts import Mishaps
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
+from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, share_explained, typical
 from gpsim.diagnosis.assessment.remainder_gp import (
     Corrected,
     Learnt,
@@ -24,9 +24,9 @@ from gpsim.diagnosis.assessment.remainder_gp import (
 )
 from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
-from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted, traced
+from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judgement import Judgement
-from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, StepErrors
+from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Completions, Question, filters, undone
 from gpsim.effects import effect_of
@@ -39,6 +39,7 @@ KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
 class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
+    shares: of each rate's mismatch one step ahead, that the effects take off.
     corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
     inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
     since_reversal: of commands and velocities, (N,) s;
@@ -47,6 +48,7 @@ class Comparison:
     """
 
     one_step: dict[str, StepErrors]
+    shares: dict[str, Share]
     rollout: Rollout
     tuned: dict[str, float]
     corrected: Corrected | None
@@ -69,9 +71,17 @@ class _Steps:
 
 
 def compare(
-    question: Question, judgement: Judgement, offers: list[Candidate], rng: np.random.Generator
+    question: Question,
+    judgement: Judgement,
+    offers: list[Candidate],
+    rng: np.random.Generator,
+    noise: FloatArray,
+    partial: bool = False,
 ) -> Comparison:
-    """Fit what has to be fitted on training data, and judge all of it on held-out data."""
+    """Fit what has to be fitted on training data, and judge all of it on held-out data.
+
+    noise: (S,) of the sensors; partial: whether the leader explains a part of the mismatch only.
+    """
     problem = question.everything
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
     after = judgement.leader.hypothesis if judgement.leader.hypothesis.terms else base
@@ -92,12 +102,11 @@ def compare(
         rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
         alone = learnt
     with mishaps.contained("no Gaussian process on the remainder"):
-        both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng)
+        both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng, partial)
     if both is not None:
         kind = "after" if both.hypothesis == after else "before"
         test = steps[kind].test
         rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
-    noise = _sensor_noise(question, judgement)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
     models = {
         "before": Model(base),
@@ -108,6 +117,7 @@ def compare(
     }
     return Comparison(
         _one_step(question, rates, measured_rates(problem, steps["after"].test), rng),
+        _step_shares(question, rates, rng),
         rollouts(question, models, noise, rng, completions),
         {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
         both,
@@ -130,6 +140,7 @@ def _remainder(
     completions: Completions,
     alone: Learnt | None,
     rng: np.random.Generator,
+    partial: bool,
 ) -> tuple[Corrected | None, NoGp | None]:
     """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
 
@@ -148,7 +159,7 @@ def _remainder(
 
     named = bool(judgement.leader.hypothesis.terms)
     beside = corrected("after", learn(problem, trains["after"], hypotheses["after"], rng) if named else alone)
-    others = [corrected("before", alone)] if named and judgement.verdict == "unknown" else []
+    others = [corrected("before", alone)] if named and partial else []
     chosen, errors = best(problem, [beside, *others])
     why = why_not(problem, beside.errors(problem, modelled=False), errors)
     return (chosen, None) if why is None else (None, why)
@@ -220,22 +231,6 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     return found.hypothesis if bool(good.any()) else base
 
 
-def _sensor_noise(question: Question, judgement: Judgement) -> FloatArray:
-    """(S,) standard deviation of every recorded channel's noise, 0 of hidden ones.
-
-    What the recording states, else what second differences of the leader's residual show: a smooth error of the
-    model does not move them.
-    """
-    problem = question.everything
-    names = problem.simulator.state.names
-    stated = np.array([question.recording.noise.get(name, 0.0) for name in names])
-    residual = problem.windows.measured - traced(problem, judgement.leader)
-    second = np.diff(residual, n=2, axis=1)[problem.windows.valid[:, 2:]].T / np.sqrt(6.0)
-    jumps = np.array([typical(column) or rms(column) for column in second])  # quantised: the median may be 0
-    hidden = np.array([name in question.hidden for name in names])
-    return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
-
-
 def _noise_rates(
     problem: Problem, windows: Windows, hypothesis: Hypothesis, noise: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
@@ -275,6 +270,20 @@ def _one_step(
             after_over_before=over.after,
             finely=rms(rates["finely"][:, i]) if "finely" in rates else None,
         )
+    return out
+
+
+def _step_shares(
+    question: Question, rates: Mapping[str, FloatArray], rng: np.random.Generator
+) -> dict[str, Share]:
+    """What the effects take off each measured rate's error beyond noise, where there is any."""
+    out: dict[str, Share] = {}
+    shown, settings = _shown_rates(question), question.everything.run.settings.bootstrap
+    for i, name in enumerate(question.everything.simulator.rate.names):
+        errors = {kind: rates[kind][:, i] for kind in ("before", "after", "noise_floor")}
+        found = share_explained(errors, rng, settings) if shown[i] else None
+        if found is not None:
+            out[name] = found
     return out
 
 

@@ -20,7 +20,7 @@ AFTERWARDS = 2**31  # number of an episode that comes after all others, no thres
 
 def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
     """Which recordings separate the rivals; None when nothing has to be told apart."""
-    if judgement.verdict != "ambiguous":
+    if not judgement.rivals:
         return None
     hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
     excitations, actions = _excitations(problem)

@@ -11,7 +11,7 @@ from gpsim.diagnosis.assessment.bootstrap import TYPICAL
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.judgement import Judgement
-from gpsim.diagnosis.report import Concentration, Location
+from gpsim.diagnosis.report import Concentration, Location, Verdict
 from gpsim.diagnosis.settings import LocationSettings
 from gpsim.diagnosis.setup import Question
 from gpsim.simulators import Simulator
@@ -19,15 +19,15 @@ from gpsim.simulators import Simulator
 SINCE_REVERSAL = "since_reversal:"  # before the name of what turned round, [s]
 
 
-def locate(question: Question, judgement: Judgement, comparison: Comparison) -> Location:
+def locate(question: Question, judgement: Judgement, comparison: Comparison, verdict: Verdict) -> Location:
     """Which rates, where, since when, and on what it depends."""
     simulator = question.everything.simulator
-    channels = _shares(simulator, judgement, comparison)
+    channels = _shares(simulator, judgement, comparison, verdict)
     gates = [t.gate for t in judgement.leader.hypothesis.terms if t.gate]
     region = {k: v for gate in gates for k, v in gate.region.items()}
     since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
     episode = next((gate.since_episode for gate in gates if gate.since_episode is not None), None)
-    settings, differs = question.everything.run.settings.location, judgement.verdict != "none"
+    settings, differs = question.everything.run.settings.location, verdict != "none"
     inputs = depends_on(simulator, comparison, comparison.left_before, settings) if differs else []
     return Location(
         channels=channels,
@@ -70,7 +70,9 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
     return replace(part.of(name), is_channel=True) if alike else part.of(name)
 
 
-def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) -> dict[str, float]:
+def _shares(
+    simulator: Simulator, judgement: Judgement, comparison: Comparison, verdict: Verdict
+) -> dict[str, float]:
     """Of each rate's mean squared residual: what the effects account for; what exceeds the noise where that is unknown.
 
     What the effects say is free of noise, so that a rate whose residual happens to be large does not stand out.
@@ -81,7 +83,7 @@ def _shares(simulator: Simulator, judgement: Judgement, comparison: Comparison) 
     for name, errors in comparison.one_step.items():
         before, floor = errors.before**2, errors.noise_floor**2
         share = float(said[simulator.rate.index(name)]) if judgement.leader.hypothesis.terms else 0.0
-        if judgement.verdict == "unknown":
+        if verdict == "unknown":
             share = max(share, 1.0 - floor / before if before > 0 else 0.0)
         channels[name] = round(min(share, 1.0), 4)
     return channels

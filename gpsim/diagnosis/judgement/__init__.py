@@ -1,10 +1,7 @@
-"""Judgement: the verdict on what was selected, and its rivals."""
+"""Judgement: the leader, its rivals, what is left over, the verdict and the odds."""
 
+from gpsim.diagnosis.judgement.judgement import Judgement, judge, withheld
 from gpsim.diagnosis.judgement.odds import odds_against
-from gpsim.diagnosis.judgement.verdict import Judgement, judge
+from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
 
-__all__ = [
-    "Judgement",
-    "judge",
-    "odds_against",
-]
+__all__ = ["Judgement", "beats_the_base", "judge", "odds_against", "verdict_of", "withheld"]

@@ -1,172 +1,61 @@
-"""The verdict: named, ambiguous, unknown or none, and the fits it rests on."""
+"""The verdict: what may be said of an account, by how much of the mismatch it explains.
+
+Whether something is left over is another question: with a real robot, or a clean sensor, something always is. The first
+that holds:
+
+1. `none`: no effect stands, and nothing is left that chance would not make, or it shows in no channel.
+2. `unknown`: the effects surely explain less than `half`, or are no better than the base on held-out data.
+3. `partial`: they surely explain less than `nearly_all`, or the law of a headline effect holds approximately only.
+4. `ambiguous`: other explanations are not excluded.
+5. `named`.
+
+Surely: the whole 90 % interval lies below. The numbers are `VerdictSettings`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable
 
-import numpy as np
-
-from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import (
-    Fit,
-    Problem,
-    autocorrelation,
-    whiteness,
-)
-from gpsim.diagnosis.judgement.ranking import Ranked, ranked
-from gpsim.diagnosis.judgement.rivals import behind_its_gates, overtaking, rivals_of
-from gpsim.diagnosis.selection import (
-    Contenders,
-    Found,
-    LackOfFit,
-    lack_of_fit,
-    lack_of_memory,
-    simplest,
-)
+from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.judgement.judgement import Judgement
+from gpsim.diagnosis.report import Form, Share, StepErrors, Verdict
 from gpsim.diagnosis.settings import Settings
-from gpsim.diagnosis.setup import Question
-
-Verdict = Literal["named", "unknown", "none", "ambiguous"]
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """The verdict with the leading fit, its rivals, the null and tied alternatives on all training windows."""
-
-    verdict: Verdict
-    leader: Fit
-    null: Fit
-    rivals: list[Fit]
-    probabilities: list[float]  # of the leader, then of the rivals
-    ranking: list[Ranked]
-    p_value: float
-    lack: LackOfFit | None
-    unexplained: FloatArray  # (S,) share of each channel's excess over noise that is left
-    noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
-    structured: bool  # whether something is left over
-
-
-def judge(question: Question, contenders: Contenders, found: Found) -> Judgement:
-    """What is to be said of the leader: its rivals, what is left over, the verdict. Nothing is added to it.
-
-    A rival may lead in its place, though: one that is simpler or, once held-out windows count, far likelier.
-    """
-    problem, leader, null, fits = (
-        question.everything,
-        contenders.leader,
-        contenders.null,
-        list(contenders.tried),
-    )
-    twins = behind_its_gates(problem, leader, fits)
-    fits += [leader, *twins]
-    leader = simplest(problem, [leader, *twins])
-    rivals, probabilities, mending = rivals_of(question, leader, fits)
-    ahead = overtaking(problem, rivals, probabilities)
-    if ahead is not None:
-        fits, leader = [*fits, leader], ahead
-        rivals, probabilities, mending = rivals_of(question, leader, fits)
-    noise, unexplained = _unexplained(problem, leader, null)
-    p_value, _ = whiteness(problem, leader)
-    lack = lack_of_fit(problem, leader)
-    missing = _lacking(problem, leader, null, lack, p_value) or _patterned(problem, leader, null, p_value)
-    if not missing:
-        remembered = lack_of_memory(problem, leader)
-        missing = _lacking(problem, leader, null, remembered, p_value)
-        lack = remembered if missing else lack
-    verdict = _verdict(problem.run.settings, leader, rivals, p_value, unexplained, missing)
-    return Judgement(
-        verdict,
-        leader,
-        null,
-        rivals,
-        probabilities,
-        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), mending),
-        p_value,
-        lack,
-        unexplained,
-        noise,
-        _structured(problem, verdict, leader, p_value, lack),
-    )
-
-
-def _structured(
-    problem: Problem, verdict: Verdict, leader: Fit, p_value: float, lack: LackOfFit | None
-) -> bool:
-    """Whether something is left over; where nothing was named, the verdict has said so already."""
-    if not leader.hypothesis.terms:
-        return verdict == "unknown"
-    least = problem.run.settings.acceptance.structured
-    return p_value < least or (lack is not None and lack.significant)
-
-
-def _lacking(problem: Problem, leader: Fit, null: Fit, lack: LackOfFit | None, p_value: float) -> bool:
-    """Whether some smooth law of a rate is missing that explains a share of what the named effects do.
-
-    A trace, where the residual is far from white: two tests that say so are not the work of chance. With clean sensors
-    the last digits are.
-    """
-    if lack is None or not lack.significant:
-        return False
-    named = problem.counts * np.maximum(null.variance - leader.variance, 0.0) / leader.variance
-    settings = problem.run.settings.verdict
-    share = settings.trace if p_value < settings.far_from_white else settings.lacking
-    return bool(2.0 * lack.nats > share * float(named[problem.observed].sum()))
-
-
-def _patterned(problem: Problem, leader: Fit, null: Fit, p_value: float) -> bool:
-    """Whether what is left, nowhere near white, repeats itself, and that is a share of the mismatch.
-
-    Its quick changes pass for noise (a sensor that is seldom read), its memory does not.
-    """
-    settings = problem.run.settings.verdict
-    if p_value >= settings.pattern:
-        return False
-    rho = autocorrelation(problem, leader.residuals).max(axis=1)
-    return bool((rho * leader.variance > settings.patterned * null.variance)[problem.observed].any())
-
-
-def _verdict(
-    settings: Settings,
-    leader: Fit,
-    rivals: Sequence[Fit],
-    p_value: float,
-    unexplained: FloatArray,
-    missing: bool,
+def verdict_of(
+    judgement: Judgement, attribution: Attribution, forms: Iterable[Form], settings: Settings
 ) -> Verdict:
-    left = float(np.max(unexplained))
-    if not leader.hypothesis.terms:
-        return "unknown" if p_value < settings.verdict.unnamed or missing else "none"
-    if p_value < settings.verdict.p_value and left > settings.verdict.unexplained:
+    """By the rules above; forms: of each of the leader's terms. Whether it beats the base was asked before."""
+    thresholds, share = settings.verdict, attribution.share
+    if not judgement.leader.hypothesis.terms:
+        return "unknown" if judgement.structured and attribution.explained.counts else "none"
+    if surely_below(share, thresholds.half):
         return "unknown"
-    if p_value < settings.verdict.low_p_value and left > settings.verdict.little_unexplained:
-        return "unknown"
-    if missing or leader.hypothesis.is_patchwork(settings.patchwork):
-        return "unknown"
-    return "ambiguous" if rivals else "named"
+    claims = zip(attribution.roles, forms, strict=True)
+    bent = any(role == "headline" and form == "approximate" for role, form in claims)
+    if surely_below(share, thresholds.nearly_all) or bent:
+        return "partial"
+    return "ambiguous" if judgement.rivals else "named"
 
 
-def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, FloatArray]:
-    """(noise standard deviation (S,), share of the excess over it that is left (S,)).
+def beats_the_base(attribution: Attribution, one_step: Iterable[StepErrors], settings: Settings) -> bool:
+    """Whether an account is worth telling: better on rollouts, and in no rate much worse one step ahead.
 
-    Noise is the known one, or what differences of neighbouring residuals show where that is more.
+    A wrong law may take off what windows show and make every single step worse.
     """
-    settings = problem.run.settings.verdict
+    share = attribution.share
+    if share.share <= 0.0 or (share.low is not None and share.low <= 0.0):
+        return False
+    return not any(_worse(errors, settings.attribution.better) for errors in one_step)
 
-    def jumps(f: Fit) -> FloatArray:
-        valid = problem.windows.valid[:, 2:, None]
-        second = f.residuals[:, 2:] - 2 * f.residuals[:, 1:-1] + f.residuals[:, :-2]
-        return np.asarray((second**2 * valid).sum(axis=(0, 1)) / max(float(valid.sum()), 1.0) / 6.0)
 
-    floor = problem.floor**2
-    if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
-        floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
-    noise = np.maximum(floor, np.where(problem.stated, floor, jumps(leader)))
-    excess = np.maximum(null.variance - noise, 0.0)
-    left = np.maximum(leader.variance - settings.noise_margin * noise, 0.0)
-    worth = problem.observed & (null.variance > settings.least_excess * noise)
-    share = np.divide(left, np.maximum(excess, 1e-300), out=np.zeros_like(left), where=worth)
-    if not leader.hypothesis.terms:
-        share = np.where(worth, 1.0, 0.0)
-    return np.sqrt(noise), np.asarray(share)
+def _worse(errors: StepErrors, times: float) -> bool:
+    """Whether the error grows, all of its interval, in a rate whose error noise does not explain."""
+    ratio = errors.after_over_before
+    known = ratio is not None and ratio.low is not None and ratio.low > times
+    return known and errors.after > errors.noise_floor * times
+
+
+def surely_below(share: Share, threshold: float) -> bool:
+    """Whether all of the interval is; the share itself where there is none."""
+    return (share.share if share.high is None else share.high) < threshold

@@ -7,7 +7,7 @@ from gpsim.diagnosis.selection.grid_check import refine_grid
 from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
 from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.selection.pruning import prune_on_held_out
-from gpsim.diagnosis.selection.refit import Contenders, refit
+from gpsim.diagnosis.selection.refit import Contenders, null_of, refit
 from gpsim.diagnosis.selection.stepwise import stepwise
 from gpsim.diagnosis.selection.substitution import left_open
 
@@ -25,6 +25,7 @@ __all__ = [
     "lack_of_fit",
     "lack_of_memory",
     "left_open",
+    "null_of",
     "on_its_grid",
     "pays",
     "prune_on_held_out",

@@ -11,6 +11,7 @@ from gpsim.diagnosis.settings.assessment import (
     RolloutSettings,
     TraceSettings,
 )
+from gpsim.diagnosis.settings.attribution import AttributionSettings, SupportSettings
 from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.fitting import (
@@ -36,6 +37,7 @@ from gpsim.diagnosis.settings.setup import (
 
 __all__ = [
     "AcceptanceSettings",
+    "AttributionSettings",
     "BootstrapSettings",
     "CandidateSettings",
     "ComparisonSettings",
@@ -61,6 +63,7 @@ __all__ = [
     "Settings",
     "SharingSettings",
     "ShootingSettings",
+    "SupportSettings",
     "TraceSettings",
     "VelocityFilterSettings",
     "VerdictSettings",

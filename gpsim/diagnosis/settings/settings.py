@@ -19,6 +19,7 @@ from gpsim.diagnosis.settings.assessment import (
     RolloutSettings,
     TraceSettings,
 )
+from gpsim.diagnosis.settings.attribution import AttributionSettings, SupportSettings
 from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.fitting import (
@@ -86,6 +87,8 @@ class Settings:
     grid_check: GridCheckSettings = field(default_factory=GridCheckSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     pruning: PruningSettings = field(default_factory=PruningSettings)
+    attribution: AttributionSettings = field(default_factory=AttributionSettings)
+    support: SupportSettings = field(default_factory=SupportSettings)
     rivals: RivalSettings = field(default_factory=RivalSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
     comparison: ComparisonSettings = field(default_factory=ComparisonSettings)

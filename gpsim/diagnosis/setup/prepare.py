@@ -44,6 +44,11 @@ class Question:
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
 
+    @property
+    def run(self) -> Run:
+        """What the diagnosis carries along."""
+        return self.everything.run
+
     def episode_name(self, index: int | None) -> str | None:
         """What the recording calls one of its episodes; None of none."""
         return None if index is None else self.recording.episodes[index].name

@@ -1,0 +1,215 @@
+"""Judges: sums of squared errors, by block and channel, of whatever account they are asked about.
+
+Rollouts from measured states over held-out time, or windows whose start states are fitted anew where no rollout shows
+the mismatch. Both judge an account on the same blocks as its rivals, so that differences are paired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from gpsim.channels import FloatArray, IntArray, difference
+from gpsim.diagnosis.attribution.noise import sensor_noise, start_noise
+from gpsim.diagnosis.attribution.rollout_windows import RolloutWindows, rollout_windows
+from gpsim.diagnosis.attribution.shares import Mismatch, draws
+from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.fitting import Extra, Fit, Hypothesis, Problem, fit, predicted
+from gpsim.diagnosis.report import JudgedOn
+from gpsim.diagnosis.setup import Question, smoothed
+
+
+class Judge(Protocol):
+    """What an account is judged by.
+
+    leaders: the account as it was learnt without each part of the data, one where no part is left out.
+    """
+
+    @property
+    def mismatch(self) -> Mismatch:
+        """What there is to explain."""
+        ...
+
+    @property
+    def leaders(self) -> tuple[Hypothesis, ...]:
+        """The account, part by part."""
+        ...
+
+    @property
+    def judged_on(self) -> JudgedOn:
+        """Which data judge."""
+        ...
+
+    def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
+        """(N, B, S) of N accounts, each one hypothesis for all parts or one a part; `extra` rates are added to all."""
+        ...
+
+
+@dataclass(frozen=True)
+class RolloutJudge:
+    """Rollouts: `windows` (W) of them, of which `block` (W,) and `fold` (W,) say to what they belong.
+
+    worst: (S,) the largest error that counts: far off is far off, wherever an unstable simulation ends.
+    """
+
+    problem: Problem
+    windows: Windows
+    places: RolloutWindows
+    worst: FloatArray
+    mismatch: Mismatch
+    leaders: tuple[Hypothesis, ...]
+
+    @property
+    def judged_on(self) -> JudgedOn:
+        """Held-out time, or all of it in turn."""
+        return self.places.judged_on
+
+    def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
+        """See `Judge`; those of several accounts side by side."""
+        shared = (self.problem, self.windows, self.places.block, self.places.fold, self.worst)
+        if extra is not None:
+            return _rolled(*shared, accounts, extra)
+        chunks = _chunks(accounts, self.problem.run.workers.count)
+        return np.concatenate(self.problem.run.side_by_side(_rolled, [(*shared, chunk) for chunk in chunks]))
+
+
+@dataclass(frozen=True)
+class WindowJudge:
+    """The windows that were learnt from, each a block; start states are fitted to every account."""
+
+    problem: Problem
+    starts: FloatArray
+    mismatch: Mismatch
+    leaders: tuple[Hypothesis, ...]
+    judged_on: JudgedOn = "fit windows"
+
+    def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
+        """See `Judge`; `extra` rates are not looked at, nothing here is a rollout."""
+        calls = [(self.problem, account[0], self.starts) for account in accounts]
+        return np.array(self.problem.run.side_by_side(_fitted, calls))
+
+
+def rollout_judge(
+    question: Question, leader: Fit, null: Fit, rng: np.random.Generator
+) -> tuple[RolloutJudge, FloatArray]:
+    """On held-out time, or all of it in turn, and the sensors' noise (S,). null: the base, integrated as the leader."""
+    problem, settings = question.everything, question.everything.run.settings.attribution
+    names = problem.simulator.state.names
+    unseen = tuple(n for n, seen in zip(names, problem.observed, strict=True) if not seen)
+    recording = smoothed(problem, question.recording, leader.hypothesis, unseen)
+    places = rollout_windows(question)
+    windows = places.windows(recording)
+    noise = sensor_noise(question, leader)
+    scale = np.maximum(windows.measured.reshape(-1, len(names)).var(axis=0), problem.scale**2)
+    worst = settings.worst * np.sqrt(scale)
+    leaders = _learnt_without(problem, leader, places, windows)
+    begins = start_noise(question, leader.hypothesis, noise, unseen, rng)
+    floor = _floor(problem, windows, places.block, leader.hypothesis, begins, noise, rng)
+    before = _rolled(problem, windows, places.block, places.fold, worst, [(null.hypothesis,)])[0]
+    drawn = draws(len(before), settings.draws, rng)
+    mismatch = Mismatch(before, floor, scale, problem.observed, settings.stands_out, drawn, settings)
+    return RolloutJudge(problem, windows, places, worst, mismatch, leaders), noise
+
+
+def window_judge(
+    question: Question, leader: Fit, null: Fit, noise: FloatArray, rng: np.random.Generator
+) -> WindowJudge:
+    """On the windows that were learnt from, where no channel of a rollout stands out of the noise."""
+    problem, settings = question.everything, question.everything.run.settings.attribution
+    share = problem.counts / np.maximum(problem.windows.valid.sum(), 1.0)
+    counts = problem.windows.valid.sum(axis=1)[:, None] * share
+    before = (null.residuals**2).sum(axis=1)
+    floor = counts * np.maximum(noise, problem.floor) ** 2
+    drawn = draws(len(before), settings.draws, rng)
+    mismatch = Mismatch(before, floor, problem.scale**2, problem.observed, 0.0, drawn, settings)
+    return WindowJudge(problem, leader.starts, mismatch, (leader.hypothesis,))
+
+
+def _learnt_without(
+    problem: Problem, leader: Fit, places: RolloutWindows, judged: Windows
+) -> tuple[Hypothesis, ...]:
+    """The leader's laws with the values that the other parts of the recording say, part by part."""
+    folds = int(places.fold.max(initial=0)) + 1
+    if places.judged_on == "held-out rollouts" or not leader.hypothesis.terms:
+        return (leader.hypothesis,) * folds
+    calls = []
+    for part in range(folds):
+        rows = np.flatnonzero(~_touched(problem.windows, judged.take(places.fold == part)))
+        enough = len(rows) >= problem.run.settings.prepare.fewest
+        rows = rows if enough else np.arange(len(problem.windows))
+        calls.append((problem.on(problem.windows.take(rows)), leader.hypothesis, leader.starts[rows]))
+    return tuple(problem.run.side_by_side(_again, calls))
+
+
+def _again(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> Hypothesis:
+    steps = problem.run.settings.schedules
+    return fit(problem, hypothesis, starts, iterations=steps.refit, near=True).hypothesis
+
+
+def _touched(windows: Windows, judged: Windows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """(W,) which windows share time with any that is judged."""
+    out = np.zeros(len(windows), dtype=np.bool_)
+    first, last = windows.t[:, 0], windows.t[:, -1]
+    for episode in np.unique(judged.episode):
+        rows = judged.episode == episode
+        begun, ended = judged.t[rows, 0].min(), judged.t[rows, -1].max()
+        out |= (windows.episode == episode) & (first <= ended) & (last >= begun)
+    return out
+
+
+def _rolled(
+    problem: Problem,
+    windows: Windows,
+    block: IntArray,
+    fold: IntArray,
+    worst: FloatArray,
+    accounts: Sequence[Sequence[Hypothesis]],
+    extra: Extra | None = None,
+) -> FloatArray:
+    """(N, B, S) sums of squares of rollouts, each part's by the hypothesis that did not learn from it."""
+    out = np.zeros((len(accounts), int(block.max(initial=-1)) + 1, len(worst)))
+    for n, account in enumerate(accounts):
+        for part in np.unique(fold):
+            rows = fold == part
+            own = windows.take(rows)
+            hypothesis = account[min(int(part), len(account) - 1)]
+            said = predicted(problem, own, hypothesis, extra)
+            errors = difference(own.measured, said, problem.simulator.state) * own.valid[..., None]
+            squares = (np.clip(errors, -worst, worst)[:, 1:] ** 2).sum(axis=1)
+            np.add.at(out[n], block[rows], squares)
+    return out
+
+
+def _floor(
+    problem: Problem,
+    windows: Windows,
+    block: IntArray,
+    hypothesis: Hypothesis,
+    begins: FloatArray,
+    noise: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """(B, S) sums of squares that noise makes of a perfect simulation: where it begins, what it is read by."""
+    clean = predicted(problem, windows, hypothesis)
+    start = rng.normal(size=windows.measured[:, 0].shape) * begins
+    noisy = replace(windows, measured=windows.measured + start[:, None])
+    errors = difference(predicted(problem, noisy, hypothesis), clean, problem.simulator.state)
+    errors = (errors + rng.normal(size=errors.shape) * noise) * windows.valid[..., None]
+    out = np.zeros((int(block.max(initial=-1)) + 1, errors.shape[-1]))
+    np.add.at(out, block, (errors[:, 1:] ** 2).sum(axis=1))
+    return out
+
+
+def _fitted(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> FloatArray:
+    """(W, S) sums of squares where the start states alone are fitted."""
+    steps = problem.run.settings.schedules
+    found = fit(problem, hypothesis.frozen(), starts, iterations=steps.settle)
+    return np.asarray((found.residuals**2).sum(axis=1))
+
+
+def _chunks(accounts: Sequence[Sequence[Hypothesis]], count: int) -> list[Sequence[Sequence[Hypothesis]]]:
+    size = max(1, -(-len(accounts) // max(count, 1)))
+    return [accounts[i : i + size] for i in range(0, len(accounts), size)]

@@ -1,0 +1,72 @@
+"""Shares of a mismatch: of the base's squared errors, beyond the noise, what an account takes off.
+
+Of a channel 1 - (after^2 - floor^2) / (before^2 - floor^2), clipped to [0, 1]; over channels the mean, each weighed by
+its excess before^2 - floor^2 in units of its own variance: a channel in which the simulator is far off says more.
+Intervals are quantiles of a block bootstrap (Kuensch 1989), in which all accounts are judged on the same draws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.diagnosis.report import Share
+from gpsim.diagnosis.settings import AttributionSettings
+
+TINY = 1e-300  # guards divisions by sums of squares that are 0
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """Sums of squares (B, S) by block and channel: of the base's errors and of what noise alone makes.
+
+    scale: (S,) the variance of each channel; seen: (S,) which are judged; times: the base's root mean square must be
+    so many times the noise's, 0 where any excess counts; drawn: (D, B) how often every draw holds every block.
+    """
+
+    before: FloatArray
+    floor: FloatArray
+    scale: FloatArray
+    seen: BoolArray
+    times: float
+    drawn: FloatArray
+    settings: AttributionSettings
+
+    @cached_property
+    def counts(self) -> BoolArray:
+        """(S,) channels in which the mismatch stands out of the noise."""
+        before, floor = self.before.sum(axis=0), self.floor.sum(axis=0)
+        excess = self.drawn @ (self.before - self.floor)
+        sure = np.quantile(excess, self.settings.low, axis=0) > 0
+        return np.asarray(self.seen & sure & (before > np.maximum(self.times**2 * floor, TINY)))
+
+    def by_channel(self, after: FloatArray) -> FloatArray:
+        """(..., 1 + D, S) clipped shares of an account's sums of squares (..., B, S); first those of all blocks."""
+        before, floor, left = (self._sums(sums) for sums in (self.before, self.floor, after))
+        excess = np.maximum(before - floor, TINY)
+        return np.asarray(np.clip(1.0 - (left - floor) / excess, 0.0, 1.0))
+
+    def overall(self, after: FloatArray) -> FloatArray:
+        """(..., 1 + D) the same over all channels that count."""
+        before, floor = self._sums(self.before), self._sums(self.floor)
+        weights = np.maximum(before - floor, 0.0) / np.maximum(self.scale, TINY) * self.counts
+        total = np.maximum(weights.sum(axis=-1), TINY)
+        return np.asarray((self.by_channel(after) * weights).sum(axis=-1) / total)
+
+    def share(self, values: FloatArray) -> Share:
+        """Of (1 + D,) values, the first of which is that of all blocks."""
+        low, high = np.quantile(values[1:], [self.settings.low, self.settings.high])
+        known = len(self.before) >= self.settings.fewest_blocks
+        return Share(float(values[0]), float(low) if known else None, float(high) if known else None)
+
+    def _sums(self, sums: FloatArray) -> FloatArray:
+        """(..., 1 + D, S): over all blocks, then over those of each draw."""
+        return np.concatenate([sums.sum(axis=-2, keepdims=True), self.drawn @ sums], axis=-2)
+
+
+def draws(blocks: int, count: int, rng: np.random.Generator) -> FloatArray:
+    """(D, B) how often each of B blocks is drawn, B times with replacement."""
+    return rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), count).astype(float)

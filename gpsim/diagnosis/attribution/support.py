@@ -1,0 +1,106 @@
+"""Support: a slight effect, or one behind a gate, must hold in two halves of the samples where it acts.
+
+A search over regions, onsets and small corrections finds what mends a nuisance of one stretch. What is physics does so
+again in the other half: each half's own estimate is within a few standard errors of the other's, and each is better
+explained with it than without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.attribution.attribution import Attribution, attribute
+from gpsim.diagnosis.attribution.less import fits_without
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
+from gpsim.diagnosis.selection import Contenders
+from gpsim.diagnosis.setup import Question
+
+TINY = 1e-300  # guards a division by what windows do not know
+
+
+def supported(question: Question, contenders: Contenders) -> Contenders:
+    """The leader without those slight or gated terms that only a part of the recording supports."""
+    problem, leader, null = question.everything, contenders.leader, contenders.null
+    while leader.hypothesis.terms:
+        found = attribute(question, leader, null)
+        doubtful = [i for i in range(len(leader.hypothesis.terms)) if _doubtful(leader.hypothesis, found, i)]
+        without = fits_without(problem, leader, null)
+        calls = [(problem, leader, without[i], i) for i in doubtful]
+        fails = [
+            i
+            for i, holds in zip(doubtful, problem.run.side_by_side(holds_in_halves, calls), strict=True)
+            if not holds
+        ]
+        if not fails:
+            break
+        least = min(fails, key=lambda i: found.needed[i].share)
+        names = leader.hypothesis.names
+        less = without[least]
+        problem.run.trace.note(names, less.hypothesis.names, False, "one half alone supports it")
+        leader = less
+    return replace(contenders, leader=leader)
+
+
+def _doubtful(hypothesis: Hypothesis, found: Attribution, index: int) -> bool:
+    return bool(hypothesis.terms[index].gate) or found.roles[index] == "slight"
+
+
+def holds_in_halves(problem: Problem, leader: Fit, less: Fit, index: int) -> bool:
+    """Whether both halves of the windows in which a term acts say the same of it. less: the fit without it."""
+    settings = problem.run.settings.support
+    acts = np.flatnonzero(_acts(problem, leader, less))
+    if len(acts) < 2 * settings.fewest:
+        return True
+    halves = [_half(problem, leader, less, index, rows) for rows in _halves(problem, acts)]
+    if not all(better for _, _, better in halves):
+        return False
+    (one, first, _), (other, second, _) = halves
+    apart = np.abs(one - other) / np.sqrt(np.maximum(first + second, TINY))
+    return bool((apart < settings.apart).all())
+
+
+def _acts(problem: Problem, leader: Fit, less: Fit) -> BoolArray:
+    """(W,) in which windows what is left differs much with the term and without it."""
+    spread = np.sqrt(np.maximum(leader.variance, TINY))
+    moved = ((leader.residuals - less.residuals) / spread)[..., problem.observed]
+    size = (moved**2).sum(axis=(1, 2))
+    return np.asarray(size > problem.run.settings.support.acts * size.max(initial=0.0))
+
+
+def _halves(problem: Problem, acts: IntArray) -> tuple[IntArray, IntArray]:
+    """The first and the second half in the order of episodes and time."""
+    order = np.lexsort((problem.windows.t[acts, 0], problem.windows.episode[acts]))
+    middle = len(acts) // 2
+    return acts[order[:middle]], acts[order[middle:]]
+
+
+def _half(
+    problem: Problem, leader: Fit, less: Fit, index: int, rows: IntArray
+) -> tuple[FloatArray, FloatArray, bool]:
+    """The term's estimate there, its variance, and whether these windows are better explained with it.
+
+    All other parameters stand as the whole recording says.
+    """
+    part, steps = problem.on(problem.windows.take(rows)), problem.run.settings.schedules
+    alone = _alone(leader.hypothesis, index)
+    found = fit(part, alone, leader.starts[rows], iterations=steps.refit, near=True)
+    bare = fit(part, less.hypothesis.frozen(), less.starts[rows], iterations=steps.settle)
+    better = bare.objective - found.objective > len(alone.parameters)  # Akaike (1974)
+    return found.hypothesis.theta, _variance(part, found), bool(better)
+
+
+def _variance(problem: Problem, found: Fit) -> FloatArray:
+    """(P,) of an estimate: the windows' scatter where that is more than the model says (White 1982)."""
+    around = curvature(problem, found)
+    inverse = np.linalg.pinv(around.information)
+    scatter = around.gradients.T @ around.gradients
+    return np.asarray(np.maximum(np.diag(inverse), np.diag(inverse @ scatter @ inverse)))
+
+
+def _alone(hypothesis: Hypothesis, index: int) -> Hypothesis:
+    """The same terms, of which that one alone is fitted."""
+    declared = tuple(group if i == index else () for i, group in enumerate(hypothesis.declared))
+    return replace(hypothesis, declared=declared)

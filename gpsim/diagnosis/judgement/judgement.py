@@ -1,0 +1,110 @@
+"""Judgement: the leading fit, its rivals, and whether it leaves anything that chance would not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import Fit, Problem, whiteness
+from gpsim.diagnosis.judgement.ranking import Ranked, ranked
+from gpsim.diagnosis.judgement.rivals import behind_its_gates, overtaking, rivals_of
+from gpsim.diagnosis.selection import (
+    Contenders,
+    Found,
+    LackOfFit,
+    lack_of_fit,
+    lack_of_memory,
+    null_of,
+    simplest,
+)
+from gpsim.diagnosis.setup import Question
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The leading fit, its rivals, the null and tied alternatives on all training windows."""
+
+    leader: Fit
+    null: Fit
+    rivals: list[Fit]
+    probabilities: list[float]  # of the leader, then of the rivals
+    ranking: list[Ranked]
+    p_value: float
+    lack: LackOfFit | None
+    noise: FloatArray  # (S,) standard deviation that the judgement takes for noise
+    structured: bool  # whether something is left over that chance would not make
+
+
+def judge(question: Question, contenders: Contenders, found: Found) -> Judgement:
+    """What is to be said of the leader: its rivals, and what is left over. Nothing is added to it.
+
+    A rival may lead in its place, though: one that is simpler or, once held-out windows count, far likelier.
+    """
+    problem, leader, fits = question.everything, contenders.leader, list(contenders.tried)
+    twins = behind_its_gates(problem, leader, fits)
+    fits += [leader, *twins]
+    leader = simplest(problem, [leader, *twins])
+    rivals, probabilities, mending = rivals_of(question, leader, fits)
+    ahead = overtaking(problem, rivals, probabilities)
+    if ahead is not None:
+        fits, leader = [*fits, leader], ahead
+        rivals, probabilities, mending = rivals_of(question, leader, fits)
+    null = contenders.null
+    if null.hypothesis.scheme != leader.hypothesis.scheme:
+        null = null_of(problem, leader.hypothesis.scheme)
+    p_value, lack, structured = _left_over(problem, leader)
+    return Judgement(
+        leader,
+        null,
+        rivals,
+        probabilities,
+        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), mending),
+        p_value,
+        lack,
+        _noise(problem, leader),
+        structured,
+    )
+
+
+def withheld(question: Question, judgement: Judgement) -> Judgement:
+    """The judgement of the base simulator alone, where the leader is not worth telling."""
+    problem, null = question.everything, judgement.null
+    p_value, lack, structured = _left_over(problem, null)
+    return replace(
+        judgement,
+        leader=null,
+        rivals=[],
+        probabilities=[1.0],
+        p_value=p_value,
+        lack=lack,
+        noise=_noise(problem, null),
+        structured=structured,
+    )
+
+
+def _left_over(problem: Problem, leader: Fit) -> tuple[float, LackOfFit | None, bool]:
+    """The p-value of whiteness, the smooth law that would explain most of the rest, whether there is anything.
+
+    A residual that is not quite white is nothing by itself where nothing pays.
+    """
+    p_value, _ = whiteness(problem, leader)
+    lack = lack_of_fit(problem, leader)
+    if lack is None or not lack.significant:
+        remembered = lack_of_memory(problem, leader)
+        lack = remembered if remembered is not None and remembered.significant else lack
+    settings = problem.run.settings
+    least = settings.acceptance.structured if leader.hypothesis.terms else settings.verdict.unnamed
+    return p_value, lack, p_value < least or (lack is not None and lack.significant)
+
+
+def _noise(problem: Problem, leader: Fit) -> FloatArray:
+    """(S,) the known noise, or what differences of neighbouring residuals show where that is more."""
+    valid = problem.windows.valid[:, 2:, None]
+    second = leader.residuals[:, 2:] - 2 * leader.residuals[:, 1:-1] + leader.residuals[:, :-2]
+    jumps = (second**2 * valid).sum(axis=(0, 1)) / max(float(valid.sum()), 1.0) / 6.0
+    floor = problem.floor**2
+    if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
+        floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))
+    return np.asarray(np.sqrt(np.maximum(floor, np.where(problem.stated, floor, jumps))))

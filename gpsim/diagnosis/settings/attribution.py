@@ -1,0 +1,81 @@
+"""Settings of the attribution: how much of a mismatch is explained, and which effects are claims."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpsim.diagnosis.settings.declare import check, setting
+
+ISSUED = "the words of this project: DESIGN.md, headline"
+
+
+@dataclass(frozen=True)
+class AttributionSettings:
+    """Rollouts that overlap, blocks that are drawn together, and when an effect is a headline."""
+
+    stride: int = setting(3, "samples", "between the starts of two rollouts", least=1)
+    most: int = setting(120, "rollouts", "that are judged on, evenly spread, at most", least=2)
+    short_part: float = setting(
+        0.25,
+        "1",
+        "of the time, that may lie in stretches too short for a rollout, before rollouts are cut shorter",
+    )
+    fewest_blocks: int = setting(
+        8,
+        "blocks",
+        "of a rollout's length: with fewer held out the whole recording is judged on in turn, with fewer in it "
+        "there are no intervals",
+        least=2,
+    )
+    folds: int = setting(5, "1", "parts of the whole recording, each judged by what the others say", least=2)
+    draws: int = setting(400, "1", "of all blocks", least=1)
+    low: float = setting(0.05, "1", "quantile of the draws that is an interval's lower end", "usual: 90 %")
+    high: float = setting(0.95, "1", "quantile of the draws that is its upper end", "usual: 90 %")
+    start_windows: int = setting(
+        30, "windows", "that show how well states are known that nobody measured", least=1
+    )
+    worst: float = setting(
+        5.0, "standard deviations", "of a channel: an error that is larger counts as large as that"
+    )
+    stands_out: float = setting(
+        2.0,
+        "1",
+        "times the root mean square that noise alone makes: a channel's mismatch that is less does not count",
+    )
+    headline: float = setting(
+        0.05, "1", "share of the mismatch that a headline effect accounts for at the least"
+    )
+    needed: float = setting(0.003, "1", "share that goes when it goes, at the least")
+    needed_of_left: float = setting(
+        0.1, "1", "or of what the account leaves, if that is less: with clean sensors little is left"
+    )
+    seldom: int = setting(
+        5,
+        "blocks",
+        "in which an effect decides that is seldom asked, a limit say, and a headline for that",
+        least=1,
+    )
+    decides: float = setting(
+        4.0,
+        "1",
+        "times the squares with it, or those of noise: so large are they without it where it decides",
+    )
+    better: float = setting(
+        1.2, "1", "times the base's error one step ahead: an account that surely makes more of it is not told"
+    )
+
+    def __post_init__(self) -> None:
+        check(self, shares=("low", "high", "short_part", "headline", "needed", "needed_of_left"))
+
+
+@dataclass(frozen=True)
+class SupportSettings:
+    """Whether a slight effect, or one behind a gate, holds in both halves of where it acts."""
+
+    acts: float = setting(
+        0.05, "1", "of the most that it changes in any window: it acts in windows where it changes more"
+    )
+    fewest: int = setting(4, "windows", "a half must have, else it cannot be asked", least=2)
+    apart: float = setting(
+        3.0, "standard errors", "of both halves together, by which their estimates may differ"
+    )

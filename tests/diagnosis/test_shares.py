@@ -1,0 +1,118 @@
+"""Shares of a mismatch: clipped, beyond the noise, over the channels that count, with intervals from blocks."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsim.diagnosis.attribution.importance import _shapley
+from gpsim.diagnosis.attribution.roles import deciding, role_of
+from gpsim.diagnosis.attribution.shares import Mismatch, draws
+from gpsim.diagnosis.report import Share
+from gpsim.diagnosis.settings import AttributionSettings
+
+SETTINGS = AttributionSettings()
+
+
+def mismatch(before, floor, scale=None, times=2.0):
+    before, floor = np.array(before, float), np.array(floor, float)
+    drawn = draws(len(before), 400, np.random.default_rng(0))
+    scale = np.ones(before.shape[1]) if scale is None else np.array(scale, float)
+    return Mismatch(before, floor, scale, np.ones(before.shape[1], bool), times, drawn, SETTINGS)
+
+
+def test_what_noise_makes_is_neither_mismatch_nor_left():
+    of = mismatch(np.full((10, 1), 101.0), np.full((10, 1), 1.0))
+    assert of.overall(np.full((10, 1), 1.0))[0] == pytest.approx(1.0)
+    assert of.overall(np.full((10, 1), 26.0))[0] == pytest.approx(0.75)
+    assert of.overall(np.full((10, 1), 0.2))[0] == 1.0  # better than noise allows
+    assert of.overall(np.full((10, 1), 300.0))[0] == 0.0  # worse than the base
+
+
+def test_a_channel_counts_where_its_mismatch_stands_out_of_the_noise_in_most_draws():
+    rng = np.random.default_rng(1)
+    blocks = np.column_stack(
+        [np.full(12, 9.0), np.full(12, 3.0), np.where(rng.permutation(12) == 0, 100.0, 0.5)]
+    )
+    assert mismatch(blocks, np.ones((12, 3))).counts.tolist() == [True, False, False]
+    assert mismatch(blocks, np.ones((12, 3)), times=0.0).counts.tolist() == [True, True, False]
+
+
+def test_a_channel_weighs_as_much_as_its_excess_in_units_of_its_own_spread():
+    of = mismatch(np.tile([10.0, 1000.0], (9, 1)), np.zeros((9, 2)), scale=[1.0, 1000.0])
+    left = np.tile([0.0, 1000.0], (9, 1))  # all of the one, nothing of the other
+    assert of.overall(left)[0] == pytest.approx(10.0 / 11.0)
+
+
+def test_there_is_no_interval_of_few_blocks():
+    few, many = (mismatch(np.full((n, 1), 9.0), np.ones((n, 1))) for n in (7, 8))
+    assert few.share(few.overall(np.full((7, 1), 5.0))) == Share(0.5, None, None)
+    assert many.share(many.overall(np.full((8, 1), 5.0))).low == pytest.approx(0.5)
+
+
+def test_the_interval_covers_what_more_data_would_say():
+    """Of 200 recordings of twelve blocks whose base errors vary, nine in ten hold the share of infinitely many."""
+    rng, held = np.random.default_rng(3), 0
+    for _ in range(200):
+        before = rng.gamma(4.0, 1.0, (24, 1))
+        after = before * rng.uniform(0.0, 0.4, (24, 1))
+        share = mismatch(before, np.zeros((24, 1))).share(mismatch(before, np.zeros((24, 1))).overall(after))
+        held += share.low <= 0.8 <= share.high
+    assert 165 <= held <= 195
+
+
+worths = st.lists(st.floats(0.0, 1.0), min_size=7, max_size=7)
+
+
+@given(worths)
+def test_importances_add_up_and_a_bystander_has_none(values):
+    """Shapley (1953): efficiency and the null player; three players, the third of which changes nothing."""
+    pairs = dict(zip([frozenset(s) for s in ((0,), (1,), (0, 1))], values, strict=False))
+    worth = {frozenset(): 0.0} | pairs
+    worth |= {subset | {2}: value for subset, value in worth.items()}
+    worth = {subset: np.array([value]) for subset, value in worth.items()}
+    parts = [float(_shapley(i, 3, worth)[0]) for i in range(3)]
+    assert sum(parts) == pytest.approx(float(worth[frozenset({0, 1, 2})][0]))
+    assert parts[2] == pytest.approx(0.0)
+
+
+def test_effects_that_explain_the_same_share_it():
+    worth = {frozenset(): 0.0, frozenset({0}): 0.8, frozenset({1}): 0.8, frozenset({0, 1}): 0.9}
+    worth = {subset: np.array([value]) for subset, value in worth.items()}
+    assert [float(_shapley(i, 2, worth)[0]) for i in range(2)] == pytest.approx([0.45, 0.45])
+
+
+@pytest.mark.parametrize(
+    ("importance", "needed", "explained", "decided", "role"),
+    [
+        (Share(0.40, 0.3, 0.5), Share(0.060, 0.05, 0.07), 0.97, 0, "headline"),
+        (
+            Share(0.25, 0.2, 0.3),
+            Share(-0.004, -0.01, 0.001),
+            0.97,
+            0,
+            "slight",
+        ),  # alone it mimics the friction
+        (Share(0.019, 0.01, 0.03), Share(0.010, 0.005, 0.02), 0.97, 0, "slight"),
+        (
+            Share(0.019, 0.01, 0.03),
+            Share(0.010, 0.005, 0.02),
+            0.97,
+            5,
+            "headline",
+        ),  # a limit that is seldom reached
+        (Share(0.40, 0.3, 0.5), Share(0.0020, 0.001, 0.003), 0.97, 0, "slight"),
+        (Share(0.40, 0.3, 0.5), Share(0.0020, 0.001, 0.003), 0.99, 0, "headline"),  # a tenth of what is left
+        (Share(0.40, 0.3, 0.5), Share(0.0200, -0.001, 0.05), 0.90, 9, "slight"),  # perhaps not at all
+        (Share(0.40), Share(0.02), 0.90, 0, "headline"),  # too few blocks for an interval
+    ],
+)
+def test_a_headline_is_important_and_needed(importance, needed, explained, decided, role):
+    assert role_of(importance, needed, Share(explained), decided, SETTINGS) == role
+
+
+def test_an_effect_decides_where_far_more_is_left_without_it_than_with_it_and_than_noise():
+    of = mismatch(np.full((10, 1), 100.0), np.ones((10, 1)))
+    squares, without = np.full((10, 1), 2.0), np.full((10, 1), 2.0)
+    without[:3], squares[3:5], without[3:5] = 50.0, 0.1, 1.5
+    assert deciding(of, squares, without) == 3
