@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,10 +68,12 @@ def diagnose(
     contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
     step("prune on held-out", 90, "asking held-out windows")
     contenders = prune_on_held_out(question, contenders)
-    step("support", 90, "asking each half of the recording")
-    contenders = supported(question, contenders)
     step("judge", 90, "looking for rivals, and for what is left")
     judgement = judge(question, contenders, found)
+    step("support", 91, "asking each half of the recording")
+    leader = supported(question, judgement.leader, judgement.null)
+    if leader is not judgement.leader:
+        judgement = judge(question, replace(contenders, leader=leader), found, settled=True)
     step("attribute", 92, "how much of the mismatch each effect is")
     attribution = attribute(question, judgement.leader, judgement.null)
     step("compare", 94, "comparing on held-out data")

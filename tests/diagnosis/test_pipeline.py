@@ -47,9 +47,8 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     contenders = prune_on_held_out(question, contenders)
     assert contenders.leader.hypothesis.claims == {("viscous_friction", "q")}
     before = contenders.leader.hypothesis.claims
-    contenders = supported(question, contenders)
-    assert contenders.leader.hypothesis.claims == {("viscous_friction", "q")}
     judgement = judge(question, contenders, found)
+    assert supported(question, judgement.leader, judgement.null) is judgement.leader
     attribution = attribute(question, judgement.leader, judgement.null)
     assert attribution.share.share > 0.9
     assert attribution.roles == ("headline",)

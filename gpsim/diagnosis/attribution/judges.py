@@ -12,14 +12,14 @@ from typing import Protocol
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray, difference
-from gpsim.diagnosis.attribution.noise import sensor_noise, start_noise
+from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.diagnosis.attribution.noise import sensor_noise
 from gpsim.diagnosis.attribution.rollout_windows import RolloutWindows, rollout_windows
 from gpsim.diagnosis.attribution.shares import Mismatch, draws
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Extra, Fit, Hypothesis, Problem, fit, predicted
+from gpsim.diagnosis.fitting import Extra, Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.report import JudgedOn
-from gpsim.diagnosis.setup import Question, smoothed
+from gpsim.diagnosis.setup import Question
 
 
 class Judge(Protocol):
@@ -50,7 +50,7 @@ class Judge(Protocol):
 
 @dataclass(frozen=True)
 class RolloutJudge:
-    """Rollouts: `windows` (W) of them, of which `block` (W,) and `fold` (W,) say to what they belong.
+    """Rollouts: `windows` (W) of them, cut at `places`.
 
     worst: (S,) the largest error that counts: far off is far off, wherever an unstable simulation ends.
     """
@@ -69,7 +69,7 @@ class RolloutJudge:
 
     def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
         """See `Judge`; those of several accounts side by side."""
-        shared = (self.problem, self.windows, self.places.block, self.places.fold, self.worst)
+        shared = (self.problem, self.windows, self.places, self.worst)
         if extra is not None:
             return _rolled(*shared, accounts, extra)
         chunks = _chunks(accounts, self.problem.run.workers.count)
@@ -97,18 +97,14 @@ def rollout_judge(
 ) -> tuple[RolloutJudge, FloatArray]:
     """On held-out time, or all of it in turn, and the sensors' noise (S,). null: the base, integrated as the leader."""
     problem, settings = question.everything, question.everything.run.settings.attribution
-    names = problem.simulator.state.names
-    unseen = tuple(n for n, seen in zip(names, problem.observed, strict=True) if not seen)
-    recording = smoothed(problem, question.recording, leader.hypothesis, unseen)
     places = rollout_windows(question)
-    windows = places.windows(recording)
+    windows = places.windows(question.recording)
     noise = sensor_noise(question, leader)
-    scale = np.maximum(windows.measured.reshape(-1, len(names)).var(axis=0), problem.scale**2)
+    scale = np.maximum(windows.measured.reshape(-1, len(noise)).var(axis=0), problem.scale**2)
     worst = settings.worst * np.sqrt(scale)
     leaders = _learnt_without(problem, leader, places, windows)
-    begins = start_noise(question, leader.hypothesis, noise, unseen, rng)
-    floor = _floor(problem, windows, places.block, leader.hypothesis, begins, noise, rng)
-    before = _rolled(problem, windows, places.block, places.fold, worst, [(null.hypothesis,)])[0]
+    floor = _floor(problem, windows, places, leader.hypothesis, noise, rng)
+    before = _rolled(problem, windows, places, worst, [(null.hypothesis,)])[0]
     drawn = draws(len(before), settings.draws, rng)
     mismatch = Mismatch(before, floor, scale, problem.observed, settings.stands_out, drawn, settings)
     return RolloutJudge(problem, windows, places, worst, mismatch, leaders), noise
@@ -149,7 +145,7 @@ def _again(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> Hypo
     return fit(problem, hypothesis, starts, iterations=steps.refit, near=True).hypothesis
 
 
-def _touched(windows: Windows, judged: Windows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _touched(windows: Windows, judged: Windows) -> BoolArray:
     """(W,) which windows share time with any that is judged."""
     out = np.zeros(len(windows), dtype=np.bool_)
     first, last = windows.t[:, 0], windows.t[:, -1]
@@ -163,43 +159,61 @@ def _touched(windows: Windows, judged: Windows) -> np.ndarray[tuple[int], np.dty
 def _rolled(
     problem: Problem,
     windows: Windows,
-    block: IntArray,
-    fold: IntArray,
+    places: RolloutWindows,
     worst: FloatArray,
     accounts: Sequence[Sequence[Hypothesis]],
     extra: Extra | None = None,
 ) -> FloatArray:
     """(N, B, S) sums of squares of rollouts, each part's by the hypothesis that did not learn from it."""
-    out = np.zeros((len(accounts), int(block.max(initial=-1)) + 1, len(worst)))
+    out = np.zeros((len(accounts), places.blocks, len(worst)))
     for n, account in enumerate(accounts):
-        for part in np.unique(fold):
-            rows = fold == part
-            own = windows.take(rows)
-            hypothesis = account[min(int(part), len(account) - 1)]
-            said = predicted(problem, own, hypothesis, extra)
+        for part in np.unique(places.fold) if len(account) > 1 else (None,):
+            rows = np.flatnonzero(places.fold == part) if part is not None else np.arange(len(windows))
+            own, hypothesis = windows.take(rows), account[int(part or 0)]
+            said = foretold(problem, own, places.lead, hypothesis, extra)
             errors = difference(own.measured, said, problem.simulator.state) * own.valid[..., None]
-            squares = (np.clip(errors, -worst, worst)[:, 1:] ** 2).sum(axis=1)
-            np.add.at(out[n], block[rows], squares)
+            squares = np.clip(errors, -worst, worst)[:, places.lead + 1 :] ** 2
+            np.add.at(out[n], places.block[rows], squares.sum(axis=1))
     return out
+
+
+def foretold(
+    problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis, extra: Extra | None = None
+) -> FloatArray:
+    """(W, L + 1, S) what the sensors would say, from where the first `lead` transitions say that each window began."""
+    part = replace(
+        windows,
+        measured=windows.measured[:, : lead + 1],
+        actions=windows.actions[:, :lead],
+        t=windows.t[:, : lead + 1],
+        valid=windows.valid[:, : lead + 1],
+    )
+    steps, frozen = problem.run.settings.schedules, hypothesis.frozen()
+    starts = fit(
+        problem.on(part), frozen, part.measured[:, 0], iterations=steps.glance, tolerance=steps.rough
+    ).starts
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    theta = hypothesis.theta[None]
+    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta, extra)
+    return np.asarray(said[0])
 
 
 def _floor(
     problem: Problem,
     windows: Windows,
-    block: IntArray,
+    places: RolloutWindows,
     hypothesis: Hypothesis,
-    begins: FloatArray,
     noise: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
     """(B, S) sums of squares that noise makes of a perfect simulation: where it begins, what it is read by."""
-    clean = predicted(problem, windows, hypothesis)
-    start = rng.normal(size=windows.measured[:, 0].shape) * begins
-    noisy = replace(windows, measured=windows.measured + start[:, None])
-    errors = difference(predicted(problem, noisy, hypothesis), clean, problem.simulator.state)
-    errors = (errors + rng.normal(size=errors.shape) * noise) * windows.valid[..., None]
-    out = np.zeros((int(block.max(initial=-1)) + 1, errors.shape[-1]))
-    np.add.at(out, block, (errors[:, 1:] ** 2).sum(axis=1))
+    clean = foretold(problem, windows, places.lead, hypothesis)
+    drawn = rng.normal(size=windows.measured.shape) * noise
+    noisy = replace(windows, measured=windows.measured + drawn)
+    disturbed = foretold(problem, noisy, places.lead, hypothesis)
+    errors = difference(disturbed - drawn, clean, problem.simulator.state) * windows.valid[..., None]
+    out = np.zeros((places.blocks, errors.shape[-1]))
+    np.add.at(out, places.block, (errors[:, places.lead + 1 :] ** 2).sum(axis=1))
     return out
 
 

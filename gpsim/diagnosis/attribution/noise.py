@@ -1,14 +1,12 @@
-"""What sensors make of a perfect simulation: their noise, and how well rollouts know where they begin."""
+"""The noise of the sensors, as far as a recording shows it."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Fit, Hypothesis, traced
-from gpsim.diagnosis.setup import Question, completed, spread_out
+from gpsim.diagnosis.fitting import Fit, traced
+from gpsim.diagnosis.setup import Question
 
 TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
 
@@ -29,28 +27,6 @@ def sensor_noise(question: Question, leader: Fit) -> FloatArray:
     )  # quantised: the median may be 0
     hidden = np.array([name in question.hidden for name in names])
     return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
-
-
-def start_noise(
-    question: Question,
-    hypothesis: Hypothesis,
-    noise: FloatArray,
-    unseen: tuple[str, ...],
-    rng: np.random.Generator,
-) -> FloatArray:
-    """(S,) standard deviation of the states with which rollouts begin.
-
-    Of a measured channel its noise, of `unseen` ones what that does to the states that the hypothesis says they had.
-    """
-    if not unseen:
-        return noise
-    problem, settings = question.everything, question.everything.run.settings
-    some = spread_out(problem.windows, settings.attribution.start_windows, settings.prepare.fewest)
-    noisy = replace(some, measured=some.measured + rng.normal(size=some.measured.shape) * noise)
-    clean, disturbed = (completed(problem.on(w), hypothesis, unseen).measured for w in (some, noisy))
-    moved = (disturbed - clean)[some.valid].std(axis=0)
-    lacks = np.array([name in unseen for name in problem.simulator.state.names])
-    return np.where(lacks, moved, noise)
 
 
 def _rms(errors: FloatArray) -> float:

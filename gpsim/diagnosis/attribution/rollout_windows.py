@@ -1,5 +1,8 @@
 """Rollouts to judge on: a horizon long, begun every few samples, in blocks that are drawn together.
 
+Before each lie a few samples from which every account says for itself where the rollout begins: a measured velocity may
+be mostly noise, a differentiated one is late, and some states nobody measures.
+
 Rollouts that begin a horizon apart are two to twenty in a real log, too few for any interval; those that overlap are
 not independent, and blocks of a horizon's length are what a bootstrap draws (Kuensch 1989).
 """
@@ -7,7 +10,7 @@ not independent, and blocks of a horizon's length are what a bootstrap draws (Ku
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,11 +27,13 @@ from gpsim.residuals import first_held_out
 class RolloutWindows:
     """Where rollouts begin, W of them.
 
-    places: episode and first sample; length: transitions; block: (W,) from 0, ascending; fold: (W,) which part of the
-    recording must not be learnt from where a rollout judges, all 0 where what is held out is judged on.
+    places: episode and first sample; lead: transitions before the rollout begins; length: all transitions; block: (W,)
+    from 0, ascending; fold: (W,) which part of the recording must not be learnt from where a rollout judges, all 0
+    where what is held out is judged on.
     """
 
     places: tuple[tuple[int, int], ...]
+    lead: int
     length: int
     block: IntArray
     fold: IntArray
@@ -63,35 +68,37 @@ def _cut(
     question: Question, parts: Sequence[tuple[int, int, int]], settings: AttributionSettings
 ) -> RolloutWindows:
     """Evenly spread rollouts in stretches (episode, first, last sample)."""
-    length = _length(question, parts)
+    length, lead = _length(question, parts, settings)
     starts: list[tuple[int, int]] = []
     block: list[int] = []
     for episode, first, last in parts:
         own = range(first, last - length + 1, settings.stride)
         before = block[-1] + 1 if block else 0
         starts += [(episode, k) for k in own]
-        block += [before + (k - first) // length for k in own]
+        block += [before + (k - first) // (length - lead) for k in own]
     rows = evenly(len(starts), settings.most)
     _, blocks = np.unique(np.array([block[i] for i in rows], dtype=np.int64), return_inverse=True)
     places = tuple(starts[i] for i in rows)
     return RolloutWindows(
-        places, length, blocks.reshape(-1), np.zeros(len(places), np.int64), "held-out rollouts"
+        places, lead, length, blocks.reshape(-1), np.zeros(len(places), np.int64), "held-out rollouts"
     )
 
 
-def _length(question: Question, parts: Sequence[tuple[int, int, int]]) -> int:
-    """Transitions of a rollout: the horizon, or what most of the stretches' time allows."""
-    settings, rollouts = question.everything.run.settings, question.everything.run.settings.rollouts
-    usual = max(round(rollouts.horizon / question.recording.dt), settings.windows.length)
+def _length(
+    question: Question, parts: Sequence[tuple[int, int, int]], settings: AttributionSettings
+) -> tuple[int, int]:
+    """Transitions of a rollout with its lead, and of the lead: the horizon, or what most of the stretches allow."""
+    every = question.everything.run.settings
+    usual = max(round(every.rollouts.horizon / question.recording.dt), every.windows.length)
+    wanted = settings.lead + min(usual, every.rollouts.longest)
     spans = sorted(last - first for _, first, last in parts)
-    if not spans:
-        return 2
-    upper = spans[np.searchsorted(np.cumsum(spans), settings.attribution.short_part * sum(spans))]
-    return max(2, min(usual, rollouts.longest, int(upper)))
+    upper = spans[np.searchsorted(np.cumsum(spans), settings.short_part * sum(spans))] if spans else 0
+    length = max(2, min(wanted, int(upper)))
+    return length, min(settings.lead, length // 2)
 
 
 def _in_folds(found: RolloutWindows, settings: AttributionSettings) -> RolloutWindows:
     """The same in as many parts of neighbouring blocks as are to be left out in turn."""
     count = min(settings.folds, max(found.blocks, 1))
     fold = found.block * count // max(found.blocks, 1)
-    return RolloutWindows(found.places, found.length, found.block, fold, "cross-fitted rollouts")
+    return replace(found, fold=fold, judged_on="cross-fitted rollouts")

@@ -15,17 +15,20 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
 from gpsim.diagnosis.attribution.less import fits_without
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
-from gpsim.diagnosis.selection import Contenders
 from gpsim.diagnosis.setup import Question
 
 TINY = 1e-300  # guards a division by what windows do not know
 
 
-def supported(question: Question, contenders: Contenders) -> Contenders:
-    """The leader without those slight or gated terms that only a part of the recording supports."""
-    problem, leader, null = question.everything, contenders.leader, contenders.null
+def supported(question: Question, leader: Fit, null: Fit) -> Fit:
+    """The leader without terms that do harm, and without slight or gated ones that a part of the recording supports."""
+    problem = question.everything
     while leader.hypothesis.terms:
         found = attribute(question, leader, null)
+        harm = found.worst_harm(question.run.settings.support.harms)
+        if harm is not None:
+            leader = _without(problem, leader, null, harm, "held-out rollouts are better without it")
+            continue
         doubtful = [i for i in range(len(leader.hypothesis.terms)) if _doubtful(leader.hypothesis, found, i)]
         without = fits_without(problem, leader, null)
         calls = [(problem, leader, without[i], i) for i in doubtful]
@@ -37,11 +40,15 @@ def supported(question: Question, contenders: Contenders) -> Contenders:
         if not fails:
             break
         least = min(fails, key=lambda i: found.needed[i].share)
-        names = leader.hypothesis.names
-        less = without[least]
-        problem.run.trace.note(names, less.hypothesis.names, False, "one half alone supports it")
-        leader = less
-    return replace(contenders, leader=leader)
+        leader = _without(problem, leader, null, least, "one half alone supports it")
+    return leader
+
+
+def _without(problem: Problem, leader: Fit, null: Fit, index: int, why: str) -> Fit:
+    """The leader without a term, which is written down."""
+    less = fits_without(problem, leader, null)[index]
+    problem.run.trace.note(leader.hypothesis.names, less.hypothesis.names, False, why)
+    return less
 
 
 def _doubtful(hypothesis: Hypothesis, found: Attribution, index: int) -> bool:

@@ -37,17 +37,18 @@ class Judgement:
     structured: bool  # whether something is left over that chance would not make
 
 
-def judge(question: Question, contenders: Contenders, found: Found) -> Judgement:
+def judge(question: Question, contenders: Contenders, found: Found, settled: bool = False) -> Judgement:
     """What is to be said of the leader: its rivals, and what is left over. Nothing is added to it.
 
-    A rival may lead in its place, though: one that is simpler or, once held-out windows count, far likelier.
+    A rival may lead in its place, unless that is `settled`: one that is simpler or, once held-out windows count, far
+    likelier.
     """
     problem, leader, fits = question.everything, contenders.leader, list(contenders.tried)
     twins = behind_its_gates(problem, leader, fits)
     fits += [leader, *twins]
-    leader = simplest(problem, [leader, *twins])
+    leader = leader if settled else simplest(problem, [leader, *twins])
     rivals, probabilities, mending = rivals_of(question, leader, fits)
-    ahead = overtaking(problem, rivals, probabilities)
+    ahead = None if settled else overtaking(problem, rivals, probabilities)
     if ahead is not None:
         fits, leader = [*fits, leader], ahead
         rivals, probabilities, mending = rivals_of(question, leader, fits)

@@ -31,8 +31,8 @@ class AttributionSettings:
     draws: int = setting(400, "1", "of all blocks", least=1)
     low: float = setting(0.05, "1", "quantile of the draws that is an interval's lower end", "usual: 90 %")
     high: float = setting(0.95, "1", "quantile of the draws that is its upper end", "usual: 90 %")
-    start_windows: int = setting(
-        30, "windows", "that show how well states are known that nobody measured", least=1
+    lead: int = setting(
+        12, "transitions", "before a rollout, from which each account says where that begins", least=1
     )
     worst: float = setting(
         5.0, "standard deviations", "of a channel: an error that is larger counts as large as that"
@@ -70,7 +70,14 @@ class AttributionSettings:
 
 @dataclass(frozen=True)
 class SupportSettings:
-    """Whether a slight effect, or one behind a gate, holds in both halves of where it acts."""
+    """Whether a slight effect, or one behind a gate, holds in both halves of where it acts, and none does harm."""
+
+    harms: float = setting(
+        0.003,
+        "1",
+        "of the mismatch, that more is explained without an effect that does harm",
+        "as much as is needed",
+    )
 
     acts: float = setting(
         0.05, "1", "of the most that it changes in any window: it acts in windows where it changes more"
