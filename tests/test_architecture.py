@@ -26,6 +26,7 @@ LEVELS = [
     {"diagnosis"},
     {"diagnosis.assessment"},
     {"diagnosis.judgement"},
+    {"diagnosis.form"},
     {"diagnosis.selection"},
     {"diagnosis.setup"},
     {"diagnosis.fitting"},

@@ -1,0 +1,48 @@
+"""Settings of the free curves that laws are held against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpsim.diagnosis.settings.declare import check, setting
+
+
+@dataclass(frozen=True)
+class FormSettings:
+    """Whether a law holds: a free curve of its own inputs is fitted beside it and judged on held-out rollouts."""
+
+    approximate: float = setting(
+        0.1,
+        "1",
+        "of what a group of laws explains, that the low end of what a free curve explains more must exceed",
+        "a roboticist's tenth: below it the law is right to the accuracy at which sizes are read",
+    )
+    windows: int = setting(
+        240, "1", "windows, of the usual length, that a curve is fitted to", "as many as lack of fit", least=1
+    )
+    knots: int = setting(10, "1", "knots of a curve of one input, at quantiles of it", least=2)
+    knots_of_two: int = setting(5, "1", "knots along each input of a law that has two, as a vehicle's", least=2)
+    further_knots: int = setting(4, "1", "knots along the one further input that lack of fit names", least=2)
+    least_side: float = setting(
+        0.02, "1", "of all samples, that must move in a direction for friction to have a curve of its own there"
+    )
+    rounds: int = setting(3, "1", "times that a curve is fitted, each around the last", least=1)
+    blocks: int = setting(
+        8, "1", "blocks of neighbouring windows, each left out once to choose how smooth a curve is", least=2
+    )
+    smoothness: tuple[float, ...] = setting(
+        (-8.0, -6.0, -4.5, -3.0, -1.5, 0.0, 2.0),
+        "1",
+        "logarithms to base 10 of the weights of a curve's bends, in parts of what the data say",
+        least=-12.0,
+    )
+    shrinkage: tuple[float, ...] = setting(
+        (-6.0, -4.0, -2.0, 0.0, 3.0),
+        "1",
+        "logarithms to base 10 of the weights of a curve's distance from the law, in parts of what the data say",
+        least=-12.0,
+    )
+    points: int = setting(41, "1", "places at which a curve is drawn", least=2)
+
+    def __post_init__(self) -> None:
+        check(self, lists=("smoothness", "shrinkage"), shares=("least_side",))
