@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +10,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.effects import Values
+
+GRID = 2001  # places at which a law is looked at for jumps
+JUMP = 0.02  # of all that a law rises and falls: one step of that grid of a law without a jump is far less
+HALVINGS = 40  # of a step of the grid: down to rounding
+NEAR = 0.01  # of the range: two knots that are nearer do not help
 
 
 @dataclass(frozen=True)
@@ -102,18 +107,52 @@ def _between(x: FloatArray, knots: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def knots_of(visited: FloatArray, count: int) -> tuple[float, ...]:
-    """At most so many knots at quantiles of what was visited; fewer than two where it hardly moves."""
-    places = np.unique(np.quantile(visited, np.linspace(0, 1, count))) if len(visited) else np.empty(0)
-    if not len(places):
+    """At most so many knots over what was visited; fewer than two where it hardly moves."""
+    if not len(visited):
         return ()
+    places = _spread(visited, count)
     apart = np.diff(places, prepend=-np.inf) > 1e-6 * max(
         float(np.ptp(places)), 1e-300
     )  # rounding is no place
     return tuple(float(x) for x in places[apart])
 
 
+def with_jumps(knots: tuple[float, ...], jumps: Sequence[float]) -> tuple[float, ...]:
+    """The knots, and two at every jump inside; one that stands very near makes room."""
+    out = list(knots)
+    near = NEAR * (knots[-1] - knots[0])
+    for jump in jumps:
+        if knots[0] + near < jump < knots[-1] - near:
+            out = [k for k in out if abs(k - jump) > near or k in (knots[0], knots[-1])] + [jump, jump]
+    return tuple(sorted(out))
+
+
+def jumps_of(law: Callable[[FloatArray], FloatArray], low: float, high: float) -> list[float]:
+    """Where a law of one input jumps between low and high: found on an even grid, then halved down to a point."""
+    x = np.linspace(low, high, GRID)
+    steps = np.abs(np.diff(law(x)))
+    places = np.flatnonzero(steps > JUMP * max(float(steps.sum()), 1e-300))
+    out = []
+    for left, right in zip(x[places], x[places + 1], strict=True):
+        for _ in range(HALVINGS):
+            middle = 0.5 * (left + right)
+            ends = law(np.array([left, middle, right]))
+            left, right = (
+                (left, middle) if abs(ends[1] - ends[0]) > abs(ends[2] - ends[1]) else (middle, right)
+            )
+        out.append(float(right))
+    return out
+
+
+def _spread(visited: FloatArray, count: int) -> FloatArray:
+    """Places halfway between quantiles and even ones: close where there are many samples, not too far in the tails."""
+    shares = np.linspace(0, 1, count)
+    low, high = visited.min(), visited.max()
+    return np.unique(0.5 * (np.quantile(visited, shares) + low + shares * (high - low)))
+
+
 def speed_knots(visited: FloatArray, count: int) -> tuple[float, ...]:
-    """Knots at quantiles of a speed, and at 0, which friction knows."""
+    """Knots over a speed, and at 0, which friction knows."""
     knots = knots_of(visited, count)
     if len(knots) < 2 or not knots[0] < 0.0 < knots[-1]:
         return knots
@@ -128,6 +167,6 @@ def two_sided_knots(visited: FloatArray, count: int, least_side: float) -> tuple
     for sign in (-1.0, 1.0):
         side = np.abs(visited[sign * visited > 0])
         if len(side) > max(least_side * len(visited), 2):
-            places = np.quantile(side, np.linspace(0, 1, count // 2)[1:])
-            out += [float(sign * x) for x in np.unique(places)] + [0.0]
+            places = _spread(np.append(side, 0.0), count // 2 + 1)
+            out += [float(sign * x) for x in places[1:]] + [0.0]
     return tuple(sorted(out))

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import norm
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.form.basis import Basis
 from gpsim.diagnosis.form.groups import Group
-from gpsim.diagnosis.form.penalised import Curved
+from gpsim.diagnosis.form.penalised import BAND, Curved
 from gpsim.diagnosis.form.visited import of_law, twists, visited
 from gpsim.diagnosis.form.widened import Widened
 from gpsim.diagnosis.report import Curve
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.simulators import Simulator
 
-BAND = float(norm.ppf(0.95))  # standard deviations: a 90 % band
 BESIDE = 1e-6  # of the range: a jump at 0 is drawn from there to there
 EDGE = 0.005  # of all samples on either side, beyond which nothing is drawn
 
@@ -105,6 +103,7 @@ def _curve(
     design = basis.design(inputs)
     free = law + sign * (design @ fitted.theta[curve.free])
     sd = np.sqrt(np.maximum(np.einsum("nf,fg,ng->n", design, fitted.covariance, design), 0.0))
+    known = bool(np.isfinite(sd).all())
     return Curve(
         effects=claims,
         quantity=quantity,
@@ -114,8 +113,8 @@ def _curve(
         at=_numbers(x),
         law=_numbers(law),
         free=_numbers(free),
-        low=_numbers(free - BAND * sd),
-        high=_numbers(free + BAND * sd),
+        low=_numbers(free - BAND * sd) if known else (),
+        high=_numbers(free + BAND * sd) if known else (),
         given=given,
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.form.drawn import drawn, drawn_missing
 from gpsim.diagnosis.form.groups import Group, further_input
-from gpsim.diagnosis.form.penalised import penalised
+from gpsim.diagnosis.form.penalised import Departure, departure, penalised
 from gpsim.diagnosis.form.widened import missing, widened
 from gpsim.diagnosis.report import Curve
 from gpsim.diagnosis.selection import LackOfFit
@@ -20,13 +20,15 @@ class FreeCurve:
     """A fitted curve.
 
     hypothesis: the explanation with the curve in the place of the group's laws, all else fitted along; it is simulated
-    like any other. group: None of what is missing. further: the other input that the curve depends on.
+    like any other. group: None of what is missing. further: the other input that the curve depends on. departure: how
+    far it is from the laws.
     """
 
     hypothesis: Hypothesis
     curve: Curve
     group: Group | None = None
     further: str | None = None
+    departure: Departure | None = None
 
 
 def free_curves(
@@ -51,7 +53,8 @@ def free_curve(problem: Problem, leader: Fit, group: Group, further: str | None 
         return None
     fitted = penalised(some, part, curve)
     shown = drawn(some, leader.hypothesis, group, curve, fitted)
-    return FreeCurve(curve.hypothesis.having(fitted.theta).frozen(), shown, group, curve.further)
+    made = curve.hypothesis.having(fitted.theta).frozen()
+    return FreeCurve(made, shown, group, curve.further, departure(curve, fitted))
 
 
 def missing_curve(problem: Problem, leader: Fit, lack: LackOfFit) -> FreeCurve | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Hypothesis, Problem
-from gpsim.diagnosis.form.basis import Basis, knots_of, speed_knots, two_sided_knots
+from gpsim.diagnosis.form.basis import Basis, jumps_of, knots_of, speed_knots, two_sided_knots, with_jumps
 from gpsim.diagnosis.form.groups import Group
 from gpsim.diagnosis.form.laws import (
     FREE,
@@ -36,8 +36,8 @@ TINY = 1e-9  # of a size: a law that does nothing has none
 class Widened:
     """A hypothesis whose last parameters are a curve's coefficients.
 
-    basis: over (the further input, if there is one, and then) the curve's own; scale: the law's size; design: (N, F)
-    what each coefficient counts at every visited transition; given: further inputs, held at a value where it is drawn.
+    basis: over (the further input, if there is one, and then) the curve's own; scale: [its unit] root mean square of
+    what the laws do, at every visited transition; design: (N, F) what each coefficient counts there.
     """
 
     hypothesis: Hypothesis
@@ -66,21 +66,21 @@ def widened(
 
     The laws stay as they are and the curve is their deviation: at 0 it is they. All other parameters stay free.
     """
-    axes, inputs = _own_axes(problem, group)
-    if any(len(axis) < 2 for axis in axes):
-        return None
     if group.of == "twist":  # it has two inputs already
         further = None
+    axes, inputs = _own_axes(problem, hypothesis, group, product=further is not None)
+    if any(len(axis) < 2 for axis in axes):
+        return None
     if further is not None:
         along = knots_of(visited(problem, further), problem.run.settings.form.further_knots)
         if len(along) < 2:
             return None
         axes, inputs = [along, *axes], [visited(problem, further), *inputs]
     basis = Basis(tuple(axes))
-    law = of_law(problem, hypothesis, group, tuple(inputs[-1:] if group.of != "twist" else inputs))
-    before = inputs[-1] if group.of in ("command", "reading") else np.zeros(len(law))
-    size = float(np.sqrt(np.mean(law**2))) or float(np.sqrt(np.mean(before**2)))
-    scale = max(size, TINY)
+    own = tuple(inputs if group.of == "twist" else inputs[-1:])
+    law = of_law(problem, hypothesis, group, own)
+    does = law - own[-1] if _turns_into_another(group) else law
+    scale = max(float(np.sqrt(np.mean(does**2))), TINY)
     build = _SITES[group.site]
     return Widened(
         build(problem, hypothesis, group, basis, scale, further), basis, scale, basis.design(inputs), further
@@ -93,7 +93,7 @@ def missing(problem: Problem, hypothesis: Hypothesis, lack: LackOfFit) -> Widene
     channels, rate = simulator.state + simulator.action, simulator.rate.index(lack.rate)
     names = tuple(dict.fromkeys(lack.on))[::-1]  # the first of them is drawn: the last axis
     inputs = [visited(problem, name) for name in names]
-    counts = [settings.knots] if len(names) == 1 else [settings.further_knots, settings.knots]
+    counts = [settings.knots] if len(names) == 1 else [settings.further_knots, settings.knots_of_product]
     axes = tuple(knots_of(x, count) for x, count in zip(inputs, counts, strict=True))
     if any(len(axis) < 2 for axis in axes):
         return None
@@ -106,22 +106,28 @@ def missing(problem: Problem, hypothesis: Hypothesis, lack: LackOfFit) -> Widene
     return Widened(made, basis, scale, basis.design(inputs), names[0] if len(names) > 1 else None)
 
 
-def _own_axes(problem: Problem, group: Group) -> tuple[list[tuple[float, ...]], list[FloatArray]]:
-    """Knots along each of a law's own inputs, and what was visited of them."""
+def _turns_into_another(group: Group) -> bool:
+    """Whether its laws make another one of their last input, which they leave as it is where they do nothing."""
+    return group.of in ("command", "reading") or group.changes == FreeTurn.changes
+
+
+def _own_axes(
+    problem: Problem, hypothesis: Hypothesis, group: Group, *, product: bool
+) -> tuple[list[tuple[float, ...]], list[FloatArray]]:
+    """Knots along each of a law's own inputs, and what was visited of them; of a product fewer."""
     settings = problem.run.settings.form
     if group.of == "twist":
         inputs = list(twists(problem).T)
         return [knots_of(x, settings.knots_of_two) for x in inputs], inputs
     (name,) = group.inputs(problem.simulator)
-    x = visited(problem, name)
+    x, count = visited(problem, name), settings.knots_of_product if product else settings.knots
     if group.of == "speed":
-        knots = (
-            two_sided_knots(x, settings.knots, settings.least_side)
-            if group.dry
-            else speed_knots(x, settings.knots)
-        )
+        return [two_sided_knots(x, count, settings.least_side) if group.dry else speed_knots(x, count)], [x]
+    knots = knots_of(x, count)
+    if len(knots) < 2:
         return [knots], [x]
-    return [knots_of(x, settings.knots)], [x]
+    jumps = jumps_of(lambda at: of_law(problem, hypothesis, group, (at,)), knots[0], knots[-1])
+    return [with_jumps(knots, jumps)], [x]
 
 
 def _with_force(
