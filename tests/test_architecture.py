@@ -26,7 +26,7 @@ LEVELS = [
     {"diagnosis"},
     {"diagnosis.assessment"},
     {"diagnosis.judgement"},
-    {"diagnosis.attribution"},
+    {"diagnosis.attribution", "diagnosis.form"},
     {"diagnosis.selection"},
     {"diagnosis.setup"},
     {"diagnosis.fitting"},

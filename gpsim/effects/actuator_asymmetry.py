@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -19,6 +19,7 @@ class ActuatorAsymmetry(ActuatorEffect):
     """Asymmetry: g+ u for u > 0, g- u for u < 0."""
 
     family: ClassVar[str] = "actuator_asymmetry"
+    function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 50
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -18,6 +18,7 @@ class ActuatorBacklash(ActuatorEffect):
     """Backlash: the play operator; the output moves only when the input pushes against an end of the gap."""
 
     family: ClassVar[str] = "actuator_backlash"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 80
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

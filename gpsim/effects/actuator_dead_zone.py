@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -20,6 +20,7 @@ class ActuatorDeadZone(ActuatorEffect):
     """A dead zone: commands smaller than the width do nothing, larger ones act in full."""
 
     family: ClassVar[str] = "actuator_dead_zone"
+    function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 20
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.effects.elapsed import even, last_at_most
 from gpsim.simulators import Memory
 
@@ -22,6 +22,7 @@ class ActuatorDelay(ActuatorEffect):
     """A delay: the simulator gets u(t - T), averaged over a substep."""
 
     family: ClassVar[str] = "actuator_delay"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.simulators import Memory
 
 FORGOTTEN = 17.0  # time constants
@@ -20,6 +20,7 @@ class ActuatorLag(ActuatorEffect):
     """A first-order lag: T u_a' = u - u_a, exact for a command held over the substep."""
 
     family: ClassVar[str] = "actuator_lag"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 95
     holds: ClassVar[bool] = False
 

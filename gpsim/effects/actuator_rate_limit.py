@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -19,6 +19,7 @@ class ActuatorRateLimit(ActuatorEffect):
     """A rate limit: |u_a'| <= r."""
 
     family: ClassVar[str] = "actuator_rate_limit"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 90
     holds: ClassVar[bool] = False
 

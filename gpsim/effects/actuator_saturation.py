@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -19,6 +19,7 @@ class ActuatorSaturation(ActuatorEffect):
     """Saturation: the simulator gets u clipped to [-limit, limit]."""
 
     family: ClassVar[str] = "actuator_saturation"
+    function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 30
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -14,6 +14,7 @@ from gpsim.effects.commands import Grid, blended, on_its_way
 from gpsim.effects.effect import (
     ActuatorEffect,
     ParameterEffect,
+    RateEffect,
     Values,
     VehicleEffect,
     longest_delay,
@@ -196,7 +197,7 @@ class Chain:
 
     def _held(self, rates: RateFunction, state: FloatArray) -> RateFunction:
         """The rates in any state, found once where they are the same in all."""
-        if self._forces or not self.simulator.kinematic:
+        if self._forces or self._rate_terms or not self.simulator.kinematic:
             return rates
         held = rates(state)
         return lambda at: held
@@ -222,6 +223,10 @@ class Chain:
     def _vehicle_terms(self) -> list[tuple[int, VehicleEffect]]:
         found = [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, VehicleEffect)]
         return sorted(found, key=lambda item: item[1].order)
+
+    @cached_property
+    def _rate_terms(self) -> list[tuple[int, RateEffect]]:
+        return [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, RateEffect)]
 
     @cached_property
     def _twist_columns(self) -> tuple[int, int, int]:
@@ -294,7 +299,12 @@ class Chain:
             rates = self._forces.rates(Instant(state, action, parameters, shares, substep), values)
         else:
             rates = self.simulator.rates(state, action, parameters)
-        return self._twisted(rates, values, shares) if self._vehicle_terms else rates
+        if self._vehicle_terms:
+            rates = self._twisted(rates, values, shares)
+        for i, effect in self._rate_terms:
+            added = effect.added(self.simulator, state, action, parameters, values[i])
+            rates = rates + (added * shares[i][:, None] if i in shares else added)
+        return rates
 
     def _twisted(
         self, rates: FloatArray, values: Sequence[Values], shares: Mapping[int, FloatArray]

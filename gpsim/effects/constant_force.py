@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class ConstantForce(ForceEffect):
     """A constant force: F0, as a tilted track or a steady wind makes it."""
 
     family: ClassVar[str] = "constant_force"
+    function_of: ClassVar[FunctionOf] = "position"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force [the coordinate's]."""

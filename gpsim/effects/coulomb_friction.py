@@ -11,13 +11,14 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class CoulombFriction(ForceEffect):
     """Coulomb friction: -Fc sgn(q'), holding a body at rest up to Fc; Fc = mu N where the normal force N is known."""
 
     family: ClassVar[str] = "coulomb_friction"
+    function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Coulomb friction"
     variants: ClassVar[tuple[str, ...]] = ("", "coefficient")
 

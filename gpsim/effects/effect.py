@@ -17,7 +17,10 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.simulators import Memory, Simulator
 
-Site = Literal["actuator", "force", "parameter", "vehicle", "sensor"]
+Site = Literal["actuator", "force", "parameter", "vehicle", "rate", "sensor"]
+FunctionOf = Literal["speed", "position", "command", "twist", "reading", "nothing"]
+"""What a law without memory is a function of: its coordinate's speed or position, the command, a vehicle's twist, what
+a sensor reads; "nothing" of which a curve could be drawn: it remembers, ages, is a number, or moves a whole pose."""
 Values = Mapping[str, FloatArray]
 """Parameter values by name, (B,) each."""
 VEHICLE = ("v", "v_lateral", "w")
@@ -84,10 +87,12 @@ class Effect(ABC):
     """One family. Subclasses choose a site's base class and write the law.
 
     What a search or a plant has to know of a family beside its law, the family says in class attributes, so that nobody
-    has to know it by name: whether it `drifts`, and which family it is a patch of (`patch_of`).
+    has to know it by name: what its law is a `function_of` (every family must say it), whether it `drifts`, and which
+    family it is a patch of (`patch_of`).
     """
 
     family: ClassVar[str]
+    function_of: ClassVar[FunctionOf]
     noun: ClassVar[str] = ""  # what people call it, where that is not the family's name with spaces
     site: ClassVar[Site]
     variants: ClassVar[tuple[str, ...]] = ("",)
@@ -208,9 +213,10 @@ class ParameterEffect(Effect):
 
 
 class VehicleEffect(Effect):
-    """What becomes of a vehicle's twist (v, v_lateral, w)."""
+    """What becomes of a vehicle's twist (v, v_lateral, w); `changes` names the one of them that it changes."""
 
     site: ClassVar[Site] = "vehicle"
+    changes: ClassVar[str] = "w"
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Simulators whose rates are a twist."""
@@ -221,6 +227,28 @@ class VehicleEffect(Effect):
         self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The twist that the vehicle makes of it."""
+
+
+class RateEffect(Effect):
+    """What is added to the rates. No family is one: it is for what has no name."""
+
+    site: ClassVar[Site] = "rate"
+    function_of: ClassVar[FunctionOf] = "nothing"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every rate."""
+        return simulator.rate.names
+
+    @abstractmethod
+    def added(
+        self,
+        simulator: Simulator,
+        state: FloatArray,
+        action: FloatArray,
+        parameters: Mapping[str, float | FloatArray],
+        values: Values,
+    ) -> FloatArray:
+        """(B, R) what comes to the rates in state (B, S) under the command (B, A) that reached the simulator."""
 
 
 class SensorEffect(Effect):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, PoseEffect, Values, changed
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, PoseEffect, Values, changed
 from gpsim.simulators import Memory
 
 
@@ -17,6 +17,7 @@ class FrameRotation(PoseEffect):
     """A frame turned against the vehicle's: yaw + psi."""
 
     family: ClassVar[str] = "frame_rotation"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 30
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

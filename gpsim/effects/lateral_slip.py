@@ -9,14 +9,16 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
 
 
 class LateralSlip(VehicleEffect):
     """Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration."""
 
     family: ClassVar[str] = "lateral_slip"
+    function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 40
+    changes: ClassVar[str] = "v_lateral"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Slip [s]."""

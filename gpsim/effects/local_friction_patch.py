@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class LocalFrictionPatch(ForceEffect):
     """A friction patch: Coulomb friction on an interval of q only (a dirty or bent piece of the track)."""
 
     family: ClassVar[str] = "local_friction_patch"
+    function_of: ClassVar[FunctionOf] = "position"
     needs_region: ClassVar[bool] = True
     patch_of: ClassVar[str | None] = "coulomb_friction"
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, PoseEffect, Values, changed
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, PoseEffect, Values, changed
 from gpsim.simulators import Memory
 
 
@@ -19,6 +19,7 @@ class MarkerOffset(PoseEffect):
     """A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
 
     family: ClassVar[str] = "marker_offset"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 20
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -11,13 +11,14 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
 
 
 class MinimumTurningRadius(VehicleEffect):
     """A minimum turning radius: |w| <= |v| / R, as a steering angle that ends makes it."""
 
     family: ClassVar[str] = "minimum_turning_radius"
+    function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 10
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -10,13 +10,14 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ParameterEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, FunctionOf, ParameterEffect, Place, Values
 
 
 class ParameterOffset(ParameterEffect):
     """p = ratio * p_believed."""
 
     family: ClassVar[str] = "parameter_offset"
+    function_of: ClassVar[FunctionOf] = "nothing"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Ratio [1]."""

@@ -7,13 +7,14 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class QuadraticDrag(ForceEffect):
     """Quadratic drag: -c |q'| q'. Rayleigh's drag of a blunt body in a fluid (Batchelor 1967, section 5.11)."""
 
     family: ClassVar[str] = "quadratic_drag"
+    function_of: ClassVar[FunctionOf] = "speed"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Drag [force per squared speed]."""

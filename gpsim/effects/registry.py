@@ -36,11 +36,13 @@ from gpsim.errors import UsageError
 
 
 def register(effects: Sequence[Effect]) -> Mapping[str, Effect]:
-    """Family -> effect, in order; a family that is registered twice is an error."""
+    """Family -> effect, in order; one that is registered twice, or does not say what its law is of, is an error."""
     out: dict[str, Effect] = {}
     for effect in effects:
         if effect.family in out:
             raise ValueError(f"the family '{effect.family}' is registered twice")
+        if not hasattr(effect, "function_of"):
+            raise ValueError(f"the family '{effect.family}' does not say what its law is a function_of")
         out[effect.family] = effect
     return out
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, SensorEffect, Values, changed
 from gpsim.simulators import Memory
 
 
@@ -16,6 +16,7 @@ class SensorBias(SensorEffect):
     """A sensor bias: y + o."""
 
     family: ClassVar[str] = "sensor_bias"
+    function_of: ClassVar[FunctionOf] = "reading"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Offset [the channel's]."""

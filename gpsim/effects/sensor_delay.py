@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.effects.effect import EffectParameter, Place, SensorEffect, Values, changed
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, SensorEffect, Values, changed
 from gpsim.simulators import Memory
 
 CLOSE = (
@@ -24,6 +24,7 @@ class SensorDelay(SensorEffect):
     """A sensor delay: y(t - T)."""
 
     family: ClassVar[str] = "sensor_delay"
+    function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

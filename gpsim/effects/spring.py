@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class Spring(ForceEffect):
     """A spring: -k (q - q0). Hooke's law (1678)."""
 
     family: ClassVar[str] = "spring"
+    function_of: ClassVar[FunctionOf] = "position"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Stiffness [force per displacement] and rest_position; fitted where it rests within reach."""

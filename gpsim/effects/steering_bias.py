@@ -8,13 +8,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
 
 
 class SteeringBias(VehicleEffect):
     """A steering bias: w + kappa v, as a wheel that points aside makes it."""
 
     family: ClassVar[str] = "steering_bias"
+    function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 30
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

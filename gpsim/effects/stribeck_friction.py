@@ -11,13 +11,14 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class StribeckFriction(ForceEffect):
     """Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q')."""
 
     family: ClassVar[str] = "stribeck_friction"
+    function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Stribeck friction"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -7,13 +7,14 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, Place, Values, VehicleEffect
+from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
 
 
 class Understeer(VehicleEffect):
     """Understeer: w / (1 + K v^2). Gillespie (1992), Fundamentals of Vehicle Dynamics, chapter 6."""
 
     family: ClassVar[str] = "understeer"
+    function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 20
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

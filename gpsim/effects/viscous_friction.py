@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, Place, Values
+from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
 
 
 class ViscousFriction(ForceEffect):
     """Viscous friction: -b q'. Stokes' law; Armstrong-Helouvry et al. (1994), section 2."""
 
     family: ClassVar[str] = "viscous_friction"
+    function_of: ClassVar[FunctionOf] = "speed"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Damping [force per speed]."""

@@ -16,7 +16,7 @@ from gpsim.diagnosis.fitting.evidence import (
     scores,
     whiteness,
 )
-from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
+from gpsim.diagnosis.fitting.gauss_newton import Step, damped_step, jacobians, projected
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
@@ -33,12 +33,14 @@ __all__ = [
     "Hypothesis",
     "Order",
     "Problem",
+    "Step",
     "as_it_was",
     "autocorrelation",
     "channel_objectives",
     "child_of",
     "correlation_time",
     "curvature",
+    "damped_step",
     "enough_substeps",
     "fit",
     "fit_all",

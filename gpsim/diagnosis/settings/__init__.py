@@ -22,6 +22,7 @@ from gpsim.diagnosis.settings.fitting import (
     SensorInversionSettings,
     ShootingSettings,
 )
+from gpsim.diagnosis.settings.form import FormSettings
 from gpsim.diagnosis.settings.gates import GateSettings
 from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
@@ -47,6 +48,7 @@ __all__ = [
     "DiscretisationSettings",
     "EvidenceSettings",
     "ExperimentDesignSettings",
+    "FormSettings",
     "GateSettings",
     "IntervalSettings",
     "LackOfFitSettings",

@@ -30,6 +30,7 @@ from gpsim.diagnosis.settings.fitting import (
     SensorInversionSettings,
     ShootingSettings,
 )
+from gpsim.diagnosis.settings.form import FormSettings
 from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
 from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.refit import PruningSettings, RefitSettings
@@ -91,6 +92,7 @@ class Settings:
     support: SupportSettings = field(default_factory=SupportSettings)
     rivals: RivalSettings = field(default_factory=RivalSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
+    form: FormSettings = field(default_factory=FormSettings)
     comparison: ComparisonSettings = field(default_factory=ComparisonSettings)
     rollouts: RolloutSettings = field(default_factory=RolloutSettings)
     bootstrap: BootstrapSettings = field(default_factory=BootstrapSettings)

@@ -1,0 +1,74 @@
+"""Settings of the free curves that laws are held against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpsim.diagnosis.settings.declare import check, setting
+
+
+@dataclass(frozen=True)
+class FormSettings:
+    """Whether a law holds: a free curve of its own inputs is fitted beside it and judged on held-out rollouts."""
+
+    approximate: float = setting(
+        0.1,
+        "1",
+        "of what a group of laws explains, that the low end of what a free curve explains more must exceed",
+        "a roboticist's tenth: below it the law is right to the accuracy at which sizes are read",
+    )
+    departs: float = setting(
+        0.2,
+        "1",
+        "of what a group of laws does, in root mean square, that the low end of the curve's difference from it must "
+        "exceed, where the curve surely explains more",
+        "friction without its Stribeck part is off by 0.44 and explains 94 %; laws that are right: less than 0.01",
+    )
+    windows: int = setting(
+        240, "1", "windows, of the usual length, that a curve is fitted to", "as many as lack of fit", least=1
+    )
+    knots: int = setting(
+        16,
+        "1",
+        "knots of a curve of one input",
+        "of 10, 14, 16 and 18 the fewest with which cubic springs and root-shaped friction come out within 2 %",
+        least=2,
+    )
+    knots_of_two: int = setting(
+        5, "1", "knots along each input of a law that has two, as a vehicle's", least=2
+    )
+    knots_of_product: int = setting(
+        9, "1", "knots of a curve of one input that a further one multiplies", least=2
+    )
+    further_knots: int = setting(4, "1", "knots along the one further input that lack of fit names", least=2)
+    least_side: float = setting(
+        0.02,
+        "1",
+        "of all samples, that must move in a direction for friction to have a curve of its own there",
+    )
+    rounds: int = setting(
+        5,
+        "1",
+        "times that a curve is fitted, each around the last",
+        "by hand: smooth laws need one or two, friction that sticks is no line and needs more",
+        least=1,
+    )
+    blocks: int = setting(
+        8, "1", "blocks of neighbouring windows, each left out once to choose how smooth a curve is", least=2
+    )
+    smoothness: tuple[float, ...] = setting(
+        (-8.0, -6.0, -4.5, -3.0, -1.5, 0.0, 2.0),
+        "1",
+        "logarithms to base 10 of the weights of a curve's bends, in parts of what the data say",
+        least=-12.0,
+    )
+    shrinkage: tuple[float, ...] = setting(
+        (-6.0, -4.0, -2.0, 0.0, 3.0),
+        "1",
+        "logarithms to base 10 of the weights of a curve's distance from the law, in parts of what the data say",
+        least=-12.0,
+    )
+    points: int = setting(41, "1", "places at which a curve is drawn", least=2)
+
+    def __post_init__(self) -> None:
+        check(self, lists=("smoothness", "shrinkage"), shares=("least_side",))
