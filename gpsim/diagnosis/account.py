@@ -12,12 +12,12 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import Comparison, depends_on, intervals, locate, tell_apart
 from gpsim.diagnosis.attribution import Attribution, fits_without
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, gain
-from gpsim.diagnosis.judgement import Judgement, odds_against
+from gpsim.diagnosis.judgement import Judgement, Laws, odds_against
 from gpsim.diagnosis.report import (
     Alternative,
+    Curve,
     Diagnosis,
     Estimate,
-    Form,
     HeldOutFit,
     MissingLaw,
     NamedEffect,
@@ -34,13 +34,13 @@ AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 
 @dataclass(frozen=True)
 class Answer:
-    """What may be said: the verdict, the judgement it is about, what that is worth, whether each term's law holds."""
+    """What may be said: the verdict, the judgement it is about, what that is worth, whether its laws hold."""
 
     verdict: Verdict
     judgement: Judgement
     attribution: Attribution
     comparison: Comparison
-    forms: tuple[Form, ...]
+    laws: Laws
 
 
 def account(question: Question, answer: Answer) -> Diagnosis:
@@ -66,6 +66,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         thinned=question.thinned,
         not_measured=tuple(question.hidden),
         explained=replace(attribution.explained, one_step=comparison.shares),
+        curves=answer.laws.curves,
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
     ).settled()
 
@@ -73,7 +74,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
 def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
     """The effects with what they are worth."""
     worth = answer.attribution
-    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.forms, strict=True)
+    parts = zip(effects, worth.importance, worth.needed, worth.roles, answer.laws.forms, strict=True)
     return tuple(
         replace(effect, importance=importance, needed=needed, role=role, form=form)
         for effect, importance, needed, role, form in parts
@@ -88,14 +89,14 @@ def _remainder(problem: Problem, answer: Answer) -> Remainder:
         judgement.structured,
         tuple(_remaining(problem, comparison)) if judgement.structured else (),
         judgement.p_value,
-        _missing_law(judgement),
+        _missing_law(judgement, answer.laws.missing),
         _gp(comparison, judgement.leader),
         None if answer.verdict == "none" else 1.0 - answer.attribution.share.share,
         lack.rate if lack is not None and lack.significant else least,
     )
 
 
-def _missing_law(judgement: Judgement) -> MissingLaw | None:
+def _missing_law(judgement: Judgement, curve: Curve | None) -> MissingLaw | None:
     """Which smooth law of which rate would explain more, whether chance could have done it."""
     lack = judgement.lack
     if lack is None:
@@ -106,6 +107,7 @@ def _missing_law(judgement: Judgement) -> MissingLaw | None:
         memory=lack.memory,
         nats=round(lack.nats, 2),
         p_value=lack.p_value,
+        curve=curve,
     )
 
 

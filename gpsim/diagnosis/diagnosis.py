@@ -13,8 +13,8 @@ from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare
 from gpsim.diagnosis.attribution import Attribution, attribute, supported
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, verdict_of, withheld
-from gpsim.diagnosis.report import Diagnosis, Form
+from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, laws_of, verdict_of, withheld
+from gpsim.diagnosis.report import Diagnosis
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import Note, beam_search, prune_on_held_out, refine_grid, refit, stepwise
 from gpsim.diagnosis.setup import Question, offers_of, prepare
@@ -97,14 +97,15 @@ def _answer(
     settings = question.run.settings
     partial = attribution.share.share < settings.verdict.nearly_all
     comparison = compare(question, judgement, offers, rng, attribution.noise, partial)
-    terms = judgement.leader.hypothesis.terms
-    if terms and not beats_the_base(attribution, comparison.one_step.values(), settings):
-        judgement, terms = withheld(question, judgement), ()
+    if judgement.leader.hypothesis.terms and not beats_the_base(
+        attribution, comparison.one_step.values(), settings
+    ):
+        judgement = withheld(question, judgement)
         attribution = attribute(question, judgement.leader, judgement.null)
         comparison = compare(question, judgement, offers, rng, attribution.noise, partial=True)
-    forms: tuple[Form, ...] = tuple("untested" for _ in terms)
-    verdict = verdict_of(judgement, attribution, forms, settings)
-    return Answer(verdict, judgement, attribution, comparison, forms)
+    laws = laws_of(question, judgement, attribution)
+    verdict = verdict_of(judgement, attribution, laws.forms, settings)
+    return Answer(verdict, judgement, attribution, comparison, laws)
 
 
 def _scheme(recording: Recording) -> Scheme:

@@ -1,7 +1,17 @@
 """Judgement: the leader, its rivals, what is left over, the verdict and the odds."""
 
 from gpsim.diagnosis.judgement.judgement import Judgement, judge, withheld
+from gpsim.diagnosis.judgement.laws import Laws, laws_of
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
 
-__all__ = ["Judgement", "beats_the_base", "judge", "odds_against", "verdict_of", "withheld"]
+__all__ = [
+    "Judgement",
+    "Laws",
+    "beats_the_base",
+    "judge",
+    "laws_of",
+    "odds_against",
+    "verdict_of",
+    "withheld",
+]

@@ -1,0 +1,69 @@
+"""Laws: whether those of the claims hold against free curves of their own inputs, on what the account is judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
+from gpsim.diagnosis.judgement.judgement import Judgement
+from gpsim.diagnosis.report import Curve, Form, Share
+from gpsim.diagnosis.setup import Question
+
+
+@dataclass(frozen=True)
+class Laws:
+    """forms: whether each of the leader's laws holds, those of slight effects untested; curves: drawn beside them.
+
+    missing: what nothing that is named accounts for, as a curve, where that has a shape.
+    """
+
+    forms: tuple[Form, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    missing: Curve | None = None
+
+
+def laws_of(question: Question, judgement: Judgement, attribution: Attribution) -> Laws:
+    """Every group of headline laws beside a curve in its place; what is missing beside them all."""
+    problem, leader = question.everything, judgement.leader
+    lack = judgement.lack if judgement.lack is not None and judgement.lack.significant else None
+    missing = None if lack is None else missing_curve(problem, leader, lack)
+    if not leader.hypothesis.terms:
+        return Laws(missing=None if missing is None else missing.curve)
+    claims = [i for i, role in enumerate(attribution.roles) if role == "headline"]
+    groups = groups_of(leader.hypothesis, among=claims)
+    curves = free_curves(problem, leader, groups, lack)
+    known = [curve for curve in [*curves, missing] if curve is not None]
+    gains = dict(zip(map(id, known), _gains(judgement, attribution, known), strict=True))
+    found = forms(
+        groups,
+        [None if curve is None else gains[id(curve)] for curve in curves],
+        [None if curve is None else curve.departure for curve in curves],
+        {i: part.share for i, part in enumerate(attribution.importance)},
+        problem.run.settings.form,
+        None if missing is None else gains[id(missing)],
+    )
+    every = tuple(found.get(i, "untested") for i in range(len(leader.hypothesis.terms)))
+    shown = tuple(replace(c.curve, gain=gains[id(c)]) for c in curves if c is not None)
+    beside = None if missing is None else replace(missing.curve, gain=gains[id(missing)])
+    return Laws(_patched(question, judgement, groups, every), shown, beside)
+
+
+def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> list[Share]:
+    """How much more of the mismatch each explains than the laws do, on the same draws."""
+    if not curves:
+        return []
+    judge, leader = attribution.judge, judgement.leader.hypothesis
+    own, *others = judge.squares([[leader], *([curve.hypothesis] for curve in curves)])
+    worth = judge.mismatch.overall(own)
+    return [judge.mismatch.share(judge.mismatch.overall(other) - worth) for other in others]
+
+
+def _patched(
+    question: Question, judgement: Judgement, groups: list[Group], found: tuple[Form, ...]
+) -> tuple[Form, ...]:
+    """A claim that is put together of several laws' pieces is one of which none is known."""
+    if not judgement.leader.hypothesis.is_patchwork(question.run.settings.patchwork):
+        return found
+    claims = {i for group in groups for i in group.terms}
+    return tuple("approximate" if i in claims else form for i, form in enumerate(found))
