@@ -172,7 +172,7 @@ def ambiguous() -> Diagnosis:
 def partial() -> Diagnosis:
     return _base(
         verdict="partial",
-        effects=(friction(), viscous(), stribeck(), gain()),
+        effects=(friction(importance=share(0.66)), viscous(), stribeck(), gain(importance=share(0.001))),
         location=made_location(
             channels={"x_acc": 0.93, "theta_acc": 0.41}, depends_on=("x_dot", "force"),
             concentrated=Concentration("x_acc", "x", "inside", (-1.1, -0.4), 0.93, 0.2),

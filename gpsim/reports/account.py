@@ -47,6 +47,16 @@ class Fit:
     changes: tuple[Change, ...]
     missing: str = ""
 
+    @property
+    def corrected(self) -> bool:
+        """Whether there is anything after."""
+        return any(change.after is not None for change in self.changes)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the noise is known of any."""
+        return any(change.noise is not None for change in self.changes)
+
 
 @dataclass(frozen=True)
 class Account:

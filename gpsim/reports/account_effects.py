@@ -19,13 +19,14 @@ LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "approximately", "unte
 
 @dataclass(frozen=True)
 class Row:
-    """An effect of the table. gate: where and since when it acts, where it is not the only one; sizes: (name, how large)
+    """An effect of the table. whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes: (name, how large)
     of each parameter, the only one without its name.
 
     share: of the mismatch, None where nobody computed it; interval: the same in words, with its interval.
     """
 
     effect: str
+    whole: str
     gate: str
     sizes: tuple[tuple[str, str], ...]
     share: float | None
@@ -64,6 +65,7 @@ def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
     alone = len(diagnosis.effects) == 1  # then the account says above where it acts
     return Row(
         effect=effect_name(effect),
+        whole=f"{noun(effect.family)} on {effect.place}",
         gate="" if alone else gate_text(effect, diagnosis.dt),
         sizes=_sizes(effect),
         share=share,
