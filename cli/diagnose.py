@@ -78,7 +78,8 @@ def diagnose_command(
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
-    for text in account_lines(account_of(found, str(artifact.path))):
+    name = artifact.manifest["config"].get("simulator")
+    for text in account_lines(account_of(found, str(artifact.path), name)):
         say(text)
     if explain:
         say("\nEvery hypothesis that was fitted: nats behind the best, integration, explanation.")

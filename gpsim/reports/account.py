@@ -62,7 +62,8 @@ class Fit:
 class Account:
     """The parts of an account. rows: of the headline effects, the most important first; slight: of all others.
 
-    A layout may cut any sentence at its end. command: None where there is nothing to train in.
+    A layout may cut any sentence at its end. command: None where there is nothing to train in; command_here: the same
+    with DIR in the folder's place, where a folder's name is too long.
     """
 
     verdict: str
@@ -75,10 +76,14 @@ class Account:
     fit: tuple[Fit, ...]
     next: tuple[str, ...]
     command: str | None
+    command_here: str | None
 
 
-def account_of(diagnosis: Diagnosis, folder: str = HERE) -> Account:
-    """The account; folder: of the diagnosis, as the command that trains with it should name it."""
+def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None = None) -> Account:
+    """The account; folder: of the diagnosis, as the command that trains with it should name it, if that is short.
+
+    simulator: the name of the base simulator, on which that command depends.
+    """
     told = worded(diagnosis)
     headline, slight = told_effects(told)
     return Account(
@@ -91,7 +96,8 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE) -> Account:
         left=tuple(left(told)),
         fit=_fit(told),
         next=tuple(following(told, headline)),
-        command=command(told, folder),
+        command=command(told, folder, simulator),
+        command_here=command(told, HERE, simulator),
     )
 
 

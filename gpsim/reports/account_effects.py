@@ -19,10 +19,11 @@ LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "approximately", "unte
 
 @dataclass(frozen=True)
 class Row:
-    """An effect of the table. whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes: (name, how large)
-    of each parameter, the only one without its name.
+    """An effect of the table.
 
-    share: of the mismatch, None where nobody computed it; interval: the same in words, with its interval.
+    whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes:
+    of each parameter its name, empty of the only one, and how large; share: of the mismatch, None where nobody computed
+    it; percent, interval: the same in words.
     """
 
     effect: str
@@ -93,7 +94,8 @@ def _sizes(effect: NamedEffect) -> tuple[tuple[str, str], ...]:
     """A size a parameter, by its name where there are several."""
     several = len(effect.parameters) > 1
     return tuple(
-        (name.replace("_", " ") if several else "", size_text(name, p)) for name, p in effect.parameters.items()
+        (name.replace("_", " ") if several else "", size_text(name, p))
+        for name, p in effect.parameters.items()
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
@@ -170,7 +170,9 @@ def _curve(curve: Curve) -> Picture:
     figure, axes = panels(1, 1, (WIDE, 3.0))
     axis: Axes = axes[0, 0]
     if len(curve.low) == len(curve.high) == len(at):
-        axis.fill_between(at, curve.low, curve.high, color=COLOURS[EFFECTS], alpha=0.18, linewidth=0, label="90 %")
+        axis.fill_between(
+            at, curve.low, curve.high, color=COLOURS[EFFECTS], alpha=0.18, linewidth=0, label="90 %"
+        )
     free = "free curve" if curve.effects else "what is missing"
     axis.plot(at, curve.free, color=COLOURS[EFFECTS], label=free)
     if curve.effects and len(curve.law) == len(at):
@@ -189,8 +191,8 @@ def _curve(curve: Curve) -> Picture:
 
 def _curve_caption(curve: Curve) -> str:
     held = ", ".join(f"{name} = {value:.3g}" for name, value in curve.given.items())
-    at = f", at {held}" if held else ""
+    over = f"{curve.quantity} over {curve.input}{f', at {held}' if held else ''}"
     if not curve.effects:
-        return f"{curve.quantity} over {curve.input}{at}: a free curve of what no named effect explains, and its 90 % band."
-    text = f"{curve.quantity} over {curve.input}{at}: the named law, and a free curve in its place with its 90 % band."
+        return f"{over}: a free curve of what no named effect explains, and its 90 % band."
+    text = f"{over}: the named law, and a free curve in its place with its 90 % band."
     return text + (f" The curve explains {share_text(curve.gain)} more." if curve.gain else "")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from rich.cells import cell_len, set_cell_size
 
-from gpsim.reports.account import HERE, Account, Fit
+from gpsim.reports.account import Account, Fit
 from gpsim.reports.account_effects import Row
 from gpsim.reports.lettering import ELLIPSIS, shortened
 from gpsim.reports.printable import printable
@@ -205,14 +205,11 @@ def _fit(fit: Fit, indent: int, most: int) -> list[str]:
 def _next(account: Account, limits: Limits) -> list[str]:
     """What to record, and the command: whole, or with DIR for a folder whose name is too long to stand here."""
     lines = _part("Next", account.next, limits.next)
-    if account.command is None:
+    if account.command is None or account.command_here is None:
         return lines
-    said = printable(account.command)
-    if cell_len(said) > COLUMNS - INDENT or "\n" in said:
-        before, _, after = said.partition("diagnosis=")
-        rest = " correction=effects+gp" if after.endswith(" correction=effects+gp") else ""
-        said = f"{before}diagnosis={HERE}{rest}"
-    return [*lines, " " * INDENT + said]
+    said = account.command
+    whole = said == _one_line(said) and cell_len(said) <= COLUMNS - INDENT
+    return [*lines, " " * INDENT + (said if whole else account.command_here)]
 
 
 def _fitting(word: str, width: int) -> str:

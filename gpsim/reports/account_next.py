@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Estimate, NamedEffect
@@ -13,6 +14,8 @@ from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.fact_text import parameters_of
 from gpsim.reports.lettering import shortened
 
+TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
+"""Simulators in which gpsim trains policies, and which experiment does."""
 VAGUE = 0.25  # half an interval over its value: a size that is known less well is worth another recording
 
 
@@ -35,13 +38,20 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
     return ["no further recording is needed for this account"]
 
 
-def command(diagnosis: Diagnosis, folder: str) -> str | None:
-    """How to train in the corrected simulator; None where nothing corrects it."""
+def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> str | None:
+    """How to train in the corrected simulator; None where nothing corrects it.
+
+    simulator: the base's name, None where nobody knows it. gpsim has policies for two; of all others Python reads it.
+    """
     gp = diagnosis.remainder.gp
     learnt = gp is not None and gp.used
     if diagnosis.verdict == "none" or not (learnt or any(told_effects(diagnosis))):
         return None
-    return f"gpsim train-gp-policy diagnosis={folder}{' correction=effects+gp' if learnt else ''}"
+    if simulator is not None and simulator not in TRAINED:
+        return f"python: gpsim.stages.diagnose.read_corrected({folder!r}{', gp=True' if learnt else ''})"
+    words = TRAINED.get(simulator or "", "")
+    given = shlex.quote(f"diagnosis={folder}")
+    return f"gpsim train-gp-policy {words}{given}{' correction=effects+gp' if learnt else ''}"
 
 
 def _where_it_moves(diagnosis: Diagnosis) -> str:

@@ -50,7 +50,9 @@ def _others(count: int) -> str:
 
 def _none(diagnosis: Diagnosis) -> str:
     if diagnosis.remainder.structured:
-        return "nothing is missing that matters: what chance does not explain moves no rollout out of the noise."
+        return (
+            "nothing is missing that matters: what chance does not explain moves no rollout out of the noise."
+        )
     return "nothing is missing that this recording could show: simulator and recording differ by noise alone."
 
 
@@ -58,6 +60,4 @@ def _unknown(diagnosis: Diagnosis) -> str:
     found = diagnosis.explained.rollout
     if found is None or not found.share > 0.0:
         return "something is missing, and no effect that I know explains it on data that it had not seen."
-    return (
-        f"something is missing; the best that I know explains {share_text(found)} of it, too little to be named."
-    )
+    return f"something is missing; the best that I know explains {share_text(found)} of it, too little to be named."

@@ -41,11 +41,15 @@ def page(
     name: str,
     missing: Sequence[str] = (),
     decisions: Sequence[Decision] = (),
+    simulator: str | None = None,
 ) -> str:
-    """One self-contained HTML page: no network, no scripts, no dates. missing: lines about what it lacks."""
+    """One self-contained HTML page: no network, no scripts, no dates.
+
+    missing: lines about what it lacks; simulator: the base's name, if it is known.
+    """
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
     first = FRONT_UNKNOWN if diagnosis.verdict == "unknown" else FRONT
-    account = account_of(diagnosis)
+    account = account_of(diagnosis, simulator=simulator)
     return page_of(
         _resource("diagnosis.html.jinja"),
         _resource("diagnosis.css") + _bars(),

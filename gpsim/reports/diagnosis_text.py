@@ -132,11 +132,7 @@ def _ordinal(number: int) -> str:
 
 
 def _no_part(diagnosis: Diagnosis) -> str:
-    return (
-        "a small part of the residual"
-        if diagnosis.fit.one_step
-        else "a rate that nobody measured"
-    )
+    return "a small part of the residual" if diagnosis.fit.one_step else "a rate that nobody measured"
 
 
 def _ranked(entry: RankedHypothesis) -> str:

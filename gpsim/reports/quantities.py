@@ -12,7 +12,9 @@ TIMES = frozenset({"ratio", "gain", "gain_positive", "gain_negative", "scale"})
 """Parameters that multiply what the simulator believes."""
 PLAIN = (1e-4, 1e6)  # between these a number is written without an exponent
 LOPSIDED = 3.0  # an interval that reaches so many times as far to one side is told by its ends
-FINEST = 1e-5  # of the value: a half width below it is that of a simulation without noise, its digits say nothing
+FINEST = (
+    1e-5  # of the value: a half width below it is that of a simulation without noise, its digits say nothing
+)
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -76,7 +78,7 @@ def size_text(name: str, estimate: Estimate) -> str:
         return interval_text(value, low, high) + said
     half = (high - low) / 2
     if half <= FINEST * abs(value):
-        return f"{value:.6g} ± {half:.0e}{said}"
+        return f"{value:.6g} ± <{FINEST * abs(value):.0e}{said}" if half else f"{value:.6g}{said}"
     return f"{_to(value, half)} ± {_to(half, half)}{said}"
 
 
@@ -100,7 +102,7 @@ def _short(value: float) -> str:
 def _to(value: float, width: float) -> str:
     """A value to the digits of a width: one, or two where its first is a 1 or a 2."""
     size = max(abs(value), width)
-    if not 0.0 < width or not PLAIN[0] <= size < PLAIN[1]:
+    if not width > 0.0 or not PLAIN[0] <= size < PLAIN[1]:
         return f"{value:.3g}"
     first = math.floor(math.log10(width))
     places = -first + (width / 10.0**first < 3.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import MissingLaw, NamedEffect, Share
+from gpsim.diagnosis.report import MissingLaw, Share
 from gpsim.reports.account_effects import effect_name
 from gpsim.reports.diagnosis_text import terms_text
 from gpsim.reports.quantities import MANY, number, odds_text, percent, share_text
@@ -40,7 +40,15 @@ def effects_sheet(diagnosis: Diagnosis) -> Sheet:
 def parameters_sheet(diagnosis: Diagnosis) -> Sheet:
     """Every parameter with its interval."""
     rows = [
-        row(effect_name(effect), name, f"{p.value:.4g}", _edge(p.low), _edge(p.high), p.unit, _bound(p.at_bound))
+        row(
+            effect_name(effect),
+            name,
+            f"{p.value:.4g}",
+            _edge(p.low),
+            _edge(p.high),
+            p.unit,
+            _bound(p.at_bound),
+        )
         for effect in diagnosis.effects
         for name, p in effect.parameters.items()
     ]
@@ -56,9 +64,10 @@ def statistics(diagnosis: Diagnosis) -> list[str]:
 def _said(diagnosis: Diagnosis) -> Iterator[str]:
     found, remainder = diagnosis.explained, diagnosis.remainder
     if diagnosis.effects:
-        yield f"Probability of the explanation among all that were fitted: {_probability(diagnosis.effects[0])}."
+        yield f"Probability of the explanation among all that were fitted: {diagnosis.effects[0].probability:.3g}."
     if found.rollout is not None:
-        yield f"Explained in rollouts, judged on {found.judged_on}: {_shares({'all': found.rollout, **found.channels})}."
+        shares = _shares({"all": found.rollout, **found.channels})
+        yield f"Explained in rollouts, judged on {found.judged_on}: {shares}."
     if found.one_step:
         yield f"Explained one step ahead, which decides nothing: {_shares(found.one_step)}."
     yield f"What is left: p = {number(remainder.p_value, 2)} that noise alone looks like it."
@@ -79,17 +88,12 @@ def _said(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _missing_law(law: MissingLaw) -> str:
     on = " and ".join(law.on) + (f" and its average over {law.memory:.2g} s" if law.memory else "")
-    return (
-        f"A smooth law of {law.rate} in {on} would gain {law.nats:.0f} nats (p = {number(law.p_value, 2)} by chance)."
-    )
+    chance = number(law.p_value, 2)
+    return f"A smooth law of {law.rate} in {on} would gain {law.nats:.0f} nats (p = {chance} by chance)."
 
 
 def _shares(shares: Mapping[str, Share]) -> str:
     return "; ".join(f"{name} {share_text(share)}" for name, share in shares.items())
-
-
-def _probability(effect: NamedEffect) -> str:
-    return f"{effect.probability:.3g}"
 
 
 def _edge(value: float | None) -> str:

@@ -43,7 +43,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         _write_result(folder, found, diagnosis, simulator)
     pictures = _pictures(folder, diagnosis, found, mishaps)
     with mishaps.contained("report.html is left out"):
-        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions)
+        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions, simulator.name)
         (folder / "report.html").write_text(text, encoding="utf-8")
     mishaps.write(folder)
     return mishaps.lines
