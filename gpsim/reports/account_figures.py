@@ -15,11 +15,12 @@ from gpsim.channels import Channels
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
 from gpsim.diagnosis.report import Curve
-from gpsim.reports.account_effects import claim_name, effect_name, told_effects
+from gpsim.reports.account_effects import claim_name, told_effects
 from gpsim.reports.account_left import left_share
 from gpsim.reports.canvas import legend_above, panels, png, style
 from gpsim.reports.diagnosis_figures import COLOURS, LINES, Picture, limits
 from gpsim.reports.diagnosis_text import listed
+from gpsim.reports.effect_text import noun
 from gpsim.reports.lettering import LABEL, legend_label, named
 from gpsim.reports.palette import FAINT, GRID, INK, SEGMENTS, SLIGHT
 from gpsim.reports.quantities import percent, share_text
@@ -30,7 +31,7 @@ WIDE = 5.4  # inches of a picture of the first screen
 SHARP = 150.0  # dots an inch: it is shown smaller than it is drawn
 CHANNELS = 2  # of a rollout: those in which the base is furthest off
 INSIDE = 0.08  # of the bar: a narrower part has no room for its number
-LABELS = 30  # letters of a part's name
+LABELS = 27  # letters of a part's name
 MOST = 6  # parts with a name of their own; further ones stand together
 
 Contained = Callable[[str], AbstractContextManager[None]]
@@ -77,7 +78,9 @@ def parts(diagnosis: Diagnosis) -> list[Part]:
     Empty where nobody computed them; what explains less than nothing is no part.
     """
     headline, slight = told_effects(diagnosis)
-    shares = [(effect_name(e), e.importance.share) for e in headline if e.importance is not None]
+    shares = [
+        (f"{noun(e.family)} on {e.place}", e.importance.share) for e in headline if e.importance is not None
+    ]
     if not shares or not all(math.isfinite(share) for _, share in shares):
         return []
     further = sum(share for _, share in shares[MOST:])
@@ -111,7 +114,7 @@ def _decomposition(diagnosis: Diagnosis) -> Picture:
     axis.axis("off")
     handles = [Patch(facecolor=part.colour, label=_labelled(part)) for part in found]
     figure.legend(
-        handles=handles, loc="outside lower left", ncols=2, handlelength=1.0, handleheight=1.0, fontsize=9.5
+        handles=handles, loc="outside lower left", ncols=2, handlelength=1.0, handleheight=1.0, fontsize=9
     )
     return Picture(
         "What the mismatch is made of",
@@ -184,7 +187,7 @@ def _curve(curve: Curve) -> Picture:
     return Picture(
         f"Does the law hold? {listed(names)}" if names else "What is missing",
         _curve_caption(curve),
-        png(figure, SHARP),
+        png(figure),
         (curve.input, curve.quantity),
     )
 

@@ -23,6 +23,7 @@ HEADS = ("effect", "size ± (90 %)", "share of mismatch", "odds", "law holds?")
 GAP = 2  # columns between two of the table
 WIDEST = (34, 30, BAR + 7, 9, 13)
 """Columns that a table's columns may take."""
+WORD = 36  # columns of a word: a longer one, a path, would push all others off its line
 NAME = 24  # letters of a channel in the line of the fit
 
 
@@ -69,7 +70,7 @@ def account_lines(account: Account) -> list[str]:
 
 def wrapped(text: str, width: int, most: int) -> list[str]:
     """A text in at most so many lines of at most so many columns; an ellipsis where words are left out."""
-    return filled(_one_line(text).split(" "), width, most)
+    return filled([_fitting(word, min(width, WORD)) for word in _one_line(text).split(" ")], width, most)
 
 
 def filled(words: Sequence[str], width: int, most: int) -> list[str]:

@@ -48,7 +48,9 @@ def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> 
     if diagnosis.verdict == "none" or not (learnt or any(told_effects(diagnosis))):
         return None
     if simulator is not None and simulator not in TRAINED:
-        return f"python: gpsim.stages.diagnose.read_corrected({folder!r}{', gp=True' if learnt else ''})"
+        return (
+            f"python: gpsim.stages.diagnose.read_corrected(Path({folder!r}){', gp=True' if learnt else ''})"
+        )
     words = TRAINED.get(simulator or "", "")
     given = shlex.quote(f"diagnosis={folder}")
     return f"gpsim train-gp-policy {words}{given}{' correction=effects+gp' if learnt else ''}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from importlib import resources
+from itertools import accumulate
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
@@ -23,8 +24,8 @@ from gpsim.reports.trace_text import trace_lines
 FRONT = (ROLLOUT, PARTS)
 FRONT_UNKNOWN = (ROLLOUT, MISSING_CURVE)
 """Pictures beside the account: what is missing has a curve, where it has no names."""
-MOST_ROWS, MOST_CHANGES = 7, 6
-"""Of the account's tables, on the first screen."""
+MOST_LINES, MOST_CHANGES = 9, 6
+"""Of the account's tables of effects and of errors, on the first screen."""
 KINDS: Mapping[Kind, str] = {
     "before": "base",
     "tuned": "base tuned",
@@ -56,7 +57,7 @@ def page(
         name=name,
         account=account,
         sentence=account.sentence[:1].upper() + account.sentence[1:],
-        most_rows=MOST_ROWS,
+        most_rows=_first_rows(account.rows),
         most_changes=MOST_CHANGES,
         tint=_tint,
         kinds=KINDS,
@@ -72,6 +73,12 @@ def page(
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps(short, indent=2),
     )
+
+
+def _first_rows(rows: Sequence[Row]) -> int:
+    """How many rows have room on the first screen: one at least."""
+    lines = [max(len(row.sizes), 1 + bool(row.gate)) for row in rows]
+    return max(1, sum(used <= MOST_LINES for used in accumulate(lines)))
 
 
 def _resource(name: str) -> str:

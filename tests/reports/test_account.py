@@ -179,7 +179,7 @@ def test_the_command_trains_in_what_was_found():
     )
     assert (
         account_of(named(), here, "slider").command
-        == f"python: gpsim.stages.diagnose.read_corrected('{here}')"
+        == f"python: gpsim.stages.diagnose.read_corrected(Path('{here}'))"
     )
     assert account_of(named(), "my log").command == "gpsim train-gp-policy 'diagnosis=my log'"
     assert account_of(RICH["none"](), here).command is None
