@@ -68,7 +68,7 @@ def _where_it_moves(diagnosis: Diagnosis) -> str:
     if inputs:
         return (
             f"record {_names(inputs)} over {'its' if len(inputs) == 1 else 'their'} whole range, once in a slow sweep "
-            "and once in a fast one: what is left depends on it"
+            "and once in a fast one"
         )
     if diagnosis.explained.judged_on != "held-out rollouts":
         return "record longer: too little could be held out to judge what is left"

@@ -35,7 +35,7 @@ def where(diagnosis: Diagnosis) -> str:
         return f"nowhere beyond noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
     shares = sorted(location.channels.items(), key=lambda item: -item[1])
     told = [f"{percent(share)} % of {shortened(name)}'s" for name, share in shares if share > TRIFLE]
-    text = f"beyond noise {listed([f'{told[0]} residual', *told[1:]])}" if told else _no_part(diagnosis)
+    text = f"beyond noise lies {listed([f'{told[0]} residual', *told[1:]])}" if told else _no_part(diagnosis)
     if location.depends_on:
         text += f"; it depends on {listed([shortened(name) for name in location.depends_on])}"
     for name, (low, high) in location.region.items():
@@ -133,7 +133,7 @@ def _ordinal(number: int) -> str:
 
 def _no_part(diagnosis: Diagnosis) -> str:
     return (
-        "beyond noise a small part of the residual"
+        "beyond noise lies a small part of the residual"
         if diagnosis.fit.one_step
         else "in a rate that nobody measured"
     )
