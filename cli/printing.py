@@ -9,7 +9,7 @@ import typer
 from gpsim.reports.printable import printable
 
 PLAIN = str.maketrans(
-    {c: "#" for c in "█▉▊▋▌"} | {c: "." for c in "▍▎▏"} | dict(zip("–…·²³→±", "-.-23>~", strict=True))
+    dict.fromkeys("█▉▊▋▌", "#") | dict.fromkeys("▍▎▏", ".") | dict(zip("–…·²³→±", "-.-23>~", strict=True))
 )
 """For a terminal that has ASCII alone: a letter for a letter, so that tables stay tables."""
 

@@ -155,5 +155,20 @@ def test_names_make_no_elements():
     assert odd in page_.text  # letter by letter, in the statistics
 
 
+@pytest.mark.filterwarnings("error")
+def test_names_are_drawn_letter_by_letter():
+    """No formulas, no labels that begin with `_` and vanish, no warnings of letters that the font lacks."""
+    odd = ("_$a$ 位", r"$\\frac{", "x" * 90)
+    state = Channels.of(dict.fromkeys((*odd, "theta"), "m^2 $"))
+    effects = tuple(friction(on=name) for name in odd)
+    strange = replace(
+        curve(), quantity=odd[0], input=odd[1], unit=odd[2], effects=(("coulomb_friction", odd[0]),)
+    )
+    found = replace(partial(), effects=effects, curves=(strange,))
+    drawn = account_figures(found, state, rolled())
+    assert set(drawn) == {"held_out_rollout", "decomposition", "curve_1"}
+    assert all(picture.png.startswith(b"\x89PNG") for picture in drawn.values())
+
+
 def test_equal_diagnoses_give_equal_pages():
     assert told(partial()) == told(partial())
