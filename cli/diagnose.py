@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import textwrap
 from pathlib import Path
 from typing import Annotated
 
@@ -59,7 +58,9 @@ def diagnose_command(
         typer.echo(as_yaml(config), nl=False)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.diagnosis_text import paragraphs, ranking
+    from gpsim.reports.account import account_of
+    from gpsim.reports.account_lines import account_lines
+    from gpsim.reports.diagnosis_text import ranking
     from gpsim.reports.trace_text import trace_lines
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
@@ -77,11 +78,11 @@ def diagnose_command(
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
-    say(f"Verdict: {found.verdict}\n")
-    for text in paragraphs(found):
-        say(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) + "\n")
+    name = artifact.manifest["config"].get("simulator")
+    for text in account_lines(account_of(found, str(artifact.path), name)):
+        say(text)
     if explain:
-        say("Every hypothesis that was fitted: nats behind the best, integration, explanation.")
+        say("\nEvery hypothesis that was fitted: nats behind the best, integration, explanation.")
         for line in ranking(found):
             say(line)
         say(

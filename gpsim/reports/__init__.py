@@ -1,6 +1,10 @@
 """Pictures, tables and pages of what was found."""
 
 __all__ = [
+    "account",
+    "account_effects",
+    "account_figures",
+    "account_lines",
     "canvas",
     "diagnosis_figures",
     "diagnosis_page",

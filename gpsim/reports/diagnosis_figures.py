@@ -12,9 +12,9 @@ import numpy as np
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
 from gpsim.reports.canvas import legend_above, panels, png, style
-from gpsim.reports.diagnosis_text import in_percent, number
 from gpsim.reports.lettering import LABEL, LONGEST_UNIT, named, shortened
 from gpsim.reports.palette import FAINT
+from gpsim.reports.quantities import in_percent, number
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
 LINES = {BASE: (0, (4, 1.5)), EFFECTS: "-"}
@@ -173,7 +173,7 @@ def _traces(found: Outcome, traces: Traces) -> bytes:
                     linewidth=1.3,
                     label=label,
                 )
-            axis.set_ylim(*_limits(trace, i))
+            axis.set_ylim(*limits(trace, i))
             axis.ticklabel_format(useOffset=False)
             unit = shortened(channels[i].unit, LONGEST_UNIT)
             said_of = ", ".join(f"{k} {number(float(error[i]))} {unit}" for k, error in trace.errors.items())
@@ -198,8 +198,8 @@ def _heading(trace: Trace) -> str:
     return f"{trace.place}: {what}" if trace.place else what[0].upper() + what[1:]
 
 
-def _limits(trace: Trace, column: int) -> tuple[float, float]:
-    """What was measured in full, and of a model that goes astray no more than once as much beside it."""
+def limits(trace: Trace, column: int) -> tuple[float, float]:
+    """Of an axis: what was measured in full, and of a model that goes astray no more than once as much beside it."""
     measured = trace.measured[:, column]
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     reach = max(high - low, 1e-12)

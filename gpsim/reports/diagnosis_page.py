@@ -1,61 +1,31 @@
-"""A diagnosis as one page and its pictures."""
+"""A diagnosis as one page: its account on the first screen beside two pictures, everything else folded below."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from importlib import resources
+from itertools import accumulate
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
 from gpsim.diagnosis.run import Decision
+from gpsim.reports.account import account_of
+from gpsim.reports.account_effects import Row
+from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
 from gpsim.reports.diagnosis_figures import Picture
-from gpsim.reports.diagnosis_text import in_percent, number, paragraphs, ranking
+from gpsim.reports.diagnosis_text import ranking
 from gpsim.reports.html import page_of
+from gpsim.reports.palette import FAINT, SEGMENTS
+from gpsim.reports.quantities import in_percent, number
+from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics
 from gpsim.reports.trace_text import trace_lines
 
-STYLE = """
-body { font-family: system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24; }
-h1, h2, p { overflow-wrap: anywhere; }
-h1 { font-size: 1.5rem; } .verdict { font-size: 1.2rem; font-weight: 600; }
-table { border-collapse: collapse; margin: 1rem 0; } td, th { padding: .25rem .8rem; text-align: right; }
-td:first-child, th:first-child { text-align: left; } tr { border-bottom: 1px solid #e5e7eb; }
-.typical td { color: #6b7280; font-size: .9rem; }
-.caption { color: #6b7280; font-size: .9rem; margin-top: .2rem; }
-img { max-width: 100%; } pre { background: #f6f7f9; padding: .8rem; overflow-x: auto; }
-"""
-PAGE = """<!doctype html>
-<html lang="en"><head>{{ head }}<title>Diagnosis of {{ name }}</title></head><body>
-<h1>Diagnosis of {{ name }}</h1>
-<p class="verdict">Verdict: {{ verdict }}</p>
-{% for text in paragraphs %}<p>{{ text }}</p>
-{% endfor %}
-{% for title, rows in tables.items() %}<h2>{{ title }}</h2>
-<table><tr><th>error (RMS)</th>{% for kind in kinds.values() %}<th>{{ kind }}</th>{% endfor %}<th>unit</th></tr>
-{% for name, errors in rows.items() %}<tr><td{{ name | title_of }}>{{ name | short }}</td>
-{% for kind in kinds %}<td>{{ number(errors.of(kind)) }}</td>{% endfor %}
-<td>{{ errors.unit | short(16) }}</td></tr>
-{% if errors.typical %}<tr class="typical"><td>typical (from the median)</td>
-{% for kind in kinds %}<td>{{ number(errors.typical.of(kind)) }}</td>{% endfor %}
-<td>{{ errors.unit | short(16) }}</td></tr>
-{%- endif %}
-<tr class="typical"><td>of the base's, 90 % interval</td>
-{% for kind in kinds %}<td>{{ share(errors, kind) }}</td>{% endfor %}<td>%</td></tr>
-{% endfor %}</table>
-{% endfor %}
-{% for picture in pictures %}<h2>{{ picture.title }}</h2>
-<img alt="{{ picture.title }}"{{ picture.shows | titles_of }} src="{{ picture.source }}">
-<p class="caption">{{ picture.caption }}</p>
-{% endfor %}{% if missing %}<h2>What could not be shown</h2>
-{% for line in missing %}<p>{{ line }}</p>
-{% endfor %}{% endif %}
-<details><summary>All hypotheses that were fitted</summary>
-<p>Nats behind the best, integration, explanation.</p><pre>{{ ranking }}</pre></details>
-<details><summary>All decisions of the search</summary>
-<p>Nats by which what was looked at wins (its price paid), the share that it removes of what was left, the rule that
-took or refused it, what it adds (+) and drops (-).</p><pre>{{ trace }}</pre></details>
-<details><summary>diagnosis.json</summary><pre>{{ text }}</pre></details>
-</body></html>
-"""
+FRONT = (ROLLOUT, PARTS)
+FRONT_UNKNOWN = (ROLLOUT, MISSING_CURVE)
+"""Pictures beside the account: what is missing has a curve, where it has no names."""
+MOST_LINES, MOST_CHANGES = 9, 6
+"""Of the account's tables of effects and of errors, on the first screen."""
 KINDS: Mapping[Kind, str] = {
     "before": "base",
     "tuned": "base tuned",
@@ -72,25 +42,58 @@ def page(
     name: str,
     missing: Sequence[str] = (),
     decisions: Sequence[Decision] = (),
+    simulator: str | None = None,
 ) -> str:
-    """One self-contained HTML page: no network, no scripts, no dates. missing: lines about what it lacks."""
+    """One self-contained HTML page: no network, no scripts, no dates.
+
+    missing: lines about what it lacks; simulator: the base's name, if it is known.
+    """
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
+    first = FRONT_UNKNOWN if diagnosis.verdict == "unknown" else FRONT
+    account = account_of(diagnosis, simulator=simulator)
     return page_of(
-        PAGE,
-        STYLE,
+        _resource("diagnosis.html.jinja"),
+        _resource("diagnosis.css") + _bars(),
         name=name,
-        verdict=diagnosis.verdict,
-        paragraphs=paragraphs(diagnosis),
+        account=account,
+        sentence=account.sentence[:1].upper() + account.sentence[1:],
+        most_rows=_first_rows(account.rows),
+        most_changes=MOST_CHANGES,
+        tint=_tint,
         kinds=KINDS,
         number=number,
         share=_share,
         tables=_tables(diagnosis.fit),
-        pictures=list(pictures.values()),
+        front=[pictures[key] for key in first if key in pictures],
+        pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
+        sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
+        statistics=statistics(diagnosis),
         ranking="\n".join(ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps(short, indent=2),
     )
+
+
+def _first_rows(rows: Sequence[Row]) -> int:
+    """How many rows have room on the first screen: one at least."""
+    lines = [max(len(row.sizes), 1 + bool(row.gate)) for row in rows]
+    return max(1, sum(used <= MOST_LINES for used in accumulate(lines)))
+
+
+def _resource(name: str) -> str:
+    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")
+
+
+def _bars() -> str:
+    """Lengths and colours of bars as rules of the style sheet: the policy lets no inline styles in."""
+    lengths = "".join(f".w{i} {{ width: {i}%; }}\n" for i in range(101))
+    return lengths + "".join(f".c{i} {{ background: {c}; }}\n" for i, c in enumerate((*SEGMENTS, FAINT)))
+
+
+def _tint(row: Row, index: int) -> str:
+    """The classes of a row's bar: its length, and the colour of its part in the picture."""
+    return f"w{round(100 * min(max(row.share or 0.0, 0.0), 1.0))} c{min(index, MOST)}"
 
 
 def _share(errors: StepErrors | RolloutErrors, kind: Kind) -> str:

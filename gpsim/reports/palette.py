@@ -19,6 +19,11 @@ OTHERS = ("#009E73", "#CC79A7", "#882255", "#999933", "#44AA99", "#AA4499", "#6D
 RATES = ("#009E73", "#AA4499", "#999933", "#44AA99", "#6D4C41")
 """Apart from the policies' colours, so that a rate is not mistaken for a policy."""
 
+SEGMENTS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#882255", "#999933")
+"""Parts of one bar that stand side by side, the largest first."""
+
+SLIGHT = "#B8BEC7"  # of such a bar: what is small and no claim
+
 INK, FAINT, GRID, BAND, GP = "#1B1F24", "#6B7280", "#E5E7EB", "#9CC9E8", "#0072B2"
 
 

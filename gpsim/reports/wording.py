@@ -8,6 +8,7 @@ from dataclasses import replace
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import (
     Claims,
+    Combination,
     Discrimination,
     Excitation,
     NamedEffect,
@@ -15,7 +16,8 @@ from gpsim.diagnosis.report import (
     Remainder,
     Separation,
 )
-from gpsim.reports.effect_text import effect_sentence
+from gpsim.reports.effect_text import effect_sentence, noun
+from gpsim.reports.fact_text import fixed_text, log_fact_text, open_text
 
 EXCITATIONS = {
     "constant": "a constant {action} of {size:.3g}",
@@ -41,6 +43,8 @@ def worded(diagnosis: Diagnosis) -> Diagnosis:
         ),
         tell_apart=tell_apart_text(advice) if advice and not diagnosis.tell_apart else diagnosis.tell_apart,
         remainder=_with_reason(diagnosis.remainder),
+        combinations=tuple(_with_directions(combination) for combination in diagnosis.combinations),
+        log_facts=diagnosis.log_facts or tuple(log_fact_text(fact) for fact in diagnosis.facts),
     )
 
 
@@ -71,6 +75,14 @@ def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
     return tuple(e if e.sentence else replace(e, sentence=effect_sentence(e)) for e in effects)
 
 
+def _with_directions(combination: Combination) -> Combination:
+    return replace(
+        combination,
+        fixed=combination.fixed or fixed_text(combination),
+        open=combination.open or open_text(combination),
+    )
+
+
 def _with_reason(remainder: Remainder) -> Remainder:
     gp = remainder.gp
     if gp is None or gp.refused is None or gp.why_not:
@@ -92,5 +104,5 @@ def excitation_text(excitation: Excitation) -> str:
 
 def _both(explanations: Sequence[Claims]) -> str:
     return " and ".join(
-        " with ".join(f"{family} on {on}" for family, on in claims) for claims in explanations
+        " with ".join(f"{noun(family)} on {on}" for family, on in claims) for claims in explanations
     )

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.files import Json
+from gpsim.reports.account import account_of
+from gpsim.reports.account_effects import told_effects
 from gpsim.stages import build_residuals, collect, diagnose
 from gpsim.stages.code import SOURCES
 from gpsim.stages.stage import Request, Stage
@@ -36,9 +38,10 @@ def find_diagnosis(request: Request) -> Artifact:
 
 
 def sentences(artifact: Artifact) -> list[str]:
-    """What was found, in plain words: a sentence an effect, or the verdict alone."""
+    """What was found, in plain words: the verdict, and a sentence each effect that is told."""
     found = diagnose.read_diagnosis(artifact.path)
-    return [effect.sentence for effect in found.effects] or [f"verdict: {found.verdict}"]
+    headline, _ = told_effects(found)
+    return [f"{found.verdict}: {account_of(found).sentence}", *(effect.sentence for effect in headline)]
 
 
 STAGE = Stage(

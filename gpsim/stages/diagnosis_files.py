@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision
 from gpsim.files import Json, plain, write_json
+from gpsim.reports.account_figures import account_figures
 from gpsim.reports.diagnosis_figures import Picture, figures
 from gpsim.reports.diagnosis_page import page
 from gpsim.reports.wording import worded
@@ -39,9 +41,9 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         gp = RemainderGp(used=False, beside=None, why_not=None, refused=NoGp("not written"))
         diagnosis = worded(replace(diagnosis, remainder=replace(diagnosis.remainder, gp=gp)))
         _write_result(folder, found, diagnosis, simulator)
-    pictures = _pictures(folder, found, mishaps)
+    pictures = _pictures(folder, diagnosis, found, mishaps)
     with mishaps.contained("report.html is left out"):
-        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions)
+        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions, simulator.name)
         (folder / "report.html").write_text(text, encoding="utf-8")
     mishaps.write(folder)
     return mishaps.lines
@@ -86,7 +88,7 @@ def _write_process(folder: Path, found: Outcome) -> None:
         write_gp(folder, learnt.predictor, learnt.features)
 
 
-def _pictures(folder: Path, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
+def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
     """Those that can be drawn, also below figures/."""
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
     shown: Traces | None = None
@@ -96,8 +98,13 @@ def _pictures(folder: Path, found: Outcome, mishaps: Mishaps) -> Mapping[str, Pi
     with mishaps.contained("figure residual_time is left out"):
         past = course(found.question, leader)
     pictures: dict[str, Picture] = {}
+
+    def contained(name: str) -> AbstractContextManager[None]:
+        return mishaps.contained(f"figure {name} is left out")
+
     with mishaps.contained("figures are left out"):
-        pictures = figures(found, shown, past, lambda name: mishaps.contained(f"figure {name} is left out"))
+        pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
+        pictures |= figures(found, shown, past, contained)
     (folder / "figures").mkdir()
     for name, picture in pictures.items():
         (folder / "figures" / f"{name}.png").write_bytes(picture.png)

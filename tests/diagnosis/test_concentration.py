@@ -6,7 +6,7 @@ import pytest
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.settings import ConcentrationSettings
-from gpsim.reports.diagnosis_text import paragraphs
+from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -81,4 +81,4 @@ def test_physics_outside_the_catalogue_is_located():
     assert high > 0.15  # the last bin, where few samples lie, reaches far
     assert place.share_of_samples <= 0.35
     if not report.location.region:
-        assert "lies inside q" in paragraphs(report)[0]
+        assert "lies inside q" in where(report)

@@ -6,7 +6,8 @@ import pytest
 from made_diagnoses import made_diagnosis, made_effect, made_location
 
 from gpsim.diagnosis.report import Concentration, StepErrors
-from gpsim.reports.diagnosis_text import _between, _moment, _part, in_percent, paragraphs
+from gpsim.reports.diagnosis_text import _between, _moment, _part, where
+from gpsim.reports.quantities import in_percent
 
 
 @pytest.mark.parametrize(
@@ -37,11 +38,9 @@ def test_an_interval_is_told_to_a_part_of_its_width(low, high, said):
     assert _between(low, high) == said
 
 
-def test_the_first_paragraph_says_when_and_where():
+def test_it_says_when_and_where():
     location = made_location(channels={"q_acc": 0.9}, region={"q": (100.123, 100.987)}, since=1234.5)
-    told = paragraphs(made_diagnosis(verdict="named", effects=(made_effect(),), location=location, dt=0.02))[
-        0
-    ]
+    told = where(made_diagnosis(verdict="named", effects=(made_effect(),), location=location, dt=0.02))
     assert "q in [100.12, 100.99]; since t = 1234.50 s" in told
 
 
@@ -52,7 +51,7 @@ def test_the_first_paragraph_says_when_and_where():
 def test_a_coarse_step_of_the_simulators_own_is_told_where_nothing_is_missing(finely, said):
     nothing = made_diagnosis()
     errors = StepErrors(before=3.4, after=3.4, unit="m", finely=finely)
-    told = paragraphs(replace(nothing, fit=replace(nothing.fit, one_step={"q_acc": errors})))[0]
+    told = where(replace(nothing, fit=replace(nothing.fit, one_step={"q_acc": errors})))
     assert ("own step" in told) == (said is not None)
     assert said is None or said in told
 

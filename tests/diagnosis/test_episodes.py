@@ -14,7 +14,7 @@ from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.effects.term import EPISODE, IN_EPISODE, from_json, to_json
-from gpsim.reports.diagnosis_text import paragraphs
+from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
@@ -55,7 +55,7 @@ def test_it_is_named_since_the_episode(world, family, value):
     assert (effect.family, effect.since, effect.since_episode) == (family, None, str(FIRST))
     assert effect.parameters[value[0]].value == pytest.approx(value[1], rel=0.01)
     assert report.location.since_episode == str(FIRST)
-    assert f"; since episode {FIRST}." in paragraphs(report)[0]
+    assert f"; since episode {FIRST}." in where(report)
 
 
 def test_a_session_says_when_and_not_which_episode():

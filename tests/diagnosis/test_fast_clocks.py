@@ -6,7 +6,7 @@ import pytest
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.settings import DecimationSettings
-from gpsim.reports.diagnosis_text import paragraphs
+from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 
 from .truths import mechanical
@@ -50,7 +50,7 @@ def test_friction_is_named_from_a_recording_at_1_khz():
     found = diagnose(recording, simulator, simulator.defaults(recording.parameters), np.random.default_rng(0))
     report = found.diagnosis
     assert report.thinned == 10
-    assert "every 10th sample" in paragraphs(report)[0]
+    assert "every 10th sample" in where(report)
     assert found.plant.dt == pytest.approx(0.001)  # the corrected simulator keeps the command's pace
     assert (
         found.plant.substeps == 1

@@ -23,9 +23,9 @@ from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, HeldOut
+from gpsim.reports.account import account_of
 from gpsim.reports.diagnosis_figures import figures
 from gpsim.reports.diagnosis_page import page
-from gpsim.reports.diagnosis_text import paragraphs
 from gpsim.simulators import make_simulator
 
 from .own_systems import SLIDER
@@ -55,7 +55,7 @@ def test_positions_alone_are_diagnosed_to_the_end(tmp_path: Path):
     assert (effect.family, effect.on) == ("coulomb_friction", "q")
     assert effect.parameters["force"].value == pytest.approx(FRICTION.values["force"], rel=0.05)
     assert found.diagnosis.fit.one_step == {}
-    assert "no rate follows" in paragraphs(found.diagnosis)[3]
+    assert "no rate follows" in account_of(found.diagnosis).fit[0].missing
     leader = found.judgement.leader.hypothesis
     shown = traces(found.question, leader, found.comparison.rollout.horizon_s)
     pictures = figures(found, shown, course(found.question, leader))

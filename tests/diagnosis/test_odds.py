@@ -10,7 +10,8 @@ from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.ranking import Ranked
 from gpsim.diagnosis.report import Discrimination, Excitation, Odds, Separation
 from gpsim.effects import Term
-from gpsim.reports.diagnosis_text import paragraphs
+from gpsim.reports.account_effects import row_of
+from gpsim.reports.statistics_text import effects_sheet
 from gpsim.reports.wording import tell_apart_text
 
 FRICTION = Term("coulomb_friction", "x", {"force": 1.0})
@@ -84,9 +85,11 @@ def test_pairs_that_need_two_recordings_get_two():
 
 
 @pytest.mark.parametrize(
-    ("nats", "words"), [(2.5, "odds of 12 to 1"), (400.0, "odds of more than a million to 1")]
+    ("nats", "words"), [(2.5, "12:1"), (-1.0, "0.37:1"), (13.0, "440000:1"), (400.0, ">1e6"), (None, "–")]
 )
 def test_the_odds_are_said(nats, words):
     odds = Odds(nats, (("constant_force", "x"),))
-    text = paragraphs(made_diagnosis(verdict="named", effects=(made_effect(odds=odds),)))[1]
-    assert f"{words} against the next best, constant_force on x" in text
+    found = made_diagnosis(verdict="named", effects=(made_effect(odds=odds),))
+    assert row_of(found.effects[0], found).odds == words
+    ((*_, said, against),) = effects_sheet(found).rows
+    assert (said.text, against.text) == (words, "constant_force on x")

@@ -15,7 +15,7 @@ from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import to_frame, write_recording
-from gpsim.reports.diagnosis_text import paragraphs
+from gpsim.reports.diagnosis_text import where
 from gpsim.residuals.checks import check_rates
 from gpsim.residuals.residuals import build_residuals
 from gpsim.simulators import make_simulator
@@ -106,7 +106,7 @@ def test_what_a_hidden_state_does_to_the_report(blind):
         for effects in [report.effects, *(a.effects for a in report.alternatives)]
         for e in effects
     )
-    assert "Nobody measured upper" in paragraphs(report)[0]
+    assert "Nobody measured upper" in where(report)
 
 
 def test_the_windows_say_what_the_hidden_state_was(blind):

@@ -1,0 +1,112 @@
+"""The table of an account: the effects in plain words, how large, how much of the mismatch, how sure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.report import Form, NamedEffect
+from gpsim.reports.diagnosis_text import gate_text
+from gpsim.reports.effect_text import noun
+from gpsim.reports.lettering import shortened
+from gpsim.reports.quantities import odds_text, percent, size_text
+from gpsim.reports.sheets import MISSING
+
+LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "approximately", "untested": "not tested"}
+
+
+@dataclass(frozen=True)
+class Row:
+    """An effect of the table.
+
+    whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes:
+    of each parameter its name, empty of the only one, and how large; share: of the mismatch, None where nobody computed
+    it; percent, interval: the same in words.
+    """
+
+    effect: str
+    whole: str
+    gate: str
+    sizes: tuple[tuple[str, str], ...]
+    share: float | None
+    percent: str
+    interval: str
+    odds: str
+    law: str
+    approximate: bool
+
+
+def told_effects(diagnosis: Diagnosis) -> tuple[list[NamedEffect], list[NamedEffect]]:
+    """Headline and slight effects, the most important first; none of an account that explains too little to be told."""
+    if diagnosis.verdict in ("unknown", "none"):
+        return [], []
+    ordered = sorted(diagnosis.effects, key=_weight, reverse=True)
+    return (
+        [effect for effect in ordered if effect.role == "headline"],
+        [effect for effect in ordered if effect.role == "slight"],
+    )
+
+
+def effect_name(effect: NamedEffect) -> str:
+    """What it is and what it acts on: `Coulomb friction on x`."""
+    return claim_name(effect.family, effect.place)
+
+
+def claim_name(family: str, place: str) -> str:
+    """The same, of a family and a place."""
+    return f"{noun(family)} on {shortened(place)}"
+
+
+def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
+    """An effect's row."""
+    part = effect.importance
+    share = None if part is None or not math.isfinite(part.share) else part.share
+    alone = len(diagnosis.effects) == 1  # then the account says above where it acts
+    return Row(
+        effect=effect_name(effect),
+        whole=f"{noun(effect.family)} on {effect.place}",
+        gate="" if alone else gate_text(effect, diagnosis.dt),
+        sizes=_sizes(effect),
+        share=share,
+        percent=MISSING if share is None else f"{percent(share)} %",
+        interval=_interval(effect),
+        odds=odds_text(effect.odds),
+        law=LAW[effect.form],
+        approximate=effect.form == "approximate",
+    )
+
+
+def slight_text(effects: Sequence[NamedEffect]) -> str:
+    """Small corrections in a line: what, how large, how much of the mismatch."""
+    return "; ".join(_slight(effect) for effect in effects)
+
+
+def _slight(effect: NamedEffect) -> str:
+    numbers = [f"{name} {size}".strip() for name, size in _sizes(effect)[:1]]
+    if effect.importance is not None:
+        numbers.append(f"{percent(effect.importance.share)} %")
+    return f"{effect_name(effect)} ({', '.join(numbers)})" if numbers else effect_name(effect)
+
+
+def _sizes(effect: NamedEffect) -> tuple[tuple[str, str], ...]:
+    """A size a parameter, by its name where there are several."""
+    several = len(effect.parameters) > 1
+    return tuple(
+        (name.replace("_", " ") if several else "", size_text(name, p))
+        for name, p in effect.parameters.items()
+    )
+
+
+def _interval(effect: NamedEffect) -> str:
+    part = effect.importance
+    if part is None or part.low is None or part.high is None:
+        return ""
+    return f"{percent(part.low)} to {percent(part.high)} %"
+
+
+def _weight(effect: NamedEffect) -> float:
+    part = effect.importance
+    share = effect.explains if part is None else part.share
+    return share if math.isfinite(share) else -math.inf

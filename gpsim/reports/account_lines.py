@@ -1,0 +1,232 @@
+"""An account for the terminal: never more than so many lines and columns, whatever names and numbers it holds.
+
+Where an account is too long, its parts are cut in a fixed order: first what a second line says, then rows of the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from rich.cells import cell_len, set_cell_size
+
+from gpsim.reports.account import Account, Fit
+from gpsim.reports.account_effects import Row
+from gpsim.reports.lettering import ELLIPSIS, shortened
+from gpsim.reports.printable import printable
+
+LINES, COLUMNS = 24, 100
+INDENT = 9  # columns of a part's name
+BAR = 10  # columns of a full bar
+EIGHTHS = " ▏▎▍▌▋▊▉"
+HEADS = ("effect", "size ± (90 %)", "share of mismatch", "odds", "law holds?")
+GAP = 2  # columns between two of the table
+WIDEST = (34, 30, BAR + 7, 9, 13)
+"""Columns that a table's columns may take."""
+WORD = 36  # columns of a word: a longer one, a path, would push all others off its line
+NAME = 24  # letters of a channel in the line of the fit
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How many lines each part may take. gates: whether rows say where they act; sizes: of a row."""
+
+    rows: int
+    sizes: int
+    gates: bool
+    verdict: int
+    where: int
+    slight: int
+    rival: int
+    left: int
+    fit: int
+    next: int
+
+
+LIMITS = (
+    Limits(rows=7, sizes=3, gates=True, verdict=2, where=3, slight=2, rival=2, left=5, fit=2, next=3),
+    Limits(rows=7, sizes=3, gates=True, verdict=2, where=2, slight=2, rival=2, left=4, fit=1, next=2),
+    Limits(rows=7, sizes=2, gates=True, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
+    Limits(rows=7, sizes=1, gates=True, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
+    Limits(rows=7, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
+    Limits(rows=5, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
+)
+"""The first that fits is taken: the last always does."""
+
+
+def account_lines(account: Account) -> list[str]:
+    """At most LINES lines of at most COLUMNS columns; parts stand apart where there is room."""
+    parts: list[list[str]] = []
+    for limits in LIMITS:
+        parts = [part for part in _parts(account, limits) if part]
+        if sum(map(len, parts)) <= LINES:
+            break
+    spare = LINES - sum(map(len, parts)) - (len(parts) - 1)
+    lines: list[str] = []
+    for part in parts:
+        lines += [""] * (spare >= 0 and bool(lines)) + part
+    return lines[:LINES]
+
+
+def wrapped(text: str, width: int, most: int) -> list[str]:
+    """A text in at most so many lines of at most so many columns; an ellipsis where words are left out."""
+    return filled([_fitting(word, min(width, WORD)) for word in _one_line(text).split(" ")], width, most)
+
+
+def filled(words: Sequence[str], width: int, most: int) -> list[str]:
+    """The same, of words that may hold spaces and are not broken there."""
+    words = [_fitting(word, width) for word in words if word]
+    lines: list[str] = []
+    for i, word in enumerate(words):
+        if lines and cell_len(lines[-1]) + 1 + cell_len(word) <= width:
+            lines[-1] += f" {word}"
+        elif len(lines) < most:
+            lines.append(word)
+        else:
+            return [*lines[:-1], _ended(lines[-1], width)] if i else []
+    return lines
+
+
+def _parts(account: Account, limits: Limits) -> Iterator[list[str]]:
+    yield _part("Verdict", [f"{account.verdict}: {account.sentence}"], limits.verdict)
+    yield _part("Where", [account.where], limits.where)
+    yield _what(account, limits)
+    yield _part("Left", account.left, limits.left)
+    head = max((cell_len(fit.title) + 1 for fit in account.fit), default=0)
+    yield _named("Fit", [line for fit in account.fit for line in _fit(fit, head, limits.fit)])
+    yield _next(account, limits)
+
+
+def _part(name: str, sentences: Sequence[str], most: int) -> list[str]:
+    """Sentences below each other, the first ones first; each gets a line before any gets a second one."""
+    width = COLUMNS - INDENT
+    sentences = [sentence for sentence in sentences if sentence][:most]
+    lines: list[str] = []
+    for i, sentence in enumerate(sentences):
+        room = most - len(lines) - (len(sentences) - 1 - i)
+        lines += wrapped(sentence, width, room)
+    return _named(name, lines)
+
+
+def _named(name: str, lines: Sequence[str]) -> list[str]:
+    return [f"{name if i == 0 else '':<{INDENT}}{line}".rstrip() for i, line in enumerate(lines)]
+
+
+def _what(account: Account, limits: Limits) -> list[str]:
+    lines = _table(account.rows, limits)
+    width = COLUMNS - INDENT
+    if account.slight:
+        lines += wrapped(f"small corrections, not claims: {account.slight}", width, limits.slight)
+    for rival in account.rivals:
+        lines += wrapped(rival, width, limits.rival)
+    return _named("What", lines)
+
+
+def _table(rows: Sequence[Row], limits: Limits) -> list[str]:
+    if not rows:
+        return []
+    shown = rows[: limits.rows]
+    cells = [(row.effect, _sizes(row, limits.sizes), _share(row), row.odds, row.law) for row in shown]
+    longest = [max((_labelled(*size) for size in s), key=cell_len, default="") for _, s, *_ in cells]
+    widths = _widths([(c[0], size, *c[2:]) for c, size in zip(cells, longest, strict=True)])
+    lines = [_line(HEADS, widths)]
+    for row, (effect, sizes, share, odds, law) in zip(shown, cells, strict=True):
+        first, *others = [_labelled(*size, widths[1]) for size in sizes] or [""]
+        lines.append(_line((effect, first, share, odds, law), widths))
+        lines += [_line(("", other, "", "", ""), widths) for other in others]
+        if row.gate and limits.gates:
+            lines += wrapped(f"  {row.gate}", COLUMNS - INDENT, 1)
+    if len(rows) > len(shown):
+        lines.append(f"{ELLIPSIS} and {len(rows) - len(shown)} more in report.html")
+    return lines
+
+
+def _sizes(row: Row, most: int) -> list[tuple[str, str]]:
+    """A size a line; on one where they find room together."""
+    together = ", ".join(_labelled(*size) for size in row.sizes)
+    if cell_len(together) <= WIDEST[1]:
+        return [("", together)]
+    sizes = list(row.sizes[:most])
+    return [*sizes[:-1], (sizes[-1][0], f"{sizes[-1][1]} {ELLIPSIS}")] if len(row.sizes) > most else sizes
+
+
+def _labelled(name: str, size: str, width: int | None = None) -> str:
+    """A parameter's name and its size; of both the name makes room."""
+    if width is not None and name:
+        name = _fitting(name, max(width - cell_len(size) - 1, 1))
+    return f"{name} {size}".strip()
+
+
+def _share(row: Row) -> str:
+    return f"{bar(row.share)} {row.percent:>6}"
+
+
+def bar(share: float | None) -> str:
+    """A bar of block characters, as wide whatever its share."""
+    eighths = round(8 * BAR * min(max(share or 0.0, 0.0), 1.0))
+    full, rest = divmod(eighths, 8)
+    return f"{'█' * full}{EIGHTHS[rest] if rest else ''}".ljust(BAR)
+
+
+def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
+    """Of every column: what its cells need, not more than it may take; the first two share what is left."""
+    table = [HEADS, *cells]
+    needed = [
+        min(max(cell_len(_one_line(row[i])) for row in table), max(most, len(head)))
+        for i, (head, most) in enumerate(zip(HEADS, WIDEST, strict=True))
+    ]
+    over = sum(needed) + GAP * (len(needed) - 1) - (COLUMNS - INDENT)
+    while over > 0:
+        needed[0 if needed[0] >= needed[1] else 1] -= 1
+        over -= 1
+    return needed
+
+
+def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
+    fitted = [
+        set_cell_size(_fitting(_one_line(cell) if i != 2 else cell, width), width)
+        for i, (cell, width) in enumerate(zip(cells, widths, strict=True))
+    ]
+    return (" " * GAP).join(fitted).rstrip()
+
+
+def _fit(fit: Fit, indent: int, most: int) -> list[str]:
+    """One group of errors: as many channels as find room, and how many more there are."""
+    width = COLUMNS - INDENT - indent
+    told = [_one_line(f"{shortened(change.channel, NAME)} {change.said}") for change in fit.changes]
+    lines = [fit.missing]
+    for count in range(len(told), 0, -1):
+        shown = told[:count] + ([f"{len(told) - count} more"] if count < len(told) else [])
+        lines = filled([*(f"{one} ·" for one in shown[:-1]), shown[-1]], width, most)
+        if not lines[-1].endswith(ELLIPSIS):
+            break
+    return [f"{fit.title if i == 0 else '':<{indent}}{line}" for i, line in enumerate(lines)]
+
+
+def _next(account: Account, limits: Limits) -> list[str]:
+    """What to record, and the command: whole, or with DIR for a folder whose name is too long to stand here."""
+    lines = _part("Next", account.next, limits.next)
+    if account.command is None or account.command_here is None:
+        return lines
+    said = account.command
+    whole = said == _one_line(said) and cell_len(said) <= COLUMNS - INDENT
+    return [*lines, " " * INDENT + (said if whole else account.command_here)]
+
+
+def _fitting(word: str, width: int) -> str:
+    """A word or cell of at most so many columns, its middle left out where it has more."""
+    most = width
+    while cell_len(word) > width and most > 0:
+        word, most = shortened(word, most), most - 1
+    return word
+
+
+def _ended(line: str, width: int) -> str:
+    """With an ellipsis at its end, for which words make room."""
+    while cell_len(line) + 2 > width:
+        line = line.rpartition(" ")[0] or line[:-1]
+    return f"{line.rstrip(' ,;·:')} {ELLIPSIS}"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(printable(text).split())

@@ -1,0 +1,35 @@
+"""Rivals in a line or two: what all explanations share, and between what the data cannot decide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.report import Claims, NamedEffect
+from gpsim.reports.account_effects import claim_name, told_effects
+from gpsim.reports.diagnosis_text import listed
+from gpsim.reports.quantities import percent
+
+
+def rivals(diagnosis: Diagnosis) -> Iterator[str]:
+    """Nothing where one explanation stands alone."""
+    if not diagnosis.alternatives or not any(told_effects(diagnosis)):
+        return
+    every = [_claims(diagnosis.effects), *(_claims(rival.effects) for rival in diagnosis.alternatives)]
+    certain = [claim for claim in every[0] if all(claim in claims for claims in every)]
+    chances = [diagnosis.effects[0].probability, *(rival.probability for rival in diagnosis.alternatives)]
+    open_ = [
+        f"{_said([claim for claim in claims if claim not in certain])} ({percent(p)} %)"
+        for claims, p in zip(every, chances, strict=True)
+    ]
+    if certain:
+        yield f"certain, as all explanations share it: {_said(certain)}"
+    yield f"undecided: {', or '.join(open_)}"
+
+
+def _claims(effects: Sequence[NamedEffect]) -> Claims:
+    return tuple((effect.family, effect.place) for effect in effects)
+
+
+def _said(claims: Sequence[tuple[str, str]]) -> str:
+    return listed([claim_name(family, place) for family, place in claims]) or "nothing more"

@@ -1,0 +1,174 @@
+"""The page of a diagnosis: the account and two pictures first, everything else folded, nothing let in."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_diagnoses import made_diagnosis
+from pages import check_policy
+from rich_diagnoses import RICH, curve, friction, gain, named, partial, share, unknown, viscous
+
+from gpsim.channels import Channels
+from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
+from gpsim.diagnosis.report import Explained, Share
+from gpsim.reports.account import account_of
+from gpsim.reports.account_figures import account_figures, parts
+from gpsim.reports.diagnosis_page import page
+
+STATE = Channels.of({"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"})
+T = np.arange(0.0, 2.0, 0.02)
+
+
+def rolled() -> Traces:
+    real = np.column_stack([np.sin(T), np.cos(T)])
+    said = {BASE: real + 0.3, EFFECTS: real + 0.01}
+    errors = {model: np.ones(2) for model in said}
+    return Traces((0, 1), 1.0, True, (Trace("17", "median of 9", True, T, real, said, errors),))
+
+
+def told(diagnosis, **given):
+    return page(diagnosis, account_figures(diagnosis, STATE, rolled()), "cartpole", **given)
+
+
+def first_screen(text):
+    return text.partition('<div class="folded">')[0]
+
+
+@pytest.mark.parametrize("verdict", RICH)
+def test_the_first_screen_is_the_account(verdict):
+    diagnosis = RICH[verdict]()
+    text = told(diagnosis)
+    page_ = check_policy(text)
+    screen = check_policy(first_screen(text)).text
+    account = account_of(diagnosis)
+    assert f"Verdict: {verdict}" in screen
+    for sentence in (account.where, account.slight, *account.rivals, *account.left, *account.next):
+        assert sentence in screen
+    for row in account.rows:
+        assert row.effect in screen
+        assert row.percent in screen
+    assert account.command is None or account.command in screen
+    assert "nats" not in screen
+    assert "{" not in re.sub(r"base64,[^\"]*", "", screen)
+    assert [tag for tag, _ in page_.elements].count("details") >= 5
+    assert all("open" not in attributes for tag, attributes in page_.elements if tag == "details")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "titles"),
+    [
+        ("named", ["Real, base and corrected", "What the mismatch is made of"]),
+        ("partial", ["Real, base and corrected", "What the mismatch is made of"]),
+        ("unknown", ["Real and base", "What is missing"]),
+        ("none", ["Real and base"]),
+    ],
+)
+def test_two_pictures_stand_beside_it(verdict, titles):
+    screen = check_policy(first_screen(told(RICH[verdict]())))
+    assert [a["alt"] for tag, a in screen.elements if tag == "img"] == titles
+
+
+def test_bars_are_as_long_as_their_shares():
+    text = told(named())
+    (style,) = check_policy(text).styles
+    fills = re.findall(r'class="fill (w\d+) (c\d)"', text)
+    assert fills == [("w74", "c0"), ("w19", "c1")]
+    for width, colour in fills:
+        assert f".{width} {{ width: {width[1:]}%; }}" in style
+        assert f".{colour} {{ background: #" in style
+
+
+def test_the_mismatch_is_the_sum_of_its_parts():
+    found = {part.name: part.share for part in parts(named())}
+    assert found == {
+        "Coulomb friction on x": pytest.approx(0.74),
+        "viscous friction on x": pytest.approx(0.19),
+        "small corrections": pytest.approx(0.012),
+        "left": pytest.approx(0.028),
+    }
+    many = tuple(friction(on=f"q{i}", importance=share(0.1)) for i in range(8))
+    found = parts(replace(named(), effects=many))
+    assert [part.name for part in found[-2:]] == ["2 more", "left"]
+    assert found[-2].share == pytest.approx(0.2)
+
+
+def test_what_explains_less_than_nothing_is_no_part_and_nobody_draws_what_nobody_computed():
+    less = replace(named(), effects=(friction(), viscous(importance=share(-0.01)), gain(importance=None)))
+    assert [part.name for part in parts(less)] == ["Coulomb friction on x", "left"]
+    assert parts(replace(named(), effects=(friction(importance=None),))) == []
+    assert parts(replace(named(), effects=(friction(importance=Share(math.nan)),))) == []
+    assert parts(unknown()) == []
+
+
+def test_every_curve_has_a_picture_and_says_how_much_more_it_explains():
+    two = replace(partial(), curves=(curve(), replace(curve(), low=(), high=(), gain=None)))
+    drawn = account_figures(two, STATE, None)
+    assert set(drawn) == {"decomposition", "curve_1", "curve_2"}
+    assert drawn["curve_1"].title == "Does the law hold? Coulomb friction on x and viscous friction on x"
+    assert "at theta = 0.1" in drawn["curve_1"].caption
+    assert "explains 4 % (2 to 6) more" in drawn["curve_1"].caption
+    assert "more" not in drawn["curve_2"].caption
+    missing = account_figures(unknown(), STATE, None)["curve_missing"]
+    assert "friction" not in missing.title + missing.caption
+
+
+def test_a_picture_that_fails_does_not_take_the_others_with_it():
+    broken = replace(partial(), curves=(replace(curve(), free=(1.0,)), curve()))
+    failed = []
+
+    class Contained:
+        def __init__(self, name):
+            self.name = name
+
+        def __enter__(self):
+            return None
+
+        def __exit__(self, kind, *_):
+            failed.extend([self.name] if kind else [])
+            return True
+
+    assert set(account_figures(broken, STATE, None, Contained)) == {"decomposition", "curve_2"}
+    assert failed == ["curve_1"]
+
+
+def test_a_page_without_pictures_is_whole():
+    text = page(made_diagnosis(), {}, "slider", missing=["figure x is left out"])
+    screen = first_screen(text)
+    assert 'class="first alone"' in screen
+    assert "figure x is left out" in screen
+    assert "<img" not in text
+
+
+def test_names_make_no_elements():
+    odd = '<script>alert(1)</script> & "x"'
+    found = replace(
+        partial(),
+        effects=(friction(on=odd), viscous(on=odd)),
+        log_facts=(odd,),
+        explained=Explained(rollout=Share(0.9), one_step={odd: Share(0.1)}),
+    )
+    page_ = check_policy(told(found))
+    assert odd in page_.text  # letter by letter, in the statistics
+
+
+@pytest.mark.filterwarnings("error")
+def test_names_are_drawn_letter_by_letter():
+    """No formulas, no labels that begin with `_` and vanish, no warnings of letters that the font lacks."""
+    odd = ("_$a$ 位", r"$\\frac{", "x" * 90)
+    state = Channels.of(dict.fromkeys((*odd, "theta"), "m^2 $"))
+    effects = tuple(friction(on=name) for name in odd)
+    strange = replace(
+        curve(), quantity=odd[0], input=odd[1], unit=odd[2], effects=(("coulomb_friction", odd[0]),)
+    )
+    found = replace(partial(), effects=effects, curves=(strange,))
+    drawn = account_figures(found, state, rolled())
+    assert set(drawn) == {"held_out_rollout", "decomposition", "curve_1"}
+    assert all(picture.png.startswith(b"\x89PNG") for picture in drawn.values())
+
+
+def test_equal_diagnoses_give_equal_pages():
+    assert told(partial()) == told(partial())
