@@ -41,7 +41,7 @@ class Departure:
 
 
 def departure(curve: Widened, fitted: Curved) -> Departure:
-    """Root mean square of the curve's difference; the interval from the variance of a quadratic form, its bias off the lower end."""
+    """Root mean square of the curve's difference; its interval is a quadratic form's, the bias off the lower end."""
     c, gram = fitted.theta[curve.free], curve.design.T @ curve.design / len(curve.design)
     square, slope = float(c @ gram @ c), gram @ c
     bias = float(np.trace(gram @ fitted.covariance))
