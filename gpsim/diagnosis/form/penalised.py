@@ -172,10 +172,16 @@ def _solved(
 ) -> FloatArray:
     """(..., P): theta at the least of the quadratic and half theta' penalty theta; (..., P, P) and (..., P) of it."""
     normal = information + penalty
-    size = np.sqrt(np.maximum(np.einsum("...ii->...i", normal), 1e-300))
+    size = _sizes(normal)
     scaled = normal / (size[..., :, None] * size[..., None, :]) + SINGULAR * np.eye(size.shape[-1])
     step = np.linalg.solve(scaled, ((gradient - penalty @ theta) / size)[..., None])[..., 0] / size
     return np.asarray(theta + step)
+
+
+def _sizes(normal: FloatArray) -> FloatArray:
+    """(..., P) with which (..., P, P) has a unit diagonal; 1 for what nothing is known of."""
+    diagonal = np.einsum("...ii->...i", normal)
+    return np.asarray(np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
 
 
 def _price(penalty: FloatArray, theta: FloatArray) -> float:
@@ -186,7 +192,7 @@ def _covariance(around: _Quadratic, penalty: FloatArray, curve: Widened) -> Floa
     """The posterior's of the coefficients, times how much more blocks scatter than white noise would make them."""
     total = around.information.sum(0)
     normal = total + penalty
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    size = _sizes(normal)
     inverse = np.linalg.inv(normal / np.outer(size, size) + SINGULAR * np.eye(len(size)))
     inverse /= np.outer(size, size)
     apart = around.gradient - around.gradient.mean(axis=0)
