@@ -2,11 +2,12 @@
 
 import re
 import sys
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from gpsim.effects import FAMILIES, Gate, Place, Term
+from gpsim.effects import FAMILIES, ForceEffect, Gate, Place, RateEffect, Term
 from gpsim.effects.chain import Chain
 from gpsim.effects.registry import effect_of, has_patch, register
 from gpsim.effects.term import from_json, to_json
@@ -236,6 +237,27 @@ def test_units_of_forces_follow_from_the_position_they_depend_on(force, length, 
 def test_the_registry_refuses_duplicates_and_names_the_alternatives():
     with pytest.raises(ValueError, match="twice"):
         register([FAMILIES["spring"], FAMILIES["spring"]])
+
+
+def test_a_family_says_what_its_law_is_a_function_of():
+    class Silent(ForceEffect):
+        family = "silent"
+
+        def parameters(self, place, variant=""):
+            return ()
+
+    with pytest.raises(ValueError, match=r"'silent' does not say what its law is a function_of"):
+        register([Silent()])
+
+
+def test_what_a_law_is_a_function_of_is_all_that_moves_it():
+    """A friction is the same everywhere, a spring at every speed."""
+    q, v = np.array([-0.7, 0.2, 0.9]), np.array([-1.3, 0.4, 0.8])
+    for effect in (e for e in FAMILIES.values() if isinstance(e, ForceEffect)):
+        values = {p.name: np.full(3, p.starts[0]) for p in effect.parameters(Place("q", "N"))}
+        of = effect.force if not effect.dry else lambda x, s, given: effect.grip(x, s, given, None)  # noqa: B023
+        moved = of(q + 0.3, v, values) if effect.function_of == "speed" else of(q, v + 0.3, values)
+        np.testing.assert_array_equal(of(q, v, values), moved, err_msg=effect.family)
     with pytest.raises(UsageError, match="coulomb_friction"):
         Term("no_such_effect", "q").effect  # noqa: B018
 
@@ -297,3 +319,47 @@ def test_a_delay_says_the_same_step_by_step_and_all_at_once():
         part = slice(first, first + size)
         parts.append(law.actuate(commands[:, part], values, memory, step[:, part], t[:, part]))
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), whole)
+
+
+class Drift(RateEffect):
+    """A rate that the first state channel and the first command drive."""
+
+    family = "drift"
+
+    def parameters(self, place, variant=""):
+        return ()
+
+    def added(self, simulator, state, action, parameters, values):
+        out = np.zeros((len(state), len(simulator.rate)))
+        out[:, -1] = values["k"] * state[:, 0] + action[:, 0]
+        return out
+
+
+@dataclass(frozen=True)
+class DriftTerm(Term):
+    @property
+    def effect(self):
+        return Drift()
+
+
+@pytest.mark.parametrize("scheme", ["fine", "euler"])
+def test_what_is_added_to_the_rates_moves_what_they_move(scheme):
+    """Of a slider, against q'' = (u + k q m) / m + u; of a vehicle, whose rates else stay the same within a step."""
+    slider, mass = make_simulator("slider"), 2.0
+    term = DriftTerm("drift", "q_acc", {"k": -4.0})
+    chain = Chain(slider, {"mass": mass}, (term,), scheme, 0.01)
+    state, h, u = np.array([[1.0, 0.0]]), 1e-4, np.array([[0.5]])
+    for i in range(10000):
+        state = chain.advance(state, u, [{"k": np.array([-4.0])}], np.array([h]), np.array([i * h]))
+    rest = 0.5 * (1 / mass + 1) / 4.0
+    assert state[0, 0] == pytest.approx(rest + (1 - rest) * np.cos(2.0), abs=2e-3)
+    unicycle = make_simulator("unicycle")
+    turning = Chain(unicycle, {}, (DriftTerm("drift", "w", {"k": 1.0}),), "fine", 0.1)
+    moved = turning.advance(
+        np.array([[0.0, 0.0, 0.0]]),
+        np.array([[1.0, 0.0]]),
+        [{"k": np.array([1.0])}],
+        np.array([0.1]),
+        np.array([0.0]),
+    )
+    assert moved[0, 2] == pytest.approx(0.1 + 0.1**2 / 2, rel=1e-2)  # w = v + x, and x grows

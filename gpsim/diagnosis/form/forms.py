@@ -45,5 +45,5 @@ def _exceeds(gain: Share, least: float) -> bool:
 
 
 def _far(gain: Share, apart: Departure | None, settings: FormSettings) -> bool:
-    """Whether a law is surely another than the curve, which surely explains more."""
-    return apart is not None and apart.low > settings.departs and _exceeds(gain, 0.0)
+    """Whether a law is surely another than the curve, which noticeably explains more."""
+    return apart is not None and apart.low > settings.departs and _exceeds(gain, settings.noticed)

@@ -41,7 +41,7 @@ class Departure:
 
 
 def departure(curve: Widened, fitted: Curved) -> Departure:
-    """Root mean square of the curve's difference; the interval from the variance of a quadratic form, its bias off the lower end."""
+    """Root mean square of the curve's difference; its interval is a quadratic form's, the bias off the lower end."""
     c, gram = fitted.theta[curve.free], curve.design.T @ curve.design / len(curve.design)
     square, slope = float(c @ gram @ c), gram @ c
     bias = float(np.trace(gram @ fitted.covariance))
@@ -69,7 +69,7 @@ def penalised(problem: Problem, start: Fit, curve: Widened) -> Curved:
     for _ in range(settings.rounds):
         by_state, by_theta = jacobians(problem, hypothesis, theta, starts, residual)
         around = _in_blocks(problem, residual, by_state, by_theta, variance, theta)
-        penalty, bends = _chosen(around, curve, settings)
+        penalty, freest = _chosen(around, curve, settings)
         goal = np.clip(_solved(around.information.sum(0), around.gradient.sum(0), penalty, theta), *bounds)
         step = damped_step(problem, residual, by_state, by_theta, variance, 0.0, none, theta, *bounds)
         thetas = np.array([theta + share * (goal - theta) for share in STEPS])
@@ -82,7 +82,7 @@ def penalised(problem: Problem, start: Fit, curve: Widened) -> Curved:
         theta, starts, residual = thetas[best], moved[best], got[best]
         if costs[-1] - costs[best] < problem.run.settings.schedules.close:
             break
-    return Curved(theta, _covariance(around, bends, curve))
+    return Curved(theta, _covariance(around, freest, curve))
 
 
 def _with_starts(
@@ -125,37 +125,30 @@ def _in_blocks(
 def _chosen(around: _Quadratic, curve: Widened, settings: FormSettings) -> tuple[FloatArray, FloatArray]:
     """(P, P) the penalty with which the other blocks tell most of what a block left out says.
 
-    And the same without what shrinks a curve to the law: how well the data know it is seen without that.
+    And the best of those that shrink a curve to the law least: how well the data know it is seen with that.
     """
     rest = around.information.sum(0) - around.information, around.gradient.sum(0) - around.gradient
-    best, chosen = np.inf, (np.array(around.information[0]),) * 2
-    for penalty, bends in _penalties(around, curve, settings):
+    free = min(settings.shrinkage)
+    found = []
+    for shrinkage, penalty in _penalties(around, curve, settings):
         steps = _solved(*rest, penalty, around.theta) - around.theta
         said = np.einsum("kp,kpq,kq->", steps, around.information, steps)
-        loss = float(0.5 * said - (around.gradient * steps).sum())
-        if loss < best:
-            best, chosen = loss, (penalty, bends)
-    return chosen
+        found.append((float(0.5 * said - (around.gradient * steps).sum()), shrinkage == free, penalty))
+    chosen = min(found, key=lambda one: one[0])  # of equals the first, which is the heaviest
+    return chosen[2], min((one for one in found if one[1]), key=lambda one: one[0])[2]
 
 
-def _penalties(
-    around: _Quadratic, curve: Widened, settings: FormSettings
-) -> list[tuple[FloatArray, FloatArray]]:
-    """All of the grid, the heaviest first: of equals it is taken. Weights are parts of the data's own information.
+def _penalties(around: _Quadratic, curve: Widened, settings: FormSettings) -> list[tuple[float, FloatArray]]:
+    """All of the grid, (P, P) each after its power of shrinkage, the heaviest first.
 
-    Each (P, P) with the same that shrinks least.
+    Weights are parts of what the data say of the curve.
     """
     told = float(np.trace(around.information.sum(0)[curve.free, curve.free]))
     own = curve.penalties()
     sizes = np.array([told / max(float(np.trace(p)), 1e-300) for p in own])
     grids = [settings.smoothness, settings.shrinkage, settings.smoothness][: len(own)]
-    out = []
-    for powers in product(*(sorted(grid, reverse=True) for grid in grids)):
-        least = (powers[0], min(settings.shrinkage), *powers[2:])
-        weights = (10.0 ** np.array(p) * sizes for p in (powers, least))
-        penalty, bends = (_weighed(around, curve, own, weight) for weight in weights)
-        out.append((penalty, bends))
-    return out
+    every = product(*(sorted(grid, reverse=True) for grid in grids))
+    return [(powers[1], _weighed(around, curve, own, 10.0 ** np.array(powers) * sizes)) for powers in every]
 
 
 def _weighed(
@@ -172,10 +165,16 @@ def _solved(
 ) -> FloatArray:
     """(..., P): theta at the least of the quadratic and half theta' penalty theta; (..., P, P) and (..., P) of it."""
     normal = information + penalty
-    size = np.sqrt(np.maximum(np.einsum("...ii->...i", normal), 1e-300))
+    size = _sizes(normal)
     scaled = normal / (size[..., :, None] * size[..., None, :]) + SINGULAR * np.eye(size.shape[-1])
     step = np.linalg.solve(scaled, ((gradient - penalty @ theta) / size)[..., None])[..., 0] / size
     return np.asarray(theta + step)
+
+
+def _sizes(normal: FloatArray) -> FloatArray:
+    """(..., P) with which (..., P, P) has a unit diagonal; 1 for what nothing is known of."""
+    diagonal = np.einsum("...ii->...i", normal)
+    return np.asarray(np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
 
 
 def _price(penalty: FloatArray, theta: FloatArray) -> float:
@@ -186,10 +185,12 @@ def _covariance(around: _Quadratic, penalty: FloatArray, curve: Widened) -> Floa
     """The posterior's of the coefficients, times how much more blocks scatter than white noise would make them."""
     total = around.information.sum(0)
     normal = total + penalty
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    size = _sizes(normal)
     inverse = np.linalg.inv(normal / np.outer(size, size) + SINGULAR * np.eye(len(size)))
     inverse /= np.outer(size, size)
-    apart = around.gradient - around.gradient.mean(axis=0)
+    step = _solved(total, around.gradient.sum(0), penalty, around.theta) - around.theta
+    there = around.gradient - around.information @ step
+    apart = there - there.mean(axis=0)
     more = len(apart) / (len(apart) - 1) * float(np.einsum("ki,ij,kj->", apart, inverse, apart))
     inflation = max(1.0, more / max(float(np.trace(inverse @ total)), 1e-300))
     return np.asarray(inflation * inverse[curve.free, curve.free])

@@ -66,7 +66,7 @@ def widened(
 
     The laws stay as they are and the curve is their deviation: at 0 it is they. All other parameters stay free.
     """
-    if group.of == "twist":  # it has two inputs already
+    if group.of == "twist" or further in group.inputs(problem.simulator):  # they are its own inputs
         further = None
     axes, inputs = _own_axes(problem, hypothesis, group, product=further is not None)
     if any(len(axis) < 2 for axis in axes):
