@@ -14,7 +14,7 @@ from gpsim.errors import UsageError
 
 from .options import ConfigDir, ShowConfig, shown_words
 from .printing import say
-from .progress import single_progress, warn
+from .progress import caution, single_progress, warn
 
 Words = Annotated[
     list[str] | None,
@@ -60,6 +60,7 @@ def diagnose_command(
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.diagnosis_text import paragraphs, ranking
+    from gpsim.reports.not_asked_text import not_asked_lines
     from gpsim.reports.trace_text import trace_lines
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
@@ -77,6 +78,8 @@ def diagnose_command(
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
+    for line in not_asked_lines(found.not_asked):
+        caution(line)
     say(f"Verdict: {found.verdict}\n")
     for text in paragraphs(found):
         say(textwrap.fill(text, 100, break_long_words=False, break_on_hyphens=False) + "\n")

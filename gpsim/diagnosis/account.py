@@ -21,7 +21,7 @@ from gpsim.diagnosis.report import (
     Remainder,
     RemainderGp,
 )
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import Question, not_asked
 from gpsim.effects import EffectParameter, ParameterEffect, Term
 from gpsim.residuals import held_out_names
 
@@ -55,6 +55,7 @@ def account(question: Question, judgement: Judgement, comparison: Comparison) ->
         dt=question.recording.dt,
         thinned=question.thinned,
         not_measured=tuple(question.hidden),
+        not_asked=not_asked(question),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
     ).settled()
 

@@ -85,7 +85,7 @@ def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPl
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
     return EffectsPlant(
-        problem.simulator,  # in which the recording's angles wrap
+        question.whole,  # in which the recording's angles wrap
         dict(problem.parameters),
         leader.terms,
         leader.scheme if leader.terms else _scheme(question.recording),

@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Needs, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -18,6 +18,7 @@ class ActuatorBias(ActuatorEffect):
     """A bias of the actuator: the simulator gets u + b."""
 
     family: ClassVar[str] = "actuator_bias"
+    needs: ClassVar[Needs] = "nothing"
     order: ClassVar[int] = 70
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, Needs, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -20,6 +20,7 @@ class BatterySag(ActuatorEffect):
     """Battery sag: the gain falls with time, g = 1 - loss t."""
 
     family: ClassVar[str] = "battery_sag"
+    needs: ClassVar[Needs] = "command"
     order: ClassVar[int] = 60
     holds: ClassVar[bool] = False
     drifts: ClassVar[bool] = True

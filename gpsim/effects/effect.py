@@ -18,6 +18,8 @@ from gpsim.channels import FloatArray
 from gpsim.simulators import Memory, Simulator
 
 Site = Literal["actuator", "force", "parameter", "vehicle", "sensor"]
+Needs = Literal["nothing", "command", "change"]
+"""What a recording must hold for an actuator's effect to show: nothing, a command other than 0, one that changes."""
 Values = Mapping[str, FloatArray]
 """Parameter values by name, (B,) each."""
 VEHICLE = ("v", "v_lateral", "w")
@@ -150,6 +152,7 @@ class ActuatorEffect(Effect):
     """What happens to a command on its way to the simulator."""
 
     site: ClassVar[Site] = "actuator"
+    needs: ClassVar[Needs] = "change"  # of the command, to show at all
     holds: ClassVar[bool] = True  # is what it makes of held commands held? (else it changes within a substep)
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:

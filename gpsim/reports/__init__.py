@@ -8,6 +8,7 @@ __all__ = [
     "import_figure",
     "import_text",
     "loop_report",
+    "not_asked_text",
     "page",
     "printable",
     "prove_page",

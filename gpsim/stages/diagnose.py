@@ -13,12 +13,12 @@ from gpsim.corrected import EffectsPlant, GpCorrection, plant_from
 from gpsim.diagnosis import Diagnosis, diagnose
 from gpsim.diagnosis.run import Run, cores
 from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
-from gpsim.diagnosis.setup import guessed, hidden_channels
+from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
 from gpsim.recordings import Recording, read_bare_table, read_recording
-from gpsim.residuals import check_match, check_rates, holding_out
-from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
+from gpsim.residuals import check_rates, holding_out
+from gpsim.simulators import SIMULATORS, Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosis_files import write_diagnosis
 from gpsim.stages.policy_files import read_gp
@@ -133,7 +133,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         simulator.state,
         simulator.action,
         simulator.defaults(),
-        optional=tuple(simulator.start),
+        optional=simulator.state.names if simulator.name in SIMULATORS else tuple(simulator.start),
         integrator=simulator.integrator,
     )
     return _first(recording, task.episodes), simulator
@@ -211,10 +211,9 @@ def _diagnosed(
 ) -> Json:
     recording = _held_apart(recording, task)
     parameters = simulator.defaults(recording.parameters)
-    hidden = hidden_channels(recording, simulator)
-    check_match(recording, simulator, hidden=hidden)
+    sight = look(recording, simulator)
     _check_names(simulator)
-    check_rates(guessed(recording, simulator), simulator, parameters)
+    check_rates(sight.completed(recording), sight.simulator, parameters)
     rng = generator(request.seed, "diagnose")
     with cores(request.cores) as workers:
         found = diagnose(

@@ -287,4 +287,5 @@ def _shown_rates(question: Question) -> BoolArray:
         moved = np.array(state)
         moved[:, simulator.state.index(name)] += 1.0
         shown &= simulator.measured_rates(state, moved, np.ones(1))[0] == 0.0
-    return shown
+    unmeasured = question.sight.unmeasured if question.sight else ()
+    return np.asarray(shown & np.array([name not in unmeasured for name in simulator.rate.names]))

@@ -35,6 +35,7 @@ from gpsim.diagnosis.report.fit import (
     RolloutModelErrors,
     StepErrors,
 )
+from gpsim.diagnosis.report.not_asked import NotAsked
 
 __all__ = [
     "SCHEMA",
@@ -58,6 +59,7 @@ __all__ = [
     "ModelErrors",
     "NamedEffect",
     "NoGp",
+    "NotAsked",
     "Odds",
     "OverBefore",
     "RankedHypothesis",

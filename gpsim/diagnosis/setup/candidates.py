@@ -9,6 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import CandidateSettings
+from gpsim.diagnosis.setup.not_asked import shows
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.effects import FAMILIES, Effect, Place, effect_of
 from gpsim.recordings import Recording, evenly
@@ -45,6 +46,7 @@ def offers_of(question: Question) -> list[Candidate]:
         c
         for c in candidates(question.recording, problem.simulator, problem.parameters, settings)
         if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
+        and shows(question, c)
     ]
 
 

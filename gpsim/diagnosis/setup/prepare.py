@@ -21,10 +21,11 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
-from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels, smoothed
+from gpsim.diagnosis.setup.latent_states import smoothed
+from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
-from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
+from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
 
 
@@ -33,7 +34,7 @@ class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
-    its clock 0 at `origin` s.
+    its clock 0 at `origin` s. sight: what the recording shows of the simulator, `free` all of it.
     """
 
     recording: Recording
@@ -43,6 +44,13 @@ class Question:
     thinned: int = 1
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
+    sight: Sight | None = None
+    free: Simulator | None = None
+
+    @property
+    def whole(self) -> Simulator:
+        """The simulator with all of its states, also those that the recording does not show."""
+        return self.free or self.everything.simulator
 
     def episode_name(self, index: int | None) -> str | None:
         """What the recording calls one of its episodes; None of none."""
@@ -58,19 +66,20 @@ def prepare(
     """
     run = run or Run()
     settings = run.settings
-    hidden = hidden_channels(recording, simulator)
-    check_match(recording, simulator, hidden=hidden)
+    sight = look(recording, simulator)
+    hidden = sight.hidden
     _check_length(recording, settings.prepare)
     check_clock(recording)
-    check_varies(recording)
+    check_moves(recording, simulator, sight)
     if recording.integrator not in INTEGRATORS:
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
-    simulator = wrapping(simulator, either_wraps(simulator.state, recording.state))
+    free = wrapping(simulator, either_wraps(simulator.state, recording.state))
+    simulator = wrapping(sight.simulator, either_wraps(sight.simulator.state, recording.state))
     seen, origin = rebased(recording)
     seen, every = thinned(seen, settings.decimation)
-    seen = guessed(seen, simulator)
+    seen = sight.completed(seen)
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
     problem = _problem(seen, simulator, parameters, training, hidden, run)
@@ -90,6 +99,8 @@ def prepare(
         every,
         hidden,
         origin,
+        sight,
+        free,
     )
 
 
