@@ -29,6 +29,9 @@ from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
 
 
+STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
+
+
 @dataclass(frozen=True)
 class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
@@ -159,7 +162,8 @@ def _problem(
     observed = _observed(recording, simulator, hidden)
     guess = np.array([abs(simulator.start.get(n, 0.0)) or 1.0 if n in hidden else 0.0 for n in names])
     share = run.settings.prepare.hidden_scale
-    scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(share * guess, 1e-9))
+    spread = training.measured[training.valid].std(axis=0)
+    scale = np.maximum(np.where(spread > 0.0, spread, STILL), share * guess)
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
