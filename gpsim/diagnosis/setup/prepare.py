@@ -28,7 +28,6 @@ from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
 
-
 STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
 
@@ -160,9 +159,10 @@ def _problem(
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
     names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
-    guess = np.array([abs(simulator.start.get(n, 0.0)) or 1.0 if n in hidden else 0.0 for n in names])
-    share = run.settings.prepare.hidden_scale
-    spread = training.measured[training.valid].std(axis=0)
+    share, spread = run.settings.prepare.hidden_scale, training.measured[training.valid].std(axis=0)
+    unsized = [n in hidden and (n in simulator.start or not s) for n, s in zip(names, spread, strict=True)]
+    sizes = [abs(simulator.start.get(n, 0.0)) or 1.0 for n in names]
+    guess = np.where(unsized, sizes, 0.0)
     scale = np.maximum(np.where(spread > 0.0, spread, STILL), share * guess)
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
