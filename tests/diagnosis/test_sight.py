@@ -37,8 +37,9 @@ def commanding(recording, *levels):
 def keeping(recording, *names):
     columns = [recording.state.index(name) for name in names]
     return replace(
-        with_states(recording, lambda states: states[:, columns]),
+        recording,
         state=Channels(tuple(c for c in recording.state if c.name in names)),
+        episodes=tuple(replace(e, states=e.states[:, columns]) for e in recording.episodes),
         noise={n: recording.noise[n] for n in names if n in recording.noise},
     )
 
@@ -126,3 +127,80 @@ def test_a_dead_sensor_and_a_recording_in_which_nothing_moves_are_refused():
     with pytest.raises(UsageError, match="nothing moves: q, q_dot never change from episode 0 to episode 4"):
         prepared(with_states(recording, lambda s: 0.0 * s))
     check_moves(recording, simulator, look(recording, simulator))
+
+
+def looked(system, *names):
+    return look(keeping(record(World(system), episodes=4, steps=40), *names), make_simulator(system))
+
+
+def test_states_that_no_measured_rate_needs_are_dropped_and_others_estimated():
+    assert (looked("unicycle", "yaw").dropped, looked("unicycle", "yaw").hidden) == (("x", "y"), ())
+    assert (looked("unicycle", "x", "y").dropped, looked("unicycle", "x", "y").hidden) == ((), ("yaw",))
+    assert looked("unicycle", "x").hidden == ("yaw",)
+    assert looked("unicycle", "x").dropped == ("y",)
+    assert looked("cartpole", "x", "theta").hidden == ("x_dot", "theta_dot")
+    assert looked("cartpole", "theta", "theta_dot").dropped == ("x", "x_dot")
+    assert looked("slider", "q_dot").hidden == ("q",)
+    assert looked("pendulum", "theta_dot").hidden == ("theta",)
+
+
+def test_a_recording_with_none_of_the_states_or_with_another_is_refused():
+    recording, simulator = record(World("slider"), episodes=4, steps=40), make_simulator("slider")
+    for names in ((), ("speed",)):
+        strange = replace(
+            recording,
+            state=Channels.of(dict.fromkeys(names, "m")),
+            episodes=tuple(replace(e, states=e.states[:, : len(names)]) for e in recording.episodes),
+            noise={},
+        )
+        with pytest.raises(UsageError, match="simulator slider needs"):
+            look(strange, simulator)
+
+
+def test_a_heading_is_guessed_from_where_the_commands_lead():
+    full = record(World("unicycle"), seed=3, episodes=3, steps=60)
+    recording = keeping(full, "x", "y")
+    guessed = look(recording, make_simulator("unicycle")).completed(recording)
+    assert guessed.state.names == full.state.names
+    driven = [np.abs(e.actions[:, 0]) > 0.4 for e in full.episodes]
+    pairs = zip(guessed.episodes, full.episodes, driven, strict=True)
+    off = [np.cos(g.states[:-1, 2] - f.states[:-1, 2])[d] for g, f, d in pairs]
+    assert np.mean(np.concatenate(off) > 0.9) > 0.9
+
+
+def test_a_velocity_is_guessed_from_its_position_and_the_other_way_round():
+    full = record(World("slider"), episodes=3, steps=60, noise=0.0)
+    simulator = make_simulator("slider")
+    recording = keeping(full, "q")
+    guessed = look(recording, simulator).completed(recording)
+    for g, f in zip(guessed.episodes, full.episodes, strict=True):
+        np.testing.assert_allclose(g.states[1:-1, 1], f.states[1:-1, 1], atol=0.05)
+
+
+def test_a_robot_of_which_only_the_yaw_is_known_is_diagnosed():
+    world = World("unicycle", twist=lambda v, lateral, w: (v, lateral, w / (1.0 + 0.8 * v * v)))
+    recording = keeping(record(world, episodes=6, steps=120), "yaw")
+    simulator = make_simulator("unicycle")
+    found = diagnose(recording, simulator, {}, np.random.default_rng(0))
+    (effect,) = found.diagnosis.effects
+    assert effect.family == "understeer"
+    assert effect.parameters["gradient"].value == pytest.approx(0.8, rel=0.03)
+    assert set(found.diagnosis.fit.one_step) == {"w"}
+    assert set(found.diagnosis.fit.rollout.channels) == {"yaw"}
+    assert found.plant.state.names == ("x", "y", "yaw")
+    said = not_asked_lines(found.diagnosis.not_asked)
+    assert len(said) == 2
+    assert said[0].startswith("x was not measured, and nothing that was depends on it: it is left out")
+
+
+def test_a_robot_of_which_the_yaw_is_not_known_is_diagnosed():
+    def weak(u, t, h, memory):
+        return u * [1.0, 0.8]
+
+    recording = keeping(record(World("unicycle", filters=[weak]), episodes=6, steps=120), "x", "y")
+    simulator = make_simulator("unicycle")
+    found = diagnose(recording, simulator, {}, np.random.default_rng(0))
+    (effect,) = found.diagnosis.effects
+    assert (effect.family, effect.on) == ("actuator_gain", "w_cmd")
+    assert effect.parameters["gain"].value == pytest.approx(0.8, rel=0.03)
+    assert found.diagnosis.not_measured == ("yaw",)

@@ -143,9 +143,11 @@ def _held(simulator: Simulator, recorded: Sequence[str], constant: Mapping[str, 
 def _not_needed(recording: Recording, simulator: Simulator, absent: Sequence[str]) -> list[str]:
     """Those of the absent states on which nothing depends that the others do: the most that can be left out together.
 
-    By trial: each is moved, at recorded states and commands, and the others' derivatives looked at.
+    By trial: each is moved, at recorded states and commands, and the others' derivatives looked at. The position of a
+    velocity that was measured stays: what rubs or springs there acts on a coordinate.
     """
-    out = list(absent)
+    moving = {c.name for c in simulator.coordinates if c.velocity in recording.state.names}
+    out = [name for name in absent if name not in moving]
     while out:
         kept = [i for i, name in enumerate(simulator.state.names) if name not in out]
         needed = [name for name in out if _moves(recording, simulator, name, kept)]
