@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.diagnosis.assessment import Comparison, depends_on, intervals, locate, tell_apart
+from gpsim.diagnosis.assessment import Comparison, combinations, depends_on, intervals, locate, tell_apart
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, gain
 from gpsim.diagnosis.judgement import Judgement, odds_against
 from gpsim.diagnosis.report import (
@@ -56,6 +56,7 @@ def account(question: Question, judgement: Judgement, comparison: Comparison) ->
         thinned=question.thinned,
         not_measured=tuple(question.hidden),
         not_asked=not_asked(question),
+        combinations=combinations(problem, leader, judgement.rivals),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
     ).settled()
 

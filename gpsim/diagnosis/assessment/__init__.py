@@ -1,5 +1,6 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
+from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.intervals import intervals
@@ -16,6 +17,7 @@ __all__ = [
     "Course",
     "Trace",
     "Traces",
+    "combinations",
     "compare",
     "course",
     "depends_on",

@@ -2,6 +2,7 @@
 
 from gpsim.diagnosis.settings.assessment import (
     BootstrapSettings,
+    CombinationSettings,
     ComparisonSettings,
     ConcentrationSettings,
     ExperimentDesignSettings,
@@ -38,6 +39,7 @@ __all__ = [
     "AcceptanceSettings",
     "BootstrapSettings",
     "CandidateSettings",
+    "CombinationSettings",
     "ComparisonSettings",
     "ConcentrationSettings",
     "CostSettings",
