@@ -14,7 +14,15 @@ from gpsim.diagnosis.assessment import Comparison, compare
 from gpsim.diagnosis.judgement import Judgement, judge
 from gpsim.diagnosis.report import Diagnosis
 from gpsim.diagnosis.run import Decision, Run
-from gpsim.diagnosis.selection import Note, beam_search, prune_on_held_out, refine_grid, refit, stepwise
+from gpsim.diagnosis.selection import (
+    Note,
+    beam_search,
+    prune_on_held_out,
+    refine_grid,
+    refit,
+    stepwise,
+    without_idle,
+)
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme
 from gpsim.recordings import Recording
@@ -66,6 +74,7 @@ def diagnose(
     contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
     step("prune on held-out", 90, "asking held-out windows")
     contenders = prune_on_held_out(question, contenders)
+    question = without_idle(question, contenders.leader)
     step("judge", 90, "looking for rivals, and for what is left")
     judgement = judge(question, contenders, found)
     step("compare", 90, "comparing on held-out data")

@@ -25,7 +25,8 @@ def _line(entry: NotAsked) -> str:
         "not needed": f"{name} was not measured, and nothing that was depends on it: it is left out",
         "estimated": f"{name} was not measured and is estimated",
         "known": f"{name} is known ({value})",
-        "asked": f"{name} was not asked for",
+        "asked": "left out as you said",
+        "does nothing": f"{name} is required and does nothing here: it is left out",
     }[entry.because]
     return said + (f"; not asked: {_families(entry.families)}" if entry.families else "")
 

@@ -11,8 +11,8 @@ from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, GpCorrection, plant_from
 from gpsim.diagnosis import Diagnosis, diagnose
-from gpsim.diagnosis.run import Run, cores
-from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
+from gpsim.diagnosis.run import Run, Workers, cores
+from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
@@ -176,6 +176,8 @@ def _recipe(request: Request, task: Task) -> Recipe:
         "episodes": task.episodes,
         "settings": as_mapping(_settings(request)),
     }
+    if known := _known(request):
+        config["known"] = known.as_mapping()
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
@@ -184,7 +186,17 @@ def _recipe(request: Request, task: Task) -> Recipe:
 def _settings(request: Request) -> Settings:
     """The thresholds of the search and its judgement."""
     given = request.config["diagnose"]
-    return read_settings({step: values for step, values in given.items() if step != "episodes"})
+    return read_settings({step: values for step, values in given.items() if step not in BESIDE})
+
+
+BESIDE = ("episodes", "known", "families")
+"""Keys of the configuration's `diagnose` that are no settings of a step."""
+
+
+def _known(request: Request) -> Known:
+    """What the user knows."""
+    given = request.config["diagnose"]
+    return read_known(given.get("known"), given.get("families"))
 
 
 def _check_names(simulator: Simulator) -> None:
@@ -214,10 +226,12 @@ def _diagnosed(
     sight = look(recording, simulator)
     _check_names(simulator)
     check_rates(sight.completed(recording), sight.simulator, parameters)
-    rng = generator(request.seed, "diagnose")
+    rng, known = generator(request.seed, "diagnose"), _known(request)
+
+    def run(workers: Workers) -> Run:
+        return Run(workers, _settings(request), known=known)
+
     with cores(request.cores) as workers:
-        found = diagnose(
-            recording, simulator, parameters, rng, request.progress, Run(workers, _settings(request))
-        )
+        found = diagnose(recording, simulator, parameters, rng, request.progress, run(workers))
     write_diagnosis(folder, found, simulator, _title(recording))
     return {}

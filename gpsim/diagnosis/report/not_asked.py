@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 Because = Literal[
-    "no command", "constant command", "constant", "held", "not needed", "estimated", "known", "asked"
+    "no command",
+    "constant command",
+    "constant",
+    "held",
+    "not needed",
+    "estimated",
+    "known",
+    "asked",
+    "does nothing",
 ]
 
 
@@ -16,7 +24,8 @@ class NotAsked:
 
     because: a command that was not recorded and is taken as 0, or that never changes; a state that never changes, is
     held still, was not measured and is not needed, or was not measured and is estimated; a parameter that the user
-    knows; or a family that the user did not ask for. channel: of which; value: where it stands, None where nothing
+    knows; or a family that the user did not ask for, or an
+    effect that is required and does nothing. channel: of which; value: where it stands, None where nothing
     does; families: those that are left out, empty where none are.
     """
 

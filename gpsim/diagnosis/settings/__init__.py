@@ -24,6 +24,7 @@ from gpsim.diagnosis.settings.fitting import (
 )
 from gpsim.diagnosis.settings.gates import GateSettings
 from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
+from gpsim.diagnosis.settings.known import NOTHING_KNOWN, Known, read_known
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
@@ -36,6 +37,7 @@ from gpsim.diagnosis.settings.setup import (
 )
 
 __all__ = [
+    "NOTHING_KNOWN",
     "AcceptanceSettings",
     "BootstrapSettings",
     "CandidateSettings",
@@ -49,6 +51,7 @@ __all__ = [
     "ExperimentDesignSettings",
     "GateSettings",
     "IntervalSettings",
+    "Known",
     "LackOfFitSettings",
     "LatentStateSettings",
     "LocationSettings",
@@ -71,5 +74,6 @@ __all__ = [
     "as_page",
     "as_yaml",
     "described",
+    "read_known",
     "read_settings",
 ]

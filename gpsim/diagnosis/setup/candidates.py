@@ -9,6 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import CandidateSettings
+from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.not_asked import shows
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.effects import FAMILIES, Effect, Place, effect_of
@@ -42,12 +43,15 @@ def offers_of(question: Question) -> list[Candidate]:
     """Every term that may be missing from a question's simulator, and that its recording could show."""
     problem = question.everything
     settings = problem.run.settings.candidates
-    return [
+    known, parameters = problem.run.known, problem.parameters
+    offers = [
         c
-        for c in candidates(question.recording, problem.simulator, problem.parameters, settings)
+        for c in candidates(question.recording, problem.simulator, parameters, settings)
         if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
         and shows(question, c)
     ]
+    check_bounds(known, offers)
+    return allowed(known, offers, parameters)
 
 
 MEDIAN = 0.5  # quantile

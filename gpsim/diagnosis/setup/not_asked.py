@@ -21,7 +21,24 @@ def shows(question: Question, candidate: Candidate) -> bool:
 
 
 def not_asked(question: Question) -> tuple[NotAsked, ...]:
-    """What the recording does not show, and the families that are left out for it."""
+    """What the recording does not show or the user has settled, and the families that are left out for it."""
+    return (*_not_shown(question), *_settled(question))
+
+
+def _settled(question: Question) -> list[NotAsked]:
+    known, simulator = question.everything.run.known, question.whole
+    out = [
+        _entry("known", name, value, simulator.parameters[name].unit, ("parameter_offset",))
+        for name, value in known.fix.items()
+    ]
+    places = {e.family: e.places(simulator) for e in FAMILIES.values()}
+    left_out = [f for f, on in places.items() if on and not any(known.asks((f, place)) for place in on)]
+    if known.only or known.without:
+        out.append(_entry("asked", "", None, "", left_out))
+    return out + [_entry("does nothing", name, None, "", ()) for name in question.idle]
+
+
+def _not_shown(question: Question) -> tuple[NotAsked, ...]:
     sight, simulator = question.sight, question.whole
     if sight is None:
         return ()

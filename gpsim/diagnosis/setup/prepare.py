@@ -21,6 +21,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
+from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.errors import UsageError
@@ -36,7 +37,8 @@ class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
-    its clock 0 at `origin` s. sight: what the recording shows of the simulator, `free` all of it.
+    its clock 0 at `origin` s. sight: what the recording shows of the simulator, `free` all of it; idle: what is
+    required and does nothing.
     """
 
     recording: Recording
@@ -48,6 +50,7 @@ class Question:
     origin: float = 0.0
     sight: Sight | None = None
     free: Simulator | None = None
+    idle: tuple[str, ...] = ()
 
     @property
     def whole(self) -> Simulator:
@@ -67,7 +70,7 @@ def prepare(
     The problem's simulator is one in which every angle wraps that does so in the simulator or in the recording.
     """
     run = run or Run()
-    settings = run.settings
+    settings, parameters = run.settings, with_known(run.known, simulator, parameters)
     sight = look(recording, simulator)
     hidden = sight.hidden
     _check_length(recording, settings.prepare)
