@@ -19,6 +19,8 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
 8. `structure left`: rules 5, 6 or 7 but for the white rest. Refused, but on trial: another term may yet bring that.
 9. `too small a share`: all others. Refused.
 
+Before all of them, `required`: what lacks an effect that the user requires loses to what has it.
+
 The numbers are `AcceptanceSettings`.
 """
 
