@@ -6,7 +6,7 @@ import os
 import re
 import textwrap
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -34,6 +34,14 @@ Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
 ]
 Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
+ScoreOf = Annotated[
+    Path | None,
+    typer.Option(
+        "--score",
+        metavar="DIAGNOSIS",
+        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
+    ),
+]
 Explain = Annotated[
     bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
 ]
@@ -43,6 +51,7 @@ def diagnose_command(
     words: Words = None,
     simulator: SimulatorName = None,
     out: Out = None,
+    score: ScoreOf = None,
     explain: Explain = False,
     cores: Cores = None,
     config_dir: ConfigDir = None,
@@ -57,6 +66,9 @@ def diagnose_command(
     config = resolve(settings, config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
+        return
+    if score is not None:
+        _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.diagnosis_text import paragraphs, ranking
@@ -93,6 +105,30 @@ def diagnose_command(
         for line in trace_lines(read_trace(artifact.path)):
             say(line)
     say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+
+
+def _score(
+    diagnosis: Path,
+    recording: Path | None,
+    simulator: str | None,
+    out: Path | None,
+    config: dict[str, Any],
+    words: tuple[str, ...],
+    cores: int | None,
+) -> None:
+    """Print how an existing diagnosis does on another recording."""
+    from gpsim.reports.score_text import score_lines
+    from gpsim.stages.score import read_score, stage_for
+    from gpsim.stages.stage import Request
+
+    if recording is None:
+        raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
+    with single_progress("score") as progress:
+        request = Request(config, words, progress, out, cores=cores or os.cpu_count() or 1)
+        artifact, existed = stage_for(diagnosis, recording, simulator).make(request)
+    for line in score_lines(read_score(artifact.path)):
+        say(line)
+    say(f"score: {artifact.path}{' (already there)' if existed else ''}")
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir")

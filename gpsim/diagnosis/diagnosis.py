@@ -10,9 +10,9 @@ import numpy as np
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import account
-from gpsim.diagnosis.assessment import Comparison, compare
+from gpsim.diagnosis.assessment import Comparison, compare, score
 from gpsim.diagnosis.judgement import Judgement, judge
-from gpsim.diagnosis.report import Diagnosis
+from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import (
     Note,
@@ -44,6 +44,10 @@ class Outcome:
     comparison: Comparison
     question: Question
     decisions: tuple[Decision, ...]
+
+    def score(self, recording: Recording, rng: np.random.Generator, run: Run | None = None) -> Score:
+        """How the effects do on another recording; nothing is fitted (see `gpsim.diagnosis.score`)."""
+        return score(recording, self.plant, None, rng, run)
 
 
 def diagnose(

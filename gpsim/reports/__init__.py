@@ -14,6 +14,7 @@ __all__ = [
     "prove_page",
     "prove_record",
     "prove_sheets",
+    "score_text",
     "slices",
     "tables",
     "trace_text",

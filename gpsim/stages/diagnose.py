@@ -165,16 +165,14 @@ def _recipe(request: Request, task: Task) -> Recipe:
     recording, _ = open_recording(task)
     apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
-    names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
-    digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
     name = task.simulator or recording.system
     source = source_file(name)
     config: Json = {
-        "recording": digests,
+        "recording": digests_of(task, folder),
         "simulator": name,
         "simulator_file": file_digest(source) if source else None,
         "episodes": task.episodes,
-        "settings": as_mapping(_settings(request)),
+        "settings": settings_of(request),
     }
     if known := _known(request):
         config["known"] = known.as_mapping()
@@ -183,7 +181,18 @@ def _recipe(request: Request, task: Task) -> Recipe:
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 
-def _settings(request: Request) -> Settings:
+def digests_of(task: Task, folder: Path) -> dict[str, str]:
+    """The digest of every file of a task's recording, which lies in `folder`."""
+    names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
+    return {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
+
+
+def settings_of(request: Request) -> Json:
+    """The thresholds as a recipe holds them."""
+    return as_mapping(read_thresholds(request))
+
+
+def read_thresholds(request: Request) -> Settings:
     """The thresholds of the search and its judgement."""
     given = request.config["diagnose"]
     return read_settings({step: values for step, values in given.items() if step not in BESIDE})
@@ -229,7 +238,7 @@ def _diagnosed(
     rng, known = generator(request.seed, "diagnose"), _known(request)
 
     def run(workers: Workers) -> Run:
-        return Run(workers, _settings(request), known=known)
+        return Run(workers, read_thresholds(request), known=known)
 
     with cores(request.cores) as workers:
         found = diagnose(recording, simulator, parameters, rng, request.progress, run(workers))

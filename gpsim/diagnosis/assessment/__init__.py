@@ -6,6 +6,7 @@ from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.intervals import intervals
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.replay import replayed
+from gpsim.diagnosis.assessment.scoring import score
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces, course, traces
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "locate",
     "most_telling",
     "replayed",
+    "score",
     "tell_apart",
     "traces",
 ]

@@ -36,9 +36,11 @@ from gpsim.diagnosis.report.fit import (
     StepErrors,
 )
 from gpsim.diagnosis.report.not_asked import NotAsked
+from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
 
 __all__ = [
     "SCHEMA",
+    "SCORE_SCHEMA",
     "Alternative",
     "Claims",
     "Combination",
@@ -70,6 +72,8 @@ __all__ = [
     "Rollout",
     "RolloutErrors",
     "RolloutModelErrors",
+    "Score",
+    "Scored",
     "Separation",
     "Shape",
     "Share",

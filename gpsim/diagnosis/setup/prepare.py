@@ -125,7 +125,7 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
     """Windows to learn from and held-out ones."""
     length, prepared = _length(recording, settings), settings.prepare
     training, held = _parted(recording, length, settings)
-    if recording.held_out is not None and not len(held):
+    if recording.held_out is not None and recording.held_out.share != 0.0 and not len(held):
         raise UsageError(
             "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
             "or take it out to hold out the last fifth"
