@@ -39,8 +39,8 @@ def read_bare_table(
     table = read_frame(path)
     held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
     held = held if len(held) else state
-    whole, action = action, action if set(action.names) & set(table.columns) else Channels(())
-    _check_spelling(path, table, (*state.names, *whole.names))
+    _check_spelling(path, table, (*state.names, *action.names))
+    action = action if set(action.names) & set(table.columns) else Channels(())
     needed = ("t", *held.names, *action.names)
     _check_columns(path, table, needed, system)
     if "episode" not in table.columns:
@@ -75,13 +75,20 @@ def _check_seconds(path: Path, t: FloatArray, step: float, channels: Channels) -
 def _check_spelling(path: Path, table: pd.DataFrame, names: Sequence[str]) -> None:
     """A column that is nearly called as a channel that is absent would be passed over without a word."""
     columns = [str(column) for column in table.columns]
-    others = {column.lower(): column for column in columns if column not in ("t", "episode", *names)}
+    others = [column for column in columns if column not in ("t", "episode", *names)]
     for name in names:
-        near = difflib.get_close_matches(name.lower(), others, n=1, cutoff=ALIKE)
+        near = alike(name, others)
         if name not in columns and near:
             raise UsageError(
-                f"{path}: column(s) {name} missing; '{others[near[0]]}' is like it: call it {name}, or otherwise"
+                f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
             )
+
+
+def alike(name: str, columns: Sequence[str]) -> str | None:
+    """The column that is nearly called so, a slip of the pen; None where none is."""
+    lower = {column.lower(): column for column in columns}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=ALIKE)
+    return lower[near[0]] if near else None
 
 
 def _check_columns(path: Path, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:
