@@ -126,3 +126,9 @@ def test_exponents_are_rounded_where_they_are_nearly_simple():
     np.testing.assert_allclose(
         simple(np.array([0.98, -0.52, 0.335, 0.85]), 0.08), [1.0, -0.5, 1 / 3, 0.85], atol=1e-12
     )
+
+
+def test_one_that_is_little_known_by_itself_takes_no_other_along():
+    loose = information([1, -0.2, 0], [0, 1, 0], [0, 0, 1]) * [[1e-4, 1e-2, 1e-2], [1e-2, 1, 1], [1e-2, 1, 1]]
+    assert np.sqrt(np.linalg.inv(loose)[0, 0]) > SETTINGS.wide
+    assert open_groups(loose, NOT_HELD, SETTINGS) == []

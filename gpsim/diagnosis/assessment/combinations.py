@@ -13,6 +13,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+from scipy.linalg import qr
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import t as student
 
@@ -36,6 +37,8 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
     if len(logs) < 2 or own == 0:
         return ()
     information = informed(problem, found) * np.outer(theta, theta)
+    if not np.isfinite(information).all():
+        return ()  # a simulation ran away
     held = np.array(
         [_held(p.low, p.high, v) for p, v in zip(found.hypothesis.parameters, theta, strict=True)]
     )
@@ -64,7 +67,10 @@ def open_groups(
     information: (P, P) on the logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
     """
     values, vectors = np.linalg.eigh(information)
-    directions = list(vectors[:, values < 1.0 / settings.wide**2].T)
+    # Of the logarithms each is as wide as its part in an open direction makes it.
+    open_ = values < 1.0 / settings.wide**2
+    widths = np.abs(vectors) / np.sqrt(np.maximum(values, np.finfo(float).tiny))
+    directions = list(np.where(widths > settings.wide, vectors, 0.0)[:, open_].T)
     if not directions:
         directions = [
             d
@@ -73,7 +79,7 @@ def open_groups(
         ]
     if not directions:
         return []
-    basis = np.linalg.svd(np.stack(directions).T, full_matrices=False)[0]
+    basis = np.stack(directions).T
     basis = basis * (np.abs(basis) >= settings.takes_part * np.abs(basis).max(axis=0))
     count, label = connected_components(np.abs(basis) @ np.abs(basis).T > 0.0, directed=False)
     closed = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
@@ -120,8 +126,7 @@ def _complement(directions: FloatArray) -> FloatArray:
     Each product has one parameter of its own with the exponent 1, and those that all share.
     """
     count, rank = directions.shape
-    # The parameters that move most are those in whose powers the others are told.
-    order = np.argsort(-np.abs(directions).max(axis=1), kind="stable")
+    order = qr(directions.T, mode="r", pivoting=True)[1]  # those that move most, and each by itself
     shared, rest = np.sort(order[:rank]), np.sort(order[rank:])
     out = np.zeros((count - rank, count))
     out[np.arange(count - rank), rest] = 1.0
