@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,7 +13,7 @@ from gpsim.errors import UsageError
 
 from .options import ConfigDir, ShowConfig, shown_words
 from .printing import say
-from .progress import single_progress, warn
+from .progress import caution, single_progress, warn
 
 Words = Annotated[
     list[str] | None,
@@ -33,6 +33,14 @@ Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
 ]
 Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
+ScoreOf = Annotated[
+    Path | None,
+    typer.Option(
+        "--score",
+        metavar="DIAGNOSIS",
+        help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
+    ),
+]
 Explain = Annotated[
     bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
 ]
@@ -42,6 +50,7 @@ def diagnose_command(
     words: Words = None,
     simulator: SimulatorName = None,
     out: Out = None,
+    score: ScoreOf = None,
     explain: Explain = False,
     cores: Cores = None,
     config_dir: ConfigDir = None,
@@ -57,10 +66,14 @@ def diagnose_command(
     if show_config:
         typer.echo(as_yaml(config), nl=False)
         return
+    if score is not None:
+        _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores)
+        return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
     from gpsim.reports.diagnosis_text import ranking
+    from gpsim.reports.not_asked_text import not_asked_lines
     from gpsim.reports.trace_text import trace_lines
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
@@ -78,6 +91,8 @@ def diagnose_command(
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
+    for line in not_asked_lines(found.not_asked):
+        caution(line)
     name = artifact.manifest["config"].get("simulator")
     for text in account_lines(account_of(found, str(artifact.path), name)):
         say(text)
@@ -91,6 +106,30 @@ def diagnose_command(
         for line in trace_lines(read_trace(artifact.path)):
             say(line)
     say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+
+
+def _score(
+    diagnosis: Path,
+    recording: Path | None,
+    simulator: str | None,
+    out: Path | None,
+    config: dict[str, Any],
+    words: tuple[str, ...],
+    cores: int | None,
+) -> None:
+    """Print how an existing diagnosis does on another recording."""
+    from gpsim.reports.score_text import score_lines
+    from gpsim.stages.score import read_score, stage_for
+    from gpsim.stages.stage import Request
+
+    if recording is None:
+        raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
+    with single_progress("score") as progress:
+        request = Request(config, words, progress, out, cores=cores or os.cpu_count() or 1)
+        artifact, existed = stage_for(diagnosis, recording, simulator).make(request)
+    for line in score_lines(read_score(artifact.path)):
+        say(line)
+    say(f"score: {artifact.path}{' (already there)' if existed else ''}")
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir")

@@ -126,7 +126,12 @@ def warn(folder: Path) -> None:
     from gpsim.artifacts import read_warnings  # it takes a moment that `--help` has no use for
 
     for line in read_warnings(folder):
-        _say(f"warning: {line}")
+        caution(line)
+
+
+def caution(line: str) -> None:
+    """A line on stderr that a reader of the result has to know: also where `--quiet` was given."""
+    _say(f"warning: {line}")
 
 
 def _say(line: str) -> None:

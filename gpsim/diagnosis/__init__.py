@@ -1,5 +1,6 @@
 """Diagnosis: where simulator and recording differ, which physics was left out, and how sure that is."""
 
+from gpsim.diagnosis.assessment import score
 from gpsim.diagnosis.diagnosis import Outcome, diagnose
 from gpsim.diagnosis.report import SCHEMA, Diagnosis, schema
 
@@ -9,4 +10,5 @@ __all__ = [
     "Outcome",
     "diagnose",
     "schema",
+    "score",
 ]

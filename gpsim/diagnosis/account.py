@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.diagnosis.assessment import Comparison, depends_on, intervals, locate, tell_apart
+from gpsim.diagnosis.assessment import Comparison, combinations, depends_on, intervals, locate, tell_apart
 from gpsim.diagnosis.attribution import Attribution, fits_without
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, gain
 from gpsim.diagnosis.judgement import Judgement, Laws, odds_against
@@ -25,7 +25,7 @@ from gpsim.diagnosis.report import (
     RemainderGp,
     Verdict,
 )
-from gpsim.diagnosis.setup import Question
+from gpsim.diagnosis.setup import Question, not_asked
 from gpsim.effects import EffectParameter, ParameterEffect, Term
 from gpsim.residuals import held_out_names
 
@@ -67,6 +67,8 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         not_measured=tuple(question.hidden),
         explained=replace(attribution.explained, one_step=comparison.shares),
         curves=answer.laws.curves,
+        not_asked=not_asked(question),
+        combinations=combinations(problem, leader, judgement.rivals),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
     ).settled()
 

@@ -10,13 +10,21 @@ import numpy as np
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
-from gpsim.diagnosis.assessment import Comparison, compare
+from gpsim.diagnosis.assessment import Comparison, compare, score
 from gpsim.diagnosis.attribution import Attribution, attribute, supported
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, laws_of, verdict_of, withheld
-from gpsim.diagnosis.report import Diagnosis
+from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
-from gpsim.diagnosis.selection import Note, beam_search, prune_on_held_out, refine_grid, refit, stepwise
+from gpsim.diagnosis.selection import (
+    Note,
+    beam_search,
+    prune_on_held_out,
+    refine_grid,
+    refit,
+    stepwise,
+    without_idle,
+)
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme
 from gpsim.recordings import Recording
@@ -38,6 +46,10 @@ class Outcome:
     comparison: Comparison
     question: Question
     decisions: tuple[Decision, ...]
+
+    def score(self, recording: Recording, rng: np.random.Generator, run: Run | None = None) -> Score:
+        """How the effects do on another recording; nothing is fitted (see `gpsim.diagnosis.score`)."""
+        return score(recording, self.plant, None, rng, run)
 
 
 def diagnose(
@@ -68,6 +80,7 @@ def diagnose(
     contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
     step("prune on held-out", 90, "asking held-out windows")
     contenders = prune_on_held_out(question, contenders)
+    question = without_idle(question, contenders.leader)
     step("judge", 90, "looking for rivals, and for what is left")
     judgement = judge(question, contenders, found)
     step("support", 91, "asking each half of the recording")
@@ -116,7 +129,7 @@ def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPl
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
     return EffectsPlant(
-        problem.simulator,  # in which the recording's angles wrap
+        question.whole,  # in which the recording's angles wrap
         dict(problem.parameters),
         leader.terms,
         leader.scheme if leader.terms else _scheme(question.recording),

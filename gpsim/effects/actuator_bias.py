@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Needs, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -19,6 +19,7 @@ class ActuatorBias(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_bias"
     function_of: ClassVar[FunctionOf] = "command"
+    needs: ClassVar[Needs] = "nothing"
     order: ClassVar[int] = 70
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Needs, Place, Values
 from gpsim.simulators import Memory
 
 
@@ -21,6 +21,7 @@ class BatterySag(ActuatorEffect):
 
     family: ClassVar[str] = "battery_sag"
     function_of: ClassVar[FunctionOf] = "nothing"
+    needs: ClassVar[Needs] = "command"
     order: ClassVar[int] = 60
     holds: ClassVar[bool] = False
     drifts: ClassVar[bool] = True

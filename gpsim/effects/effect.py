@@ -21,6 +21,8 @@ Site = Literal["actuator", "force", "parameter", "vehicle", "rate", "sensor"]
 FunctionOf = Literal["speed", "position", "command", "twist", "reading", "nothing"]
 """What a law without memory is a function of: its coordinate's speed or position, the command, a vehicle's twist, what
 a sensor reads; "nothing" of which a curve could be drawn: it remembers, ages, is a number, or moves a whole pose."""
+Needs = Literal["nothing", "command", "change"]
+"""What a recording must hold for an actuator's effect to show: nothing, a command other than 0, one that changes."""
 Values = Mapping[str, FloatArray]
 """Parameter values by name, (B,) each."""
 VEHICLE = ("v", "v_lateral", "w")
@@ -155,6 +157,7 @@ class ActuatorEffect(Effect):
     """What happens to a command on its way to the simulator."""
 
     site: ClassVar[Site] = "actuator"
+    needs: ClassVar[Needs] = "change"  # of the command, to show at all
     holds: ClassVar[bool] = True  # is what it makes of held commands held? (else it changes within a substep)
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:

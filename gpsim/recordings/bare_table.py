@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from gpsim.recordings.recording import Episode, Recording
 from gpsim.recordings.table_files import check_size, read_frame
 from gpsim.recordings.time_units import UNITS, dated, likely_unit
 
+ALIKE = 0.75  # of 1: names so much alike are a slip of the pen
 MOVING = ("m", "rad", "deg", "m/s", "rad/s", "deg/s")  # units of what is looked at many times a second
 
 
@@ -30,10 +32,15 @@ def read_bare_table(
 ) -> Recording:
     """Columns t [s], `state`, `action` and, if there are several, episode; states in `optional` may be absent.
 
+    So may all actions, of something that nobody commands.
+
     Every fault is a UsageError that names file, episode, row and column.
     """
     table = read_frame(path)
     held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
+    held = held if len(held) else state
+    _check_spelling(path, table, (*state.names, *action.names))
+    action = action if set(action.names) & set(table.columns) else Channels(())
     needed = ("t", *held.names, *action.names)
     _check_columns(path, table, needed, system)
     if "episode" not in table.columns:
@@ -63,6 +70,25 @@ def _check_seconds(path: Path, t: FloatArray, step: float, channels: Channels) -
         f"{count}, or `gpsim import` the table with time.scale={UNITS[unit]:.0e}; if it is in seconds, say so in a "
         f"recording.yaml beside it (dt: {step:g})"
     )
+
+
+def _check_spelling(path: Path, table: pd.DataFrame, names: Sequence[str]) -> None:
+    """A column that is nearly called as a channel that is absent would be passed over without a word."""
+    columns = [str(column) for column in table.columns]
+    others = [column for column in columns if column not in ("t", "episode", *names)]
+    for name in names:
+        near = alike(name, others)
+        if name not in columns and near:
+            raise UsageError(
+                f"{path}: column(s) {name} missing; '{near}' is like it: call it {name}, or otherwise"
+            )
+
+
+def alike(name: str, columns: Sequence[str]) -> str | None:
+    """The column that is nearly called so, a slip of the pen; None where none is."""
+    lower = {column.lower(): column for column in columns}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=ALIKE)
+    return lower[near[0]] if near else None
 
 
 def _check_columns(path: Path, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:

@@ -11,6 +11,7 @@ import yaml
 
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
+from gpsim.recordings.bare_table import alike
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
@@ -189,6 +190,8 @@ def bare_mapping(named: NamedLog, system: str, systems: Mapping[str, System]) ->
         raise UsageError(f"{named.name}: no simulator '{system}'; there are: {', '.join(systems)}")
     (state, action), fields = systems[system], topics[0].fields
     time = next((name for name in _TIMES if name in fields), None)
+    if not set(action.names) & set(fields) and not any(alike(name, fields) for name in action.names):
+        action = Channels(())  # nobody commanded it
     lacking = [name for name in (*state.names, *action.names) if name not in fields]
     if time is None or lacking:
         what = ", ".join([*([] if time else ["t"]), *lacking])

@@ -9,7 +9,7 @@ import numpy as np
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
-from gpsim.simulators import Simulator
+from gpsim.simulators import SIMULATORS, Simulator
 
 RATES_LOOKED_AT = 300  # recorded rows at which a simulator's rates must be finite, beside the extreme ones
 OWN_DT = 0.1  # relative difference that jitter may make between a recording's dt and its median step
@@ -39,8 +39,11 @@ def check_match(recording: Recording, simulator: Simulator, *, hidden: Collectio
             continue
         absent = [c for c in needs if c.name not in has.names]
         remedy = "import the log with a mapping to these channels"
-        if absent and all(c.name in simulator.start for c in absent):
+        built_in = simulator.name in SIMULATORS and kind == "state" and len(absent) < len(needs)
+        if absent and (all(c.name in simulator.start for c in absent) or built_in):
             remedy = "only `gpsim diagnose` estimates states that nobody measured"
+        elif kind == "action" and not len(has):
+            remedy = "only `gpsim diagnose` takes commands that nobody recorded as 0"
         elif kind == "state" and absent and len(absent) < len(needs):
             guesses = ", ".join(f'"{c.name}": VALUE' for c in absent)
             remedy += f"; or, in a system of your own, guess what nobody measured: start = {{{guesses}}}"

@@ -1,6 +1,7 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
 from gpsim.simulators.plant import Memory, Plant, RandomisedPlant, SimulatorPlant, part_of, restart
+from gpsim.simulators.reduced import reduced
 from gpsim.simulators.registry import SIMULATORS, make_simulator, source_file
 from gpsim.simulators.simulator import (
     INTEGRATORS,
@@ -30,6 +31,7 @@ __all__ = [
     "Unicycle",
     "make_simulator",
     "part_of",
+    "reduced",
     "restart",
     "source_file",
     "wrapping",

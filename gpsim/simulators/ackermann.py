@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.simulators.planar import PlanarVehicle
-from gpsim.simulators.simulator import Parameter, Parameters
+from gpsim.simulators.simulator import SMALLEST, Parameter, Parameters
 
 
 class Ackermann(PlanarVehicle):
@@ -20,7 +21,7 @@ class Ackermann(PlanarVehicle):
     name: ClassVar[str] = "ackermann"
     action: ClassVar[Channels] = Channels.of({"v_cmd": "m/s", "steering": "rad"})
     parameters: ClassVar[dict[str, Parameter]] = {
-        "wheelbase": Parameter("m", 0.2, 1e-3, 20.0, "distance between the axles")
+        "wheelbase": Parameter("m", 0.2, SMALLEST, math.inf, "distance between the axles")
     }
 
     @property

@@ -7,12 +7,13 @@ problems"; equations as corrected by Florian (2007), "Correct equations for the 
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.simulators.simulator import Coordinate, MechanicalSimulator, Parameter, Parameters
+from gpsim.simulators.simulator import SMALLEST, Coordinate, MechanicalSimulator, Parameter, Parameters
 
 
 class CartPole(MechanicalSimulator):
@@ -31,10 +32,10 @@ class CartPole(MechanicalSimulator):
         Coordinate("theta", "theta_dot", "theta_acc", "N m"),
     )
     parameters: ClassVar[dict[str, Parameter]] = {
-        "gravity": Parameter("m/s^2", 9.8, 0.0, 30.0, "acceleration of free fall"),
-        "cart_mass": Parameter("kg", 1.0, 1e-3, 1e3, "mass of the cart"),
-        "pole_mass": Parameter("kg", 0.1, 1e-4, 1e3, "mass of the pole, uniform along its length"),
-        "pole_half_length": Parameter("m", 0.5, 1e-3, 1e2, "pivot to the pole's centre of mass"),
+        "gravity": Parameter("m/s^2", 9.8, 0.0, math.inf, "acceleration of free fall"),
+        "cart_mass": Parameter("kg", 1.0, SMALLEST, math.inf, "mass of the cart"),
+        "pole_mass": Parameter("kg", 0.1, SMALLEST, math.inf, "mass of the pole, uniform along its length"),
+        "pole_half_length": Parameter("m", 0.5, SMALLEST, math.inf, "pivot to the pole's centre of mass"),
     }
 
     def rates(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.simulators.simulator import Coordinate, MechanicalSimulator, Parameter, Parameters
+from gpsim.simulators.simulator import SMALLEST, Coordinate, MechanicalSimulator, Parameter, Parameters
 
 
 class Pendulum(MechanicalSimulator):
@@ -22,9 +23,9 @@ class Pendulum(MechanicalSimulator):
     rate: ClassVar[Channels] = Channels.of({"theta_acc": "rad/s^2"})
     coordinates: ClassVar[tuple[Coordinate, ...]] = (Coordinate("theta", "theta_dot", "theta_acc", "N m"),)
     parameters: ClassVar[dict[str, Parameter]] = {
-        "gravity": Parameter("m/s^2", 9.81, 0.0, 30.0, "acceleration of free fall"),
-        "mass": Parameter("kg", 1.0, 1e-4, 1e3, "mass of the bob"),
-        "length": Parameter("m", 0.5, 1e-3, 1e2, "pivot to the bob"),
+        "gravity": Parameter("m/s^2", 9.81, 0.0, math.inf, "acceleration of free fall"),
+        "mass": Parameter("kg", 1.0, SMALLEST, math.inf, "mass of the bob"),
+        "length": Parameter("m", 0.5, SMALLEST, math.inf, "pivot to the bob"),
     }
 
     def rates(

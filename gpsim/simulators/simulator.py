@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,15 +21,26 @@ Parameters = Mapping[str, float | FloatArray]
 RateFunction = Callable[[FloatArray], FloatArray]
 
 
+SMALLEST = float(np.finfo(float).tiny)
+"""The low bound of what must be more than 0: how small a mass may be depends on the unit, not on physics."""
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """One physical parameter: unit, default, and the bounds it makes sense in."""
+    """One physical parameter: unit, default, and the bounds it makes sense in, closed."""
 
     unit: str
     default: float
     low: float
     high: float
     text: str
+
+    @property
+    def range(self) -> str:
+        """The bounds in words."""
+        if self.high == math.inf and self.low in (0.0, SMALLEST):
+            return "expected a finite number of at least 0" if self.low == 0.0 else "expected more than 0"
+        return f"outside [{self.low:g}, {self.high:g}]"
 
 
 @dataclass(frozen=True)
@@ -103,10 +115,8 @@ class Simulator(ABC):
             )
         for name, value in given.items():
             bounds = self.parameters[name]
-            if not bounds.low <= value <= bounds.high:
-                raise UsageError(
-                    f"simulator {self.name}: {name}={value:g} {bounds.unit} outside [{bounds.low:g}, {bounds.high:g}]"
-                )
+            if not (bounds.low <= value <= bounds.high and math.isfinite(value)):
+                raise UsageError(f"simulator {self.name}: {name}={value:g} {bounds.unit}: {bounds.range}")
         return {name: float(given.get(name, p.default)) for name, p in self.parameters.items()}
 
     def integrate(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
-from gpsim.simulators.simulator import Coordinate, MechanicalSimulator, Parameter, Parameters
+from gpsim.simulators.simulator import SMALLEST, Coordinate, MechanicalSimulator, Parameter, Parameters
 
 
 class Slider(MechanicalSimulator):
@@ -18,7 +19,9 @@ class Slider(MechanicalSimulator):
     action: ClassVar[Channels] = Channels.of({"force": "N"})
     rate: ClassVar[Channels] = Channels.of({"q_acc": "m/s^2"})
     coordinates: ClassVar[tuple[Coordinate, ...]] = (Coordinate("q", "q_dot", "q_acc", "N"),)
-    parameters: ClassVar[dict[str, Parameter]] = {"mass": Parameter("kg", 1.0, 1e-3, 1e4, "moving mass")}
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "mass": Parameter("kg", 1.0, SMALLEST, math.inf, "moving mass")
+    }
 
     def rates(
         self,

@@ -16,6 +16,7 @@ __all__ = [
     "prove",
     "registry",
     "report",
+    "score",
     "stage",
     "sweep",
     "train_gp_policy",

@@ -11,14 +11,14 @@ from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, GpCorrection, plant_from
 from gpsim.diagnosis import Diagnosis, diagnose
-from gpsim.diagnosis.run import Run, cores
-from gpsim.diagnosis.settings import Settings, as_mapping, read_settings
-from gpsim.diagnosis.setup import guessed, hidden_channels
+from gpsim.diagnosis.run import Run, Workers, cores
+from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
+from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
 from gpsim.recordings import Recording, read_bare_table, read_recording
-from gpsim.residuals import check_match, check_rates, holding_out
-from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
+from gpsim.residuals import check_rates, holding_out
+from gpsim.simulators import SIMULATORS, Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosis_files import write_diagnosis
 from gpsim.stages.policy_files import read_gp
@@ -133,7 +133,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         simulator.state,
         simulator.action,
         simulator.defaults(),
-        optional=tuple(simulator.start),
+        optional=simulator.state.names if simulator.name in SIMULATORS else tuple(simulator.start),
         integrator=simulator.integrator,
     )
     return _first(recording, task.episodes), simulator
@@ -165,26 +165,47 @@ def _recipe(request: Request, task: Task) -> Recipe:
     recording, _ = open_recording(task)
     apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
-    names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
-    digests = {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
     name = task.simulator or recording.system
     source = source_file(name)
     config: Json = {
-        "recording": digests,
+        "recording": digests_of(task, folder),
         "simulator": name,
         "simulator_file": file_digest(source) if source else None,
         "episodes": task.episodes,
-        "settings": as_mapping(_settings(request)),
+        "settings": settings_of(request),
     }
+    if known := _known(request):
+        config["known"] = known.as_mapping()
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
 
 
-def _settings(request: Request) -> Settings:
+def digests_of(task: Task, folder: Path) -> dict[str, str]:
+    """The digest of every file of a task's recording, which lies in `folder`."""
+    names = FILES if task.recording.is_dir() else ("recording.yaml", task.recording.name)
+    return {name: file_digest(folder / name) for name in names if (folder / name).is_file()}
+
+
+def settings_of(request: Request) -> Json:
+    """The thresholds as a recipe holds them."""
+    return as_mapping(read_thresholds(request))
+
+
+def read_thresholds(request: Request) -> Settings:
     """The thresholds of the search and its judgement."""
     given = request.config["diagnose"]
-    return read_settings({step: values for step, values in given.items() if step != "episodes"})
+    return read_settings({step: values for step, values in given.items() if step not in BESIDE})
+
+
+BESIDE = ("episodes", "known", "families")
+"""Keys of the configuration's `diagnose` that are no settings of a step."""
+
+
+def _known(request: Request) -> Known:
+    """What the user knows."""
+    given = request.config["diagnose"]
+    return read_known(given.get("known"), given.get("families"))
 
 
 def _check_names(simulator: Simulator) -> None:
@@ -211,14 +232,15 @@ def _diagnosed(
 ) -> Json:
     recording = _held_apart(recording, task)
     parameters = simulator.defaults(recording.parameters)
-    hidden = hidden_channels(recording, simulator)
-    check_match(recording, simulator, hidden=hidden)
+    sight = look(recording, simulator)
     _check_names(simulator)
-    check_rates(guessed(recording, simulator), simulator, parameters)
-    rng = generator(request.seed, "diagnose")
+    check_rates(sight.completed(recording), sight.simulator, parameters)
+    rng, known = generator(request.seed, "diagnose"), _known(request)
+
+    def run(workers: Workers) -> Run:
+        return Run(workers, read_thresholds(request), known=known)
+
     with cores(request.cores) as workers:
-        found = diagnose(
-            recording, simulator, parameters, rng, request.progress, Run(workers, _settings(request))
-        )
+        found = diagnose(recording, simulator, parameters, rng, request.progress, run(workers))
     write_diagnosis(folder, found, simulator, _title(recording))
     return {}

@@ -42,8 +42,9 @@ from gpsim.simulators import SIMULATORS
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
-    "no commands: its action is empty, so the recording will not say what was asked of the system, and most "
-    "simulators need that; name the commands under action"
+    "no commands: its action is empty, so the recording will not say what was asked of the system; "
+    "`gpsim diagnose` takes that for commands of 0 (a free swing), the loop's stages need them; name the commands "
+    "under action where there are some"
 )
 
 

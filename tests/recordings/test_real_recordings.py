@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.setup.prepare import prepare
-from gpsim.errors import UsageError
+from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.simulators import make_simulator
 from gpsim.stages.import_log import import_log, read_logs
 
@@ -90,9 +89,13 @@ def test_every_set_can_be_put_as_a_question(real, tmp_path, mapping):
     assert (np.abs(np.diff(measured[..., angles], axis=1)) < np.pi).all()
 
 
-def test_a_cart_that_is_held_still_is_refused_with_what_to_do(real, tmp_path):
+def test_a_cart_that_is_held_still_is_a_mount_for_its_pole(real, tmp_path):
     source = real / "physical_cartpole" / "free_swing"
     recording = import_log([source], tmp_path / "out", "physical_cartpole").recording
     simulator = make_simulator("cartpole")
-    with pytest.raises(UsageError, match="channel x is constant.*needs a simulator without it"):
-        prepare(recording, simulator, simulator.defaults(recording.parameters))
+    question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+    assert question.everything.simulator.state.names == ("theta", "theta_dot")
+    assert question.sight.still == {"force": 0.0}
+    assert {c.place.on for c in offers_of(question)} == {
+        "theta", "theta_dot", "gravity", "cart_mass", "pole_mass", "pole_half_length",
+    }  # fmt: skip

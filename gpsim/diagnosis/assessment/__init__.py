@@ -1,10 +1,12 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
+from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.intervals import intervals
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.replay import replayed
+from gpsim.diagnosis.assessment.scoring import score
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces, course, traces
 
 __all__ = [
@@ -16,6 +18,7 @@ __all__ = [
     "Course",
     "Trace",
     "Traces",
+    "combinations",
     "compare",
     "course",
     "depends_on",
@@ -23,6 +26,7 @@ __all__ = [
     "locate",
     "most_telling",
     "replayed",
+    "score",
     "tell_apart",
     "traces",
 ]

@@ -89,7 +89,7 @@ def compare(
     if judgement.leader.hypothesis == Hypothesis() and base.scheme != "fine":
         hypotheses["finely"] = Hypothesis()
     completions = Completions(problem, question.recording, question.hidden)
-    steps = _steps_of(question, hypotheses, completions)
+    steps = steps_of(question, hypotheses, completions)
     rates = {kind: residual_rates(problem, steps[kind].test, h) for kind, h in hypotheses.items()}
     trains = {
         kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
@@ -165,7 +165,7 @@ def _remainder(
     return (chosen, None) if why is None else (None, why)
 
 
-def _steps_of(
+def steps_of(
     question: Question, hypotheses: Mapping[str, Hypothesis], completions: Completions
 ) -> dict[str, _Steps]:
     """Where nothing is hidden nor differentiated all hypotheses start from what was measured."""
@@ -254,7 +254,7 @@ def _one_step(
     `finely` where nothing is missing but a finer step: the base simulator's error with that.
     """
     out: dict[str, StepErrors] = {}
-    shown, settings = _shown_rates(question), question.everything.run.settings.bootstrap
+    shown, settings = shown_rates(question), question.everything.run.settings.bootstrap
     for i, channel in enumerate(question.everything.simulator.rate):
         if not shown[i]:
             continue
@@ -278,7 +278,7 @@ def _step_shares(
 ) -> dict[str, Share]:
     """What the effects take off each measured rate's error beyond noise, where there is any."""
     out: dict[str, Share] = {}
-    shown, settings = _shown_rates(question), question.everything.run.settings.bootstrap
+    shown, settings = shown_rates(question), question.everything.run.settings.bootstrap
     for i, name in enumerate(question.everything.simulator.rate.names):
         errors = {kind: rates[kind][:, i] for kind in ("before", "after", "noise_floor")}
         found = share_explained(errors, rng, settings) if shown[i] else None
@@ -287,7 +287,7 @@ def _step_shares(
     return out
 
 
-def _shown_rates(question: Question) -> BoolArray:
+def shown_rates(question: Question) -> BoolArray:
     """(R,) which rates follow from recorded channels alone: a hidden one's was not measured."""
     simulator = question.everything.simulator
     state = question.everything.windows.measured[:1, 0]
@@ -296,4 +296,5 @@ def _shown_rates(question: Question) -> BoolArray:
         moved = np.array(state)
         moved[:, simulator.state.index(name)] += 1.0
         shown &= simulator.measured_rates(state, moved, np.ones(1))[0] == 0.0
-    return shown
+    unmeasured = question.sight.unmeasured if question.sight else ()
+    return np.asarray(shown & np.array([name not in unmeasured for name in simulator.rate.names]))

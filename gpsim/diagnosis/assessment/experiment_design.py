@@ -23,6 +23,8 @@ def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
     if not judgement.rivals:
         return None
     hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
+    if not _amplitudes(problem.windows, problem.run.settings.experiment_design).any():
+        return None  # of what was never commanded nobody knows how large it may be
     excitations, actions = _excitations(problem)
     windows = _windows(problem, actions, _latest(hypotheses))
     said = [_said(problem, windows, h) for h in hypotheses]

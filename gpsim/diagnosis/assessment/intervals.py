@@ -53,6 +53,14 @@ def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     return np.asarray(model * np.outer(ratio, ratio))
 
 
+def informed(problem: Problem, fit: Fit) -> FloatArray:
+    """(P, P): the information on each parameter, as much less as correlation and scatter make of it."""
+    around = curvature(problem, fit)
+    own = np.diag(_inverse(around.information, problem.run.settings.intervals.undetermined))
+    widened = np.diag(_covariance(problem, fit, around)) / np.maximum(own, LEAST_INFORMATION)
+    return np.asarray(around.information / np.median(widened))
+
+
 def _correlated(problem: Problem, fit: Fit) -> float:
     """By how much correlation makes samples count for less; 1 where it may be chance."""
     tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))

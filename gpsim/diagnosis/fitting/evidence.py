@@ -15,6 +15,8 @@ from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
 
+RULED_OUT = 1e9  # nats that a hypothesis is behind for each effect that the user requires and it lacks
+
 
 def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = None) -> FloatArray:
     """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags; None: the longest."""
@@ -72,7 +74,8 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     terms = np.array([len(f.hypothesis.terms) for f in fits])
     per_term = problem.run.settings.acceptance.per_term
     size_price = np.array(size) / 2 * np.log(max(effective, 2.0))
-    return np.asarray(np.array(nats) - per_term * terms - size_price)
+    lacking = np.array([len(problem.run.known.lacking(f.hypothesis.claims)) for f in fits])
+    return np.asarray(np.array(nats) - per_term * terms - size_price - RULED_OUT * lacking)
 
 
 def _price(problem: Problem, fit: Fit) -> float:

@@ -35,7 +35,9 @@ class Directions:
         if by_theta.shape[-1]:
             own = self._columns(by_theta)
             own = own - self._basis @ (self._basis.transpose(0, 2, 1) @ own)
-            self._own = np.linalg.qr(own.reshape(-1, own.shape[-1]) + 1e-12)[0]
+            own = own.reshape(-1, own.shape[-1])
+            size = np.linalg.norm(own, axis=0)  # parameters may have any unit
+            self._own = np.linalg.qr(own / np.where(size > 0.0, size, 1.0) + 1e-12)[0]
 
     @cached_property
     def rest(self) -> FloatArray:

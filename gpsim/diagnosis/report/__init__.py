@@ -35,9 +35,12 @@ from gpsim.diagnosis.report.fit import (
     RolloutModelErrors,
     StepErrors,
 )
+from gpsim.diagnosis.report.not_asked import NotAsked
+from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
 
 __all__ = [
     "SCHEMA",
+    "SCORE_SCHEMA",
     "Alternative",
     "Claims",
     "Combination",
@@ -58,6 +61,7 @@ __all__ = [
     "ModelErrors",
     "NamedEffect",
     "NoGp",
+    "NotAsked",
     "Odds",
     "OverBefore",
     "RankedHypothesis",
@@ -68,6 +72,8 @@ __all__ = [
     "Rollout",
     "RolloutErrors",
     "RolloutModelErrors",
+    "Score",
+    "Scored",
     "Separation",
     "Shape",
     "Share",

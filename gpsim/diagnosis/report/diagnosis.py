@@ -13,6 +13,7 @@ from gpsim.diagnosis.report.effects import Alternative, NamedEffect, RankedHypot
 from gpsim.diagnosis.report.explained import Combination, Curve, Explained, LogFact
 from gpsim.diagnosis.report.facts import Discrimination, NoGp
 from gpsim.diagnosis.report.fit import HeldOutFit
+from gpsim.diagnosis.report.not_asked import NotAsked
 from gpsim.errors import UsageError
 
 SCHEMA = "gpsim.diagnosis/2"
@@ -113,7 +114,7 @@ class Diagnosis:
     tell_apart: which recording would separate the rivals, in words; discrimination: in facts, which the file does not
     hold. integration: the step of the explanation, `fine` or the base's integrator. tuned: ratios by which tuning alone
     changed the base's parameters [1]. dt: the step [s] of what was looked at, every `thinned`-th sample. not_measured:
-    states that were estimated.
+    states that were estimated; not_asked: what the recording does not show, and families left out for it.
     ranking: all that was fitted, the best first.
     """
 
@@ -129,6 +130,7 @@ class Diagnosis:
     dt: float | None = None
     thinned: int = 1
     not_measured: tuple[str, ...] = ()
+    not_asked: tuple[NotAsked, ...] = ()
     explained: Explained = field(default_factory=Explained)
     curves: tuple[Curve, ...] = ()
     combinations: tuple[Combination, ...] = ()

@@ -11,14 +11,14 @@ from gpsim.diagnosis.run.budget import Budget
 from gpsim.diagnosis.run.memo import Memo
 from gpsim.diagnosis.run.pool import Workers
 from gpsim.diagnosis.run.trace import Decision, Trace
-from gpsim.diagnosis.settings import Settings
+from gpsim.diagnosis.settings import NOTHING_KNOWN, Known, Settings
 
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
 class Run:
-    """Settings, workers to share the work with, what was spent, answers that are asked for again, decisions.
+    """Settings, what the user knows, workers to share the work with, what was spent, kept answers, decisions.
 
     In a worker process it begins anew, alone: what it spent and decided there is added here when the result comes back.
     """
@@ -26,6 +26,7 @@ class Run:
     workers: Workers = field(default_factory=Workers)
     settings: Settings = field(default_factory=Settings)
     trace: Trace = field(default_factory=Trace)
+    known: Known = NOTHING_KNOWN
     budget: Budget = field(init=False)
     memo: Memo = field(init=False)
 
@@ -33,8 +34,14 @@ class Run:
         object.__setattr__(self, "budget", Budget(cost=self.settings.cost))
         object.__setattr__(self, "memo", Memo(self.settings.sharing.remembered))
 
-    def __reduce__(self) -> tuple[Callable[[Settings, str], Run], tuple[Settings, str]]:
-        return _begun_elsewhere, (self.settings, self.trace.step)
+    def __reduce__(self) -> tuple[Callable[[Settings, str, Known], Run], tuple[Settings, str, Known]]:
+        return _begun_elsewhere, (self.settings, self.trace.step, self.known)
+
+    def knowing(self, known: Known) -> Run:
+        """The same run, going on with something else known: its workers, what it spent and decided are its own."""
+        other = object.__new__(Run)
+        vars(other).update(vars(self), known=known)
+        return other
 
     def side_by_side(
         self, function: Callable[..., Result], calls: Sequence[tuple[Any, ...]], until: float = math.inf
@@ -60,8 +67,8 @@ class Run:
         return results
 
 
-def _begun_elsewhere(settings: Settings, step: str) -> Run:
-    return Run(settings=settings, trace=Trace(step))
+def _begun_elsewhere(settings: Settings, step: str, known: Known) -> Run:
+    return Run(settings=settings, trace=Trace(step), known=known)
 
 
 def _counted(

@@ -19,6 +19,8 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
 8. `structure left`: rules 5, 6 or 7 but for the white rest. Refused, but on trial: another term may yet bring that.
 9. `too small a share`: all others. Refused.
 
+Before all of them, `required`: what lacks an effect that the user requires loses to what has it.
+
 The numbers are `AcceptanceSettings`.
 """
 
@@ -57,6 +59,7 @@ class Rule(StrEnum):
     MOST_OF_IT = "most of it"
     STRUCTURE_LEFT = "structure left"
     TOO_SMALL_A_SHARE = "too small a share"
+    REQUIRED = "required"
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,10 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     left, before = (mean_squares(problem, f.residuals) for f in (richer, poorer))
     removed = before - left  # the variance itself stops at known noise
     share = float(np.max((removed / poorer.variance)[problem.observed], initial=0.0))
+    known = problem.run.known  # what the user requires, no rule decides
+    more, fewer = (len(known.lacking(f.hypothesis.claims)) for f in (poorer, richer))
+    if more != fewer:
+        return Acceptance(more > fewer, Rule.REQUIRED, nats, share)
     if richer.hypothesis.idle:
         return Acceptance(False, Rule.DOES_NOTHING, nats, share)
     if nats < thresholds.per_term:

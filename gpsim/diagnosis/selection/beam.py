@@ -30,6 +30,7 @@ from gpsim.diagnosis.fitting import (
     whiteness,
 )
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
+from gpsim.diagnosis.selection.required import with_required
 from gpsim.diagnosis.settings import SearchSettings
 from gpsim.effects import Scheme
 
@@ -80,7 +81,8 @@ def _grown_beam(
         key=lambda f: f.objective - (settings.fine_preference if f.hypothesis.scheme == "fine" else 0.0)
     )
     null = nulls[0]
-    fits, beam = list(nulls), list(nulls)
+    seeds = [with_required(problem, f, offers) for f in nulls] if problem.run.known.require else []
+    fits, beam = [*nulls, *seeds], seeds or list(nulls)
     counts = _fitted_per_depth(settings)
     total = 2 * sum(counts[:1]) + settings.beam * sum(counts[1:])
     done, most = 0, problem.run.budget.spent + settings.budget
@@ -91,7 +93,7 @@ def _grown_beam(
                 break
             directions = Directions(problem, parent)
             plain = most_promising(problem, directions, offers, count)
-            if depth == 0 and parent is null:
+            if depth == 0 and parent is beam[0]:
                 problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting import Fit, gain
+from gpsim.diagnosis.fitting import Fit, Problem, fit, gain
 from gpsim.diagnosis.selection.acceptance import on_its_grid, pays
 from gpsim.diagnosis.selection.elimination import without_a_term
 from gpsim.diagnosis.selection.held_out import held_out_objective
 from gpsim.diagnosis.selection.refit import Contenders, null_of
+from gpsim.diagnosis.selection.required import does_nothing, required_in
 from gpsim.diagnosis.setup import Question
 
 
@@ -17,14 +18,30 @@ def prune_on_held_out(question: Question, contenders: Contenders) -> Contenders:
     """The leader with what it needs alone; the base simulator is integrated as it is from here on."""
     problem, leader, null = question.everything, contenders.leader, contenders.null
     while leader.hypothesis.terms:
-        parts = without_a_term(problem, leader)
+        parts = [p for p in without_a_term(problem, leader) if not required_in(problem, leader, p)]
         less = [f for f, needed in zip(parts, _needed(question, leader, parts), strict=True) if not needed]
         if not less:
             break
         leader = min(less, key=lambda f: f.objective)
+    leader = _without_idle_requirements(problem, leader)
     if leader.hypothesis.scheme != null.hypothesis.scheme:
         null = null_of(problem, leader.hypothesis.scheme)
     return replace(contenders, leader=leader, null=null)
+
+
+def _without_idle_requirements(problem: Problem, leader: Fit) -> Fit:
+    """The leader without what is required and does nothing: the account says so."""
+    steps = problem.run.settings.schedules
+    for term in leader.hypothesis.terms:
+        if not problem.run.known.requires(term.identity):
+            continue
+        at = next(i for i, t in enumerate(leader.hypothesis.terms) if t.identity == term.identity)
+        rest = leader.hypothesis.without(at)
+        part = fit(problem.as_finely(rest, leader.hypothesis), rest, leader.starts, iterations=steps.settle)
+        if does_nothing(problem, leader, part):
+            problem.run.trace.note(leader.hypothesis.names, rest.names, False, "required, and does nothing")
+            leader = part
+    return leader
 
 
 def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]:

@@ -75,7 +75,8 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
             continue
         if before is None:
             before = held_out_objective(held_out, Hypothesis(scheme=null.hypothesis.scheme))
-        if not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
+        asked = problem.run.known.require  # held-out windows have no say in it
+        if asked or not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
             behind = [f for f in order[place + 1 :] if f.hypothesis.terms and pays(problem, f, null)]
             return simplest(problem, [chosen, *behind])
         trace.note(chosen.hypothesis.names, null.hypothesis.names, False, "no better on held-out windows")

@@ -2,6 +2,7 @@
 
 from gpsim.diagnosis.settings.assessment import (
     BootstrapSettings,
+    CombinationSettings,
     ComparisonSettings,
     ConcentrationSettings,
     ExperimentDesignSettings,
@@ -25,6 +26,7 @@ from gpsim.diagnosis.settings.fitting import (
 from gpsim.diagnosis.settings.form import FormSettings
 from gpsim.diagnosis.settings.gates import GateSettings
 from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
+from gpsim.diagnosis.settings.known import NOTHING_KNOWN, Known, read_known
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
@@ -37,10 +39,12 @@ from gpsim.diagnosis.settings.setup import (
 )
 
 __all__ = [
+    "NOTHING_KNOWN",
     "AcceptanceSettings",
     "AttributionSettings",
     "BootstrapSettings",
     "CandidateSettings",
+    "CombinationSettings",
     "ComparisonSettings",
     "ConcentrationSettings",
     "CostSettings",
@@ -51,6 +55,7 @@ __all__ = [
     "FormSettings",
     "GateSettings",
     "IntervalSettings",
+    "Known",
     "LackOfFitSettings",
     "LatentStateSettings",
     "LocationSettings",
@@ -74,5 +79,6 @@ __all__ = [
     "as_page",
     "as_yaml",
     "described",
+    "read_known",
     "read_settings",
 ]

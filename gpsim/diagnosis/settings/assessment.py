@@ -129,6 +129,27 @@ class TraceSettings:
 
 
 @dataclass(frozen=True)
+class CombinationSettings:
+    """Parameters that only act together: when a direction is open, and which of them take part in it."""
+
+    wide: float = setting(
+        0.35,
+        "1",
+        "standard deviation of a product's logarithm that leaves it open: the data allow half and twice",
+    )
+    follows: float = setting(
+        10.0,
+        "1",
+        "times what a value at its bound would vary with all others held, from which these follow it",
+    )
+    takes_part: float = setting(0.05, "1", "of the largest component, below which a parameter takes no part")
+    simple: float = setting(0.08, "1", "within which an exponent is the nearest whole number, half or third")
+
+    def __post_init__(self) -> None:
+        check(self, shares=("takes_part",))
+
+
+@dataclass(frozen=True)
 class IntervalSettings:
     """How well the data know each parameter."""
 

@@ -10,6 +10,16 @@ from typing import Any
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.settings import WHERE, Settings
 
+KNOWN = (
+    "known:                 # what you know of the base simulator; names in docs/partial_recordings.md",
+    "  fix: null            # parameters, as {cart_mass: 1.2}: taken as they are, and never asked whether they are off",
+    "  bounds: null         # as {pole_mass: [0.08, 0.1], coulomb_friction.x.force: [0, 5]}, each in its unit",
+    "families:              # of effects, each as `family` or `family on place`",
+    "  only: []             # ask for these alone; []: for all",
+    "  without: []          # do not ask for these",
+    "  require: []          # in the account from the start, and told where they do nothing",
+)
+"""What a user may say beside the settings, which is no threshold."""
 NARROW = 60  # columns of a value, beside which its meaning begins
 LARGE = 1e6  # what is as large is written with a power of ten
 
@@ -47,6 +57,7 @@ def as_yaml(settings: Settings) -> str:
     lines = [
         "# Every setting of the diagnosis at its default. Made by docs/generate.py, see docs/reference/settings.md.",
         "episodes: null         # of the loop's recording: the first so many only, null for all",
+        *KNOWN,
     ]
     for name, step in steps(settings):
         lines.append(f"{name}:")

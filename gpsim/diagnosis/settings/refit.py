@@ -25,3 +25,6 @@ class PruningSettings:
         "of what a term gains on training windows: what it loses on held-out ones beyond that speaks against it",
         "a delay that gained 219 nats on a sweep must not go for 2.5 nats on nine held-out windows",
     )
+    nothing: float = setting(
+        2.0, "nats", "for each of its parameters, below which an effect that the user requires does nothing"
+    )

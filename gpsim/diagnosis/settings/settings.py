@@ -10,6 +10,7 @@ from typing import Any
 
 from gpsim.diagnosis.settings.assessment import (
     BootstrapSettings,
+    CombinationSettings,
     ComparisonSettings,
     ConcentrationSettings,
     ExperimentDesignSettings,
@@ -102,6 +103,7 @@ class Settings:
     experiment_design: ExperimentDesignSettings = field(default_factory=ExperimentDesignSettings)
     traces: TraceSettings = field(default_factory=TraceSettings)
     intervals: IntervalSettings = field(default_factory=IntervalSettings)
+    combinations: CombinationSettings = field(default_factory=CombinationSettings)
 
 
 def read_settings(values: Mapping[str, Any]) -> Settings:

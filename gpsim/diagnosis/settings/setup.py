@@ -47,6 +47,9 @@ class CandidateSettings:
 
     rows: int = setting(4000, "transitions", "that sizes are taken from, at most", least=1)
     typical: float = setting(0.95, "1", "quantile of a channel's sizes that is its typical one")
+    unforced: float = setting(
+        1e-6, "1", "of the measured rates: a base simulator whose own are smaller tells no size of forces"
+    )
     reach: float = setting(
         2.0, "standard deviations", "of a position, to either side, in which a law's places are looked for"
     )

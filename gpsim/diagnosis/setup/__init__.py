@@ -1,18 +1,22 @@
 """Setup: from a recording to the question and to what may be missing."""
 
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
-from gpsim.diagnosis.setup.latent_states import Completions, completed, guessed, hidden_channels, smoothed
+from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
+from gpsim.diagnosis.setup.not_asked import not_asked
 from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question, spread_out
+from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
     "Completions",
     "Question",
+    "Sight",
     "candidates",
+    "check_moves",
     "completed",
     "filters",
-    "guessed",
-    "hidden_channels",
+    "look",
+    "not_asked",
     "offers_of",
     "prepare",
     "settled_question",

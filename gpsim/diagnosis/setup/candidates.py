@@ -9,12 +9,14 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import CandidateSettings
+from gpsim.diagnosis.setup.known import allowed, check_bounds
+from gpsim.diagnosis.setup.not_asked import shows
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.effects import FAMILIES, Effect, Place, effect_of
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
-TINY = 1e-9  # guards divisions: no size is 0
+TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its square
 
 
 def candidates(
@@ -41,11 +43,18 @@ def offers_of(question: Question) -> list[Candidate]:
     """Every term that may be missing from a question's simulator, and that its recording could show."""
     problem = question.everything
     settings = problem.run.settings.candidates
-    return [
+    known, parameters = problem.run.known, problem.parameters
+    offers = [
         c
-        for c in candidates(question.recording, problem.simulator, problem.parameters, settings)
+        for c in candidates(question.recording, problem.simulator, parameters, settings)
         if not (effect_of(c.family).site == "sensor" and c.place.on in question.hidden)  # nobody read it
+        and shows(question, c)
     ]
+    check_bounds(known, offers)
+    return allowed(known, offers, parameters)
+
+
+MEDIAN = 0.5  # quantile
 
 
 class _Sizes:
@@ -78,6 +87,7 @@ class _Sizes:
         clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
         self._duration = max(clock) - min(0.0, min(clock))
         rates = simulator.rates(rows.states, rows.actions, parameters)
+        rows_rates = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
         self._forces: dict[str, float] = {}
         for i, coordinate in enumerate(simulator.coordinates):
             unit = np.zeros((len(rows), len(simulator.coordinates)))
@@ -86,9 +96,10 @@ class _Sizes:
             mobility = (
                 simulator.rates(rows.states, rows.actions, parameters, unit)[:, column] - rates[:, column]
             )
-            force = float(
-                np.sqrt(np.mean(rates[:, column] ** 2)) / max(float(np.median(np.abs(mobility))), TINY)
-            )
+            usual = float(np.sqrt(np.mean(rates[:, column] ** 2)))
+            if usual < settings.unforced * (measured := _typical(np.abs(rows_rates[:, column]), MEDIAN)):
+                usual = measured  # nobody pushes: what it does is all that tells how large forces are
+            force = usual / max(float(np.median(np.abs(mobility))), TINY)
             self._forces[coordinate.name] = max(force, TINY)
         self._loaded = set(simulator.normal_force(rows.states, rates, parameters))
 

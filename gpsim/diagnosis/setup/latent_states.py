@@ -12,33 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows, cut_in_parts
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
 from gpsim.recordings import Episode, Recording
-from gpsim.simulators import Simulator
-
-
-def hidden_channels(recording: Recording, simulator: Simulator) -> tuple[str, ...]:
-    """State channels that the simulator gives a guess for and the recording does not hold."""
-    return tuple(n for n in simulator.state.names if n in simulator.start and n not in recording.state.names)
-
-
-def guessed(recording: Recording, simulator: Simulator) -> Recording:
-    """The recording with every hidden channel at the simulator's guess."""
-    if not hidden_channels(recording, simulator):
-        return recording
-    names = recording.state.names
-    episodes = []
-    for episode in recording.episodes:
-        columns = [
-            episode.states[:, names.index(n)] if n in names else np.full(len(episode.t), simulator.start[n])
-            for n in simulator.state.names
-        ]
-        episodes.append(replace(episode, states=np.stack(columns, axis=1)))
-    recorded = {channel.name: channel for channel in recording.state}
-    channels = Channels(tuple(recorded.get(channel.name, channel) for channel in simulator.state))
-    return replace(recording, state=channels, episodes=tuple(episodes))
 
 
 def smoothed(

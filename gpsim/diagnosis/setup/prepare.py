@@ -21,11 +21,15 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
-from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels, smoothed
+from gpsim.diagnosis.setup.known import with_known
+from gpsim.diagnosis.setup.latent_states import smoothed
+from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
-from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
+from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
+
+STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,8 @@ class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
-    its clock 0 at `origin` s.
+    its clock 0 at `origin` s. sight: what the recording shows of the simulator, `free` all of it; idle: what is
+    required and does nothing.
     """
 
     recording: Recording
@@ -43,6 +48,14 @@ class Question:
     thinned: int = 1
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
+    sight: Sight | None = None
+    free: Simulator | None = None
+    idle: tuple[str, ...] = ()
+
+    @property
+    def whole(self) -> Simulator:
+        """The simulator with all of its states, also those that the recording does not show."""
+        return self.free or self.everything.simulator
 
     @property
     def run(self) -> Run:
@@ -62,20 +75,21 @@ def prepare(
     The problem's simulator is one in which every angle wraps that does so in the simulator or in the recording.
     """
     run = run or Run()
-    settings = run.settings
-    hidden = hidden_channels(recording, simulator)
-    check_match(recording, simulator, hidden=hidden)
+    settings, parameters = run.settings, with_known(run.known, simulator, parameters)
+    sight = look(recording, simulator)
+    hidden = sight.hidden
     _check_length(recording, settings.prepare)
     check_clock(recording)
-    check_varies(recording)
+    check_moves(recording, simulator, sight)
     if recording.integrator not in INTEGRATORS:
         raise UsageError(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
-    simulator = wrapping(simulator, either_wraps(simulator.state, recording.state))
+    free = wrapping(simulator, either_wraps(simulator.state, recording.state))
+    simulator = wrapping(sight.simulator, either_wraps(sight.simulator.state, recording.state))
     seen, origin = rebased(recording)
     seen, every = thinned(seen, settings.decimation)
-    seen = guessed(seen, simulator)
+    seen = sight.completed(seen)
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
     problem = _problem(seen, simulator, parameters, training, hidden, run)
@@ -95,6 +109,8 @@ def prepare(
         every,
         hidden,
         origin,
+        sight,
+        free,
     )
 
 
@@ -114,7 +130,7 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
     """Windows to learn from and held-out ones."""
     length, prepared = _length(recording, settings), settings.prepare
     training, held = _parted(recording, length, settings)
-    if recording.held_out is not None and not len(held):
+    if recording.held_out is not None and recording.held_out.share != 0.0 and not len(held):
         raise UsageError(
             "nothing is held out: the recording's held_out begins after its end; correct it in recording.yaml, "
             "or take it out to hold out the last fifth"
@@ -151,9 +167,11 @@ def _problem(
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
     names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
-    guess = np.array([abs(simulator.start.get(n, 0.0)) or 1.0 if n in hidden else 0.0 for n in names])
-    share = run.settings.prepare.hidden_scale
-    scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(share * guess, 1e-9))
+    share, spread = run.settings.prepare.hidden_scale, training.measured[training.valid].std(axis=0)
+    unsized = [n in hidden and (n in simulator.start or not s) for n, s in zip(names, spread, strict=True)]
+    sizes = [abs(simulator.start.get(n, 0.0)) or 1.0 for n in names]
+    guess = np.where(unsized, sizes, 0.0)
+    scale = np.maximum(np.where(spread > 0.0, spread, STILL), share * guess)
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))

@@ -1,0 +1,201 @@
+"""Parameters that only act together: what of them the data fix, and which direction they leave open.
+
+In logarithms a product of powers is a line. Where the covariance of the parameters' logarithms is long in some
+directions and short in all others, the short ones are the products that the data fix. Asked are the parameters of the
+leading account, and those that its rivals would change instead: who names a gain where another one names a mass says
+that only their ratio is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.sparse.csgraph import connected_components
+from scipy.stats import t as student
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.assessment.intervals import informed
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
+from gpsim.diagnosis.report import Combination
+from gpsim.diagnosis.settings import CombinationSettings
+
+UNITY = 1.0  # at which a factor does nothing: a gain, a ratio, a scale
+
+
+def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[Combination, ...]:
+    """What the data fix where they do not fix each parameter; empty where they do."""
+    if not leader.hypothesis.terms:
+        return ()
+    own = len(leader.hypothesis.parameters)
+    found = replace(leader, hypothesis=_with_factors_of(rivals, leader.hypothesis))
+    theta = found.hypothesis.theta
+    logs = np.flatnonzero(theta != 0.0)  # what is 0 has no logarithm, and may stand at any place
+    if len(logs) < 2 or own == 0:
+        return ()
+    information = informed(problem, found) * np.outer(theta, theta)
+    if not np.isfinite(information).all():
+        return ()  # a simulation ran away
+    held = np.array(
+        [_held(p.low, p.high, v) for p, v in zip(found.hypothesis.parameters, theta, strict=True)]
+    )
+    asked = problem.run.settings.combinations
+    groups = open_groups(information[np.ix_(logs, logs)], held[logs], asked)
+    freedom = max(len(problem.windows) - len(theta), 2)
+    half = float(student.ppf(0.5 + problem.run.settings.intervals.level / 2, freedom))
+    return tuple(
+        made
+        for members, products in groups
+        if (logs[members] < own).any()
+        for powers, deviation in products
+        if (made := _product(found.hypothesis, logs[members], simple(powers, asked.simple), half * deviation))
+    )
+
+
+Products = list[tuple[FloatArray, float]]
+"""Exponents (K,) of products, and the standard deviation of each one's logarithm."""
+
+
+def open_groups(
+    information: FloatArray, held: BoolArray, settings: CombinationSettings
+) -> list[tuple[IntArray, Products]]:
+    """Groups of parameters that leave a direction open, and the products that they fix.
+
+    information: (P, P) on the logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
+    """
+    values, vectors = np.linalg.eigh(information)
+    # Of the logarithms each is as wide as its part in an open direction makes it.
+    open_ = values < 1.0 / settings.wide**2
+    widths = np.abs(vectors) / np.sqrt(np.maximum(values, np.finfo(float).tiny))
+    directions = list(np.where(widths > settings.wide, vectors, 0.0)[:, open_].T)
+    if not directions:
+        directions = [
+            d
+            for i in np.flatnonzero(held)
+            if (d := _followed(information, int(i), settings.follows)) is not None
+        ]
+    if not directions:
+        return []
+    basis = np.stack(directions).T
+    basis = basis * (np.abs(basis) >= settings.takes_part * np.abs(basis).max(axis=0))
+    count, label = connected_components(np.abs(basis) @ np.abs(basis).T > 0.0, directed=False)
+    closed = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
+    known = np.linalg.pinv(closed @ information @ closed, hermitian=True)
+    out = []
+    for group in (np.flatnonzero(label == i) for i in range(count)):
+        part = basis[group][:, np.abs(basis[group]).sum(axis=0) > 0.0]
+        if len(group) > part.shape[1] > 0:
+            inside = known[np.ix_(group, group)]
+            products = [(w, float(np.sqrt(max(w @ inside @ w, 0.0)))) for w in _complement(part)]
+            out.append((group, products))
+    return out
+
+
+def _followed(information: FloatArray, index: int, least: float) -> FloatArray | None:
+    """(P,) how the others go with one that is held at its bound; None where they would hold it, too."""
+    others = np.arange(len(information)) != index
+    follow = -np.linalg.lstsq(information[np.ix_(others, others)], information[others, index], rcond=None)[0]
+    alone = information[index, index]
+    left = alone + float(information[index, others] @ follow)
+    if alone < least**2 * max(left, 0.0):
+        return None
+    out = np.ones(len(information))
+    out[others] = follow
+    return out
+
+
+def simple(rows: FloatArray, tolerance: float) -> FloatArray:
+    """Rows of exponents, each rounded to a whole number, a half or a third where that is near."""
+    out = rows.copy()
+    for place, value in np.ndenumerate(rows):
+        near = float(Fraction(float(value)).limit_denominator(LARGEST_DENOMINATOR))
+        if abs(near - value) <= tolerance * max(1.0, abs(value)):
+            out[place] = near
+    return out
+
+
+LARGEST_DENOMINATOR = 3  # of an exponent that physics knows
+
+
+def _complement(directions: FloatArray) -> FloatArray:
+    """(K - R, K): exponents of the products that do not change along `directions` (K, R), as simple as may be.
+
+    Each product has one parameter of its own with the exponent 1, and those that all share.
+    """
+    count, rank = directions.shape
+    order = qr(directions.T, mode="r", pivoting=True)[1]  # those that move most, and each by itself
+    shared, rest = np.sort(order[:rank]), np.sort(order[rank:])
+    out = np.zeros((count - rank, count))
+    out[np.arange(count - rank), rest] = 1.0
+    out[:, shared] = -np.linalg.lstsq(directions[shared].T, directions[rest].T, rcond=None)[0].T
+    return out
+
+
+def _product(
+    hypothesis: Hypothesis, group: IntArray, exponents: FloatArray, half: float
+) -> Combination | None:
+    """The product of powers, its logarithm known to +- `half`; None of a parameter that stands alone."""
+    used = np.flatnonzero(exponents)
+    columns, powers = group[used], exponents[used]
+    theta = hypothesis.theta[columns]
+    whole = np.equal(np.mod(powers, 1.0), 0.0).all()
+    if len(used) < 2 or (not whole and (theta < 0.0).any()):  # a root of what is negative
+        return None
+    value = float(np.prod(theta**powers))
+    low, high = sorted((value * np.exp(-half), value * np.exp(half)))
+    named = _names(hypothesis)
+    return Combination(
+        of=tuple(named[i] for i in columns),
+        fixed="",
+        open="",
+        exponents=tuple(map(float, powers)),
+        value=value,
+        low=float(low),
+        high=float(high),
+        unit=_unit([hypothesis.parameters[i].unit for i in columns], powers),
+    )
+
+
+def _names(hypothesis: Hypothesis) -> list[str]:
+    """Of every parameter in the order of theta: `family on place: name`."""
+    return [
+        f"{term.family} on {term.on}: {p.name}"
+        for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True)
+        for p in group
+    ]
+
+
+def _unit(units: Sequence[str], powers: FloatArray) -> str:
+    """The unit of a product, as `(N s/m) (N)^-1`; "1" where none is left."""
+    total: dict[str, float] = {}
+    for unit, power in zip(units, powers, strict=True):
+        if unit != "1":
+            total[unit] = total.get(unit, 0.0) + float(power)
+    left = {unit: power for unit, power in total.items() if power}
+    if not left:
+        return "1"
+    if list(left.values()) == [1.0]:
+        return next(iter(left))
+    return " ".join(f"({unit})" + ("" if power == 1.0 else f"^{power:g}") for unit, power in left.items())
+
+
+def _held(low: float, high: float, value: float) -> bool:
+    """Whether a value stopped at a bound of the search."""
+    return any(np.isclose(value, bound, rtol=AT_BOUND, atol=0.0) for bound in (low, high))
+
+
+AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
+
+
+def _with_factors_of(rivals: Sequence[Fit], leader: Hypothesis) -> Hypothesis:
+    """The leader, and at 1 the gains, ratios and scales that its rivals would change instead."""
+    out = leader
+    for rival in rivals:
+        for term, declared in zip(rival.hypothesis.terms, rival.hypothesis.declared, strict=True):
+            factor = len(declared) == 1 and declared[0].none == UNITY and not term.gate
+            if factor and term.identity not in out.claims:
+                out = out.plus(replace(term, values={declared[0].name: UNITY}), declared)
+    return out
