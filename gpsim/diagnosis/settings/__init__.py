@@ -11,7 +11,7 @@ from gpsim.diagnosis.settings.assessment import (
     RolloutSettings,
     TraceSettings,
 )
-from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings.data import DecimationSettings, LogFactSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
@@ -50,6 +50,7 @@ __all__ = [
     "LackOfFitSettings",
     "LatentStateSettings",
     "LocationSettings",
+    "LogFactSettings",
     "PatchworkSettings",
     "PrepareSettings",
     "RemainderGPSettings",

@@ -19,7 +19,7 @@ from gpsim.diagnosis.settings.assessment import (
     RolloutSettings,
     TraceSettings,
 )
-from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings.data import DecimationSettings, LogFactSettings, WindowSettings
 from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
@@ -63,6 +63,7 @@ class Settings:
     sharing: SharingSettings = field(default_factory=SharingSettings)
     windows: WindowSettings = field(default_factory=WindowSettings)
     decimation: DecimationSettings = field(default_factory=DecimationSettings)
+    log_facts: LogFactSettings = field(default_factory=LogFactSettings)
     prepare: PrepareSettings = field(default_factory=PrepareSettings)
     candidates: CandidateSettings = field(default_factory=CandidateSettings)
     latent_states: LatentStateSettings = field(default_factory=LatentStateSettings)

@@ -1,0 +1,150 @@
+"""Log facts: what is peculiar to a log and no physics, found in the recording alone, whatever the simulator.
+
+Missing rows and an uneven clock are counted, windows know of them. A channel's grid is noise of a known size. Samples
+that repeat an old value or leap away and come back say nothing of the motion: no likelihood, no step and no rollout
+rests on them; where a state is needed there it is read between its neighbours. Whether a topic is late is not told
+here: from one recording a late channel cannot be told from a late sensor, which is an effect of the catalogue
+(`sensor_delay`); nor are clocks that drift apart, which an importer has put on one clock already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gpsim.channels import BoolArray, Channel, FloatArray, wrap_angle
+from gpsim.diagnosis.data import held_with, outliers, quantum, repeats
+from gpsim.diagnosis.report import LogFact
+from gpsim.diagnosis.settings import LogFactSettings
+from gpsim.recordings import Episode, Recording, gaps, pieces, steps_to_next
+
+QUANTISED = 1.0 / np.sqrt(12.0)  # standard deviation of what rounding to a grid of 1 leaves over
+
+
+@dataclass(frozen=True)
+class LogLook:
+    """What a log is like.
+
+    facts: in the order of the channels, those of the whole log last; left_out: of each episode (K + 1, S) the samples
+    on which nothing may rest; quantised: channel -> its grid's step, in its unit.
+    """
+
+    facts: tuple[LogFact, ...]
+    left_out: tuple[BoolArray, ...]
+    quantised: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Samples without a gap between them: `first` of an episode (its number) on; states with angles running on."""
+
+    episode: int
+    first: int
+    t: FloatArray
+    states: FloatArray
+    actions: FloatArray
+
+    @property
+    def rows(self) -> slice:
+        """Where in its episode."""
+        return slice(self.first, self.first + len(self.t))
+
+
+def flagged(recording: Recording, settings: LogFactSettings | None = None) -> list[BoolArray]:
+    """(K + 1, S) of every episode: the samples that repeat or leap; by the default settings where none are given."""
+    return list(look_at(recording, settings or LogFactSettings()).left_out)
+
+
+def look_at(recording: Recording, settings: LogFactSettings) -> LogLook:
+    """Everything that is peculiar to a recording, channel by channel."""
+    stretches = list(_stretches(recording))
+    stale = [np.zeros(s.states.shape, dtype=np.bool_) for s in stretches]
+    wild = [np.zeros(s.states.shape, dtype=np.bool_) for s in stretches]
+    grids = [_grid(stretches, i, settings) for i in range(len(recording.state))]
+    for i, channel in enumerate(recording.state):
+        grid, series = grids[i] or 0.0, [s.states[:, i] for s in stretches]
+        found = outliers(series, [s.actions for s in stretches], grid, _angle(channel), settings)
+        for s, y, out, old, flags in zip(stretches, series, wild, stale, found, strict=True):
+            out[:, i] = flags
+            old[:, i] = repeats(s.t, y, grid, settings) & ~flags
+    for s, old, out in zip(stretches, stale, wild, strict=True):
+        together = old.any(axis=1)
+        for i in range(old.shape[1]):
+            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0, settings) & ~out[:, i]
+    facts: list[LogFact] = []
+    for i, channel in enumerate(recording.state):
+        name, unit, grid = channel.name, channel.unit, grids[i]
+        repeated, leaps = (sum(int(f[:, i].sum()) for f in flags) for flags in (stale, wild))
+        facts += [LogFact("repeated", name, repeated)] if repeated else []
+        facts += [LogFact("outliers", name, leaps)] if leaps else []
+        facts += [LogFact("quantised", name, value=grid, unit=unit)] if grid else []
+    left_out = [np.zeros(e.states.shape, dtype=np.bool_) for e in recording.episodes]
+    for s, old, out in zip(stretches, stale, wild, strict=True):
+        left_out[s.episode][s.rows] = old | out
+    names = recording.state.names
+    quantised = {name: grid for name, grid in zip(names, grids, strict=True) if grid}
+    return LogLook((*facts, *_of_the_clock(recording, settings)), tuple(left_out), quantised)
+
+
+def mended(recording: Recording, left_out: tuple[BoolArray, ...]) -> Recording:
+    """The recording whose left-out samples count for nothing and lie between their neighbours."""
+    if not any(flags.any() for flags in left_out):
+        return recording
+    episodes = tuple(
+        _mended(episode, flags, tuple(recording.state))
+        for episode, flags in zip(recording.episodes, left_out, strict=True)
+    )
+    return replace(recording, episodes=episodes)
+
+
+def _mended(episode: Episode, left_out: BoolArray, channels: tuple[Channel, ...]) -> Episode:
+    states = np.array(episode.states)
+    for i, channel in enumerate(channels):
+        kept = ~left_out[:, i]
+        if kept.all() or not kept.any():
+            continue
+        y = np.unwrap(states[kept, i]) if _angle(channel) else states[kept, i]
+        between = np.interp(episode.t[~kept], episode.t[kept], y)
+        states[~kept, i] = wrap_angle(between) if channel.wraps else between
+    return replace(episode, states=states, weights=1.0 - left_out)
+
+
+def _stretches(recording: Recording) -> Iterator[_Stretch]:
+    for index, episode in enumerate(recording.episodes):
+        ends = np.flatnonzero(gaps(episode.t, recording.dt)).tolist()
+        for first, last in pieces(ends, len(episode)):
+            states = np.array(episode.states[first : last + 1])
+            for i, channel in enumerate(recording.state):
+                if _angle(channel):
+                    states[:, i] = np.unwrap(states[:, i])
+            yield _Stretch(
+                index, first, episode.t[first : last + 1], states, episode.actions[first:last]
+            )
+
+
+def _grid(stretches: list[_Stretch], channel: int, settings: LogFactSettings) -> float | None:
+    return quantum([s.states[:, channel] for s in stretches], [s.actions for s in stretches], settings)
+
+
+def _angle(channel: Channel) -> bool:
+    """Whether a channel may wrap, as windows take it."""
+    return channel.wraps or channel.unit == "rad"
+
+
+def _of_the_clock(recording: Recording, settings: LogFactSettings) -> list[LogFact]:
+    """Rows that are missing, and an uneven clock."""
+    facts, dt = [], recording.dt
+    lost, longest = 0, 0.0
+    for e in recording.episodes:
+        counts = steps_to_next(e.t, np.zeros(len(e.t), dtype=np.int64), dt) - 1
+        lost += int(counts.sum())
+        longest = max(longest, float(np.diff(e.t).max(initial=0.0)))
+    if lost:
+        facts.append(LogFact("missing", count=lost, value=longest, unit="s"))
+    steps = np.concatenate([np.diff(e.t)[~gaps(e.t, dt)] for e in recording.episodes])
+    scatter = float(steps.std()) if len(steps) else 0.0
+    if scatter > settings.jitter * dt:
+        facts.append(LogFact("jitter", value=scatter, unit="s"))
+    return facts
