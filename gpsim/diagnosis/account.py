@@ -56,6 +56,7 @@ def account(question: Question, judgement: Judgement, comparison: Comparison) ->
         thinned=question.thinned,
         not_measured=tuple(question.hidden),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
+        facts=question.facts,
     ).settled()
 
 

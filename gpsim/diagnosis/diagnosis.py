@@ -14,7 +14,15 @@ from gpsim.diagnosis.assessment import Comparison, compare
 from gpsim.diagnosis.judgement import Judgement, judge
 from gpsim.diagnosis.report import Diagnosis
 from gpsim.diagnosis.run import Decision, Run
-from gpsim.diagnosis.selection import Note, beam_search, prune_on_held_out, refine_grid, refit, stepwise
+from gpsim.diagnosis.selection import (
+    Note,
+    beam_search,
+    prune_on_held_out,
+    refine_grid,
+    refit,
+    stepwise,
+    without_tails,
+)
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme
 from gpsim.recordings import Recording
@@ -59,7 +67,7 @@ def diagnose(
     step("search", 5)
     found = beam_search(question.searched, offers, _scheme(recording), step.share(5, 40))
     step("refine grid", 40, "fitting the best on all windows")
-    question, found = refine_grid(question, found)
+    question, found = without_tails(*refine_grid(question, found))
     step("refit", 40, "fitting the best on all windows")
     contenders = refit(question, found)
     step("stepwise", 40)

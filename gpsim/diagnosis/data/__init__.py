@@ -4,7 +4,7 @@ from gpsim.diagnosis.data.clock import rebased
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.data.outliers import outliers
 from gpsim.diagnosis.data.quantisation import quantum
-from gpsim.diagnosis.data.repeats import held_with, repeats
+from gpsim.diagnosis.data.repeats import held_with, repeats, whole_packets
 from gpsim.diagnosis.data.reversals import since_reversal
 from gpsim.diagnosis.data.windows import (
     Windows,
@@ -31,4 +31,5 @@ __all__ = [
     "since_reversal",
     "stretches",
     "thinned",
+    "whole_packets",
 ]

@@ -31,12 +31,16 @@ def outliers(
     changes = [np.abs(np.diff(a, axis=0, prepend=a[:1])) for a in actions]
     most = np.max([c.max(axis=0) for c in changes if len(c)], axis=0, initial=0.0)
     flags = [np.zeros(len(y), dtype=np.bool_) for y in series]
+    every = np.abs(np.concatenate(leaps)) if leaps else np.zeros(0)
+    if not len(every):
+        return flags
+    ordinary = float(np.quantile(every, settings.ordinary_share))
     for length in range(1, settings.longest_outlier + 1):
         spikes = [_spikes(u, length, angle, settings) for u in leaps]
-        together = np.concatenate(spikes) if spikes else np.zeros(0)
+        together = np.concatenate(spikes)
         if not len(together):
             continue
-        usual = float(np.quantile(together, settings.common_share))
+        usual = max(float(np.quantile(together, settings.common_share)), ordinary)
         least = max(settings.stands_out * usual, settings.outlier_quanta * quantum)
         for y, sizes, change, flag in zip(series, spikes, changes, flags, strict=True):
             for i in np.flatnonzero(sizes > least):
@@ -92,9 +96,7 @@ def _turned(values: FloatArray, angle: bool) -> FloatArray:
     return wrap_angle(values) if angle else values
 
 
-def _commanded(
-    change: FloatArray, most: FloatArray, i: int, length: int, settings: LogFactSettings
-) -> bool:
+def _commanded(change: FloatArray, most: FloatArray, i: int, length: int, settings: LogFactSettings) -> bool:
     """Whether a command leapt and leapt again as long after, within an actuator's delay before the run did.
 
     change: (K - 1, A) by how much each command differs from the one before; most: (A,) at most anywhere.

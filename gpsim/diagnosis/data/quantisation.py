@@ -106,5 +106,3 @@ def _commanded(counts: FloatArray, actions: FloatArray, settings: LogFactSetting
         of_level = counts[which.ravel() == level]
         same += int(np.unique(of_level, return_counts=True)[1].max())
     return same >= settings.on_grid * len(counts)
-
-

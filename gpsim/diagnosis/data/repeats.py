@@ -34,6 +34,28 @@ def repeats(t: FloatArray, y: FloatArray, quantum: float, settings: LogFactSetti
     return flags
 
 
+def whole_packets(t: FloatArray, states: FloatArray, settings: LogFactSettings) -> BoolArray:
+    """(K,) at which samples of a stretch a whole packet is stale: states (K, S), angles running on.
+
+    All channels hold at once, and the next new values of two of them, or more, lie roughly where their motion has gone.
+    That needs less steady a motion than one channel alone: a body that stands still leaves no leap in any position.
+    """
+    flags = np.zeros(len(states), dtype=np.bool_)
+    first = np.concatenate([[0], np.flatnonzero((np.diff(states, axis=0) != 0).any(axis=1)) + 1])
+    if states.shape[1] < 2 or len(first) < 2:
+        return flags
+    slopes = np.diff(states[first], axis=0) / np.diff(t[first])[:, None]
+    for j in _held(first, settings):
+        if not 0 < j < len(slopes) - 1:
+            continue
+        before, own, after = slopes[j - 1 : j + 2]
+        usual = 0.5 * (before + after)
+        on = (before * after > 0) & (np.abs(own - usual) <= settings.steady * np.abs(usual))
+        if int(on.sum()) >= 2:
+            flags[first[j] + 1 : first[j + 1]] = True
+    return flags
+
+
 def held_with(others: BoolArray, y: FloatArray, quantum: float, settings: LogFactSettings) -> BoolArray:
     """(K,) which samples repeat together with those of other channels, `others` (K,): a packet holds several.
 

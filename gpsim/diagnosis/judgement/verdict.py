@@ -155,9 +155,12 @@ def _unexplained(problem: Problem, leader: Fit, null: Fit) -> tuple[FloatArray, 
     settings = problem.run.settings.verdict
 
     def jumps(f: Fit) -> FloatArray:
-        valid = problem.windows.valid[:, 2:, None]
+        counted = problem.counted
+        valid = counted[:, 2:] & counted[:, 1:-1] & counted[:, :-2]
         second = f.residuals[:, 2:] - 2 * f.residuals[:, 1:-1] + f.residuals[:, :-2]
-        return np.asarray((second**2 * valid).sum(axis=(0, 1)) / max(float(valid.sum()), 1.0) / 6.0)
+        return np.asarray(
+            (second**2 * valid).sum(axis=(0, 1)) / np.maximum(valid.sum(axis=(0, 1)), 1.0) / 6.0
+        )
 
     floor = problem.floor**2
     if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over

@@ -11,7 +11,12 @@ from gpsim.diagnosis.settings.assessment import (
     RolloutSettings,
     TraceSettings,
 )
-from gpsim.diagnosis.settings.data import DecimationSettings, LogFactSettings, WindowSettings
+from gpsim.diagnosis.settings.data import (
+    DecimationSettings,
+    HeavyTailSettings,
+    LogFactSettings,
+    WindowSettings,
+)
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
@@ -46,6 +51,7 @@ __all__ = [
     "EvidenceSettings",
     "ExperimentDesignSettings",
     "GateSettings",
+    "HeavyTailSettings",
     "IntervalSettings",
     "LackOfFitSettings",
     "LatentStateSettings",

@@ -77,6 +77,12 @@ class LogFactSettings:
         "quantile of a channel's spikes that are taken for common",
         "what happens more often than twice in a hundred samples is chatter, no accident",
     )
+    ordinary_share: float = setting(
+        0.9,
+        "1",
+        "quantile of a channel's leaps over the whole recording that are ordinary",
+        "a body that slips for a moment and is held again moves as others do",
+    )
     longest_outlier: int = setting(5, "samples", "of a run that leaps away and comes back, at most", least=1)
     comes_back: float = setting(0.25, "1", "of an outlier's leap, within which it returns")
     stays_away: float = setting(0.5, "1", "of an outlier's leap, that it stays away in between")
@@ -121,3 +127,39 @@ class LogFactSettings:
 
     def __post_init__(self) -> None:
         check(self, lists=("multiples",), shares=("usual_share", "common_share", "on_grid", "comes_back"))
+
+
+@dataclass(frozen=True)
+class HeavyTailSettings:
+    """A channel whose noise has a heavy tail: when it has one, and what its samples still weigh."""
+
+    core: float = setting(
+        3.0,
+        "standard deviations",
+        "of the core: a sample farther out counts as one there",
+        "0.3 % of a Gaussian's samples lie beyond, their squares are 3 % of all",
+        least=1,
+    )
+    far: float = setting(
+        5.0, "standard deviations", "of the core, beyond which a Gaussian has no samples", least=1
+    )
+    fewest: int = setting(
+        10,
+        "samples",
+        "so far out, that make a tail",
+        "with fewer nobody can tell on what they depend",
+        least=1,
+    )
+    above_floor: float = setting(
+        2.0,
+        "1",
+        "times the simulation's error, that a core must be to be a sensor's noise, where none is stated",
+    )
+    least_share: float = setting(0.001, "1", "of the samples so far out, that make a tail")
+    most_share: float = setting(0.1, "1", "of the samples so far out: more are no tail")
+    chance: float = setting(
+        0.01,
+        "1",
+        "p-value below which samples far out depend on a state or a command, and are physics",
+        "Kolmogorov and Smirnov's test, one for each input",
+    )

@@ -35,7 +35,14 @@ def guessed(recording: Recording, simulator: Simulator) -> Recording:
             episode.states[:, names.index(n)] if n in names else np.full(len(episode.t), simulator.start[n])
             for n in simulator.state.names
         ]
-        episodes.append(replace(episode, states=np.stack(columns, axis=1)))
+        weights = episode.weights
+        if weights is not None:
+            given = [
+                weights[:, names.index(n)] if n in names else np.ones(len(episode.t))
+                for n in simulator.state.names
+            ]
+            weights = np.stack(given, axis=1)
+        episodes.append(replace(episode, states=np.stack(columns, axis=1), weights=weights))
     recorded = {channel.name: channel for channel in recording.state}
     channels = Channels(tuple(recorded.get(channel.name, channel) for channel in simulator.state))
     return replace(recording, state=channels, episodes=tuple(episodes))

@@ -9,13 +9,13 @@ here: from one recording a late channel cannot be told from a late sensor, which
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpsim.channels import BoolArray, Channel, FloatArray, wrap_angle
-from gpsim.diagnosis.data import held_with, outliers, quantum, repeats
+from gpsim.diagnosis.data import held_with, outliers, quantum, repeats, whole_packets
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings
 from gpsim.recordings import Episode, Recording, gaps, pieces, steps_to_next
@@ -60,32 +60,41 @@ def flagged(recording: Recording, settings: LogFactSettings | None = None) -> li
 def look_at(recording: Recording, settings: LogFactSettings) -> LogLook:
     """Everything that is peculiar to a recording, channel by channel."""
     stretches = list(_stretches(recording))
-    stale = [np.zeros(s.states.shape, dtype=np.bool_) for s in stretches]
-    wild = [np.zeros(s.states.shape, dtype=np.bool_) for s in stretches]
     grids = [_grid(stretches, i, settings) for i in range(len(recording.state))]
-    for i, channel in enumerate(recording.state):
-        grid, series = grids[i] or 0.0, [s.states[:, i] for s in stretches]
-        found = outliers(series, [s.actions for s in stretches], grid, _angle(channel), settings)
-        for s, y, out, old, flags in zip(stretches, series, wild, stale, found, strict=True):
-            out[:, i] = flags
-            old[:, i] = repeats(s.t, y, grid, settings) & ~flags
-    for s, old, out in zip(stretches, stale, wild, strict=True):
-        together = old.any(axis=1)
-        for i in range(old.shape[1]):
-            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0, settings) & ~out[:, i]
+    stale, wild = _samples(recording, stretches, grids, settings)
     facts: list[LogFact] = []
     for i, channel in enumerate(recording.state):
-        name, unit, grid = channel.name, channel.unit, grids[i]
         repeated, leaps = (sum(int(f[:, i].sum()) for f in flags) for flags in (stale, wild))
-        facts += [LogFact("repeated", name, repeated)] if repeated else []
-        facts += [LogFact("outliers", name, leaps)] if leaps else []
-        facts += [LogFact("quantised", name, value=grid, unit=unit)] if grid else []
+        facts += [LogFact("repeated", channel.name, repeated)] if repeated else []
+        facts += [LogFact("outliers", channel.name, leaps)] if leaps else []
+        facts += [LogFact("quantised", channel.name, value=grids[i], unit=channel.unit)] if grids[i] else []
     left_out = [np.zeros(e.states.shape, dtype=np.bool_) for e in recording.episodes]
     for s, old, out in zip(stretches, stale, wild, strict=True):
         left_out[s.episode][s.rows] = old | out
-    names = recording.state.names
-    quantised = {name: grid for name, grid in zip(names, grids, strict=True) if grid}
+    quantised = {name: step for name, step in zip(recording.state.names, grids, strict=True) if step}
     return LogLook((*facts, *_of_the_clock(recording, settings)), tuple(left_out), quantised)
+
+
+def _samples(
+    recording: Recording,
+    stretches: Sequence[_Stretch],
+    grids: Sequence[float | None],
+    settings: LogFactSettings,
+) -> tuple[list[BoolArray], list[BoolArray]]:
+    """(K, S) of each stretch, which samples are stale, and which are outliers."""
+    stale, wild = ([np.zeros(s.states.shape, dtype=np.bool_) for s in stretches] for _ in range(2))
+    actions = [s.actions for s in stretches]
+    for i, channel in enumerate(recording.state):
+        series, step = [s.states[:, i] for s in stretches], grids[i] or 0.0
+        found = outliers(series, actions, step, _angle(channel), settings)
+        for s, y, flags, out, old in zip(stretches, series, found, wild, stale, strict=True):
+            out[:, i] = flags
+            old[:, i] = repeats(s.t, y, step, settings) & ~flags
+    for s, old, out in zip(stretches, stale, wild, strict=True):
+        together = old.any(axis=1) | whole_packets(s.t, s.states, settings)
+        for i in range(len(grids)):
+            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0, settings) & ~out[:, i]
+    return stale, wild
 
 
 def mended(recording: Recording, left_out: tuple[BoolArray, ...]) -> Recording:
@@ -108,7 +117,7 @@ def _mended(episode: Episode, left_out: BoolArray, channels: tuple[Channel, ...]
         y = np.unwrap(states[kept, i]) if _angle(channel) else states[kept, i]
         between = np.interp(episode.t[~kept], episode.t[kept], y)
         states[~kept, i] = wrap_angle(between) if channel.wraps else between
-    return replace(episode, states=states, weights=1.0 - left_out)
+    return replace(episode, states=states, weights=(~left_out).astype(np.float64))
 
 
 def _stretches(recording: Recording) -> Iterator[_Stretch]:
@@ -119,9 +128,7 @@ def _stretches(recording: Recording) -> Iterator[_Stretch]:
             for i, channel in enumerate(recording.state):
                 if _angle(channel):
                     states[:, i] = np.unwrap(states[:, i])
-            yield _Stretch(
-                index, first, episode.t[first : last + 1], states, episode.actions[first:last]
-            )
+            yield _Stretch(index, first, episode.t[first : last + 1], states, episode.actions[first:last])
 
 
 def _grid(stretches: list[_Stretch], channel: int, settings: LogFactSettings) -> float | None:

@@ -19,9 +19,11 @@ from gpsim.diagnosis.fitting import (
     rescored,
     settled,
 )
+from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
 from gpsim.diagnosis.setup.latent_states import guessed, hidden_channels, smoothed
+from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, check_match, check_varies, either_wraps
@@ -33,7 +35,7 @@ class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
-    its clock 0 at `origin` s.
+    its clock 0 at `origin` s, samples that say nothing mended and of no weight. facts: what is peculiar to the log.
     """
 
     recording: Recording
@@ -43,6 +45,7 @@ class Question:
     thinned: int = 1
     hidden: tuple[str, ...] = ()
     origin: float = 0.0
+    facts: tuple[LogFact, ...] = ()
 
     def episode_name(self, index: int | None) -> str | None:
         """What the recording calls one of its episodes; None of none."""
@@ -68,16 +71,17 @@ def prepare(
             f"recording: integrator '{recording.integrator}' is not one of {', '.join(INTEGRATORS)}"
         )
     simulator = wrapping(simulator, either_wraps(simulator.state, recording.state))
-    seen, origin = rebased(recording)
+    log = look_at(recording, settings.log_facts)
+    seen, origin = rebased(mended(recording, log.left_out))
     seen, every = thinned(seen, settings.decimation)
     seen = guessed(seen, simulator)
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
-    problem = _problem(seen, simulator, parameters, training, hidden, run)
+    problem = _problem(seen, simulator, parameters, training, hidden, log, run)
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
-        problem = _problem(seen, simulator, parameters, training, hidden, run)
+        problem = _problem(seen, simulator, parameters, training, hidden, log, run)
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
@@ -90,6 +94,7 @@ def prepare(
         every,
         hidden,
         origin,
+        log.facts,
     )
 
 
@@ -141,6 +146,7 @@ def _problem(
     parameters: Mapping[str, float],
     training: Windows,
     hidden: tuple[str, ...],
+    log: LogLook,
     run: Run,
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
@@ -150,7 +156,8 @@ def _problem(
     share = run.settings.prepare.hidden_scale
     scale = np.maximum(training.measured[training.valid].std(axis=0), np.maximum(share * guess, 1e-9))
     known = np.array([recording.noise.get(name, 0.0) for name in names])
-    floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
+    rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
+    floor = np.sqrt(np.maximum(known, rounded) ** 2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
     nothing = np.zeros(len(names))
     return Problem(
