@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import median_filter
 
-from gpsim.channels import BoolArray, FloatArray, IntArray, wrap_angle
+from gpsim.channels import BoolArray, FloatArray, wrap_angle
 from gpsim.diagnosis.settings import LogFactSettings
 
 
@@ -29,7 +29,6 @@ def outliers(
     """
     leaps = [_leaps(y, angle, settings) for y in series]
     changes = [np.abs(np.diff(a, axis=0, prepend=a[:1])) for a in actions]
-    most = np.max([c.max(axis=0) for c in changes if len(c)], axis=0, initial=0.0)
     flags = [np.zeros(len(y), dtype=np.bool_) for y in series]
     every = np.abs(np.concatenate(leaps)) if leaps else np.zeros(0)
     if not len(every):
@@ -42,10 +41,12 @@ def outliers(
             continue
         usual = max(float(np.quantile(together, settings.common_share)), ordinary)
         least = max(settings.stands_out * usual, settings.outlier_quanta * quantum)
-        for y, sizes, change, flag in zip(series, spikes, changes, flags, strict=True):
+        causes = _caused(changes, length, settings)
+        for y, sizes, caused, flag in zip(series, spikes, causes, flags, strict=True):
             for i in np.flatnonzero(sizes > least):
-                out = _stands_out(np.diff(y), int(i), length, angle, settings)
-                if out and not _commanded(change, most, int(i), length, settings):
+                if caused[i] or flag[i] or flag[i + 1 + length]:  # those beside it are outliers themselves
+                    continue
+                if _stands_out(np.diff(y), int(i), length, angle, settings):
                     flag[i + 1 : i + 1 + length] = True
     return flags
 
@@ -96,12 +97,25 @@ def _turned(values: FloatArray, angle: bool) -> FloatArray:
     return wrap_angle(values) if angle else values
 
 
-def _commanded(change: FloatArray, most: FloatArray, i: int, length: int, settings: LogFactSettings) -> bool:
-    """Whether a command leapt and leapt again as long after, within an actuator's delay before the run did.
+def _caused(changes: Sequence[FloatArray], length: int, settings: LogFactSettings) -> list[BoolArray]:
+    """(K - 1,) of each stretch, at which steps a run of so many samples may be a command's doing.
 
-    change: (K - 1, A) by how much each command differs from the one before; most: (A,) at most anywhere.
+    One leapt and leapt again as long after, within an actuator's delay before. Where commands do so all the time that
+    says nothing, and what they do is no rare thing.
+
+    changes: (K - 1, A) by how much each command differs from the one before.
     """
-    before: IntArray = np.arange(max(i - settings.reacts_within, 0), i + 1)
-    after = np.minimum(before + length, len(change) - 1)
-    large = change >= settings.commanded_share * np.where(most > 0, most, np.inf)
-    return bool((large[before] & large[after]).any())
+    together = np.concatenate(list(changes))
+    most = together.max(axis=0, initial=0.0)
+    caused = []
+    for change in changes:
+        large = change >= settings.commanded_share * np.where(most > 0, most, np.inf)
+        pairs = np.zeros(len(change), dtype=np.bool_)
+        if len(change) <= length:
+            caused.append(pairs)
+            continue
+        pairs[:-length] = (large[:-length] & large[length:]).any(axis=1)
+        since = np.convolve(pairs, np.ones(settings.reacts_within + 1), mode="full")[: len(pairs)]
+        caused.append(since > 0)
+    usual = float(np.concatenate(caused).mean()) if len(together) else 0.0
+    return caused if usual <= settings.commanded_often else [np.zeros_like(c) for c in caused]

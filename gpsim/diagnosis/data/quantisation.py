@@ -32,8 +32,7 @@ def quantum(
         few = len(np.unique(counts)) < settings.fewest_sizes
         if few or not (counts == 0).any() or _noise(series, settings) > found:
             return None
-        commands = np.concatenate([np.asarray(a) for a in actions])
-        return None if _commanded(counts, commands, settings) else found
+        return None if _commanded(series, actions, found, settings) else found
     return None
 
 
@@ -94,15 +93,26 @@ def _noise(series: Sequence[FloatArray], settings: LogFactSettings) -> float:
     return float(np.quantile(medians, settings.quiet) / NORMAL_MEDIAN / THIRD_DIFFERENCE)
 
 
-def _commanded(counts: FloatArray, actions: FloatArray, settings: LogFactSettings) -> bool:
-    """Whether a few levels of command (N, A) decide by how much the channel changes (N,)."""
-    if not actions.shape[1]:
+def _commanded(
+    series: Sequence[FloatArray], actions: Sequence[FloatArray], step: float, settings: LogFactSettings
+) -> bool:
+    """Whether a few levels of command decide by how much the channel changes, or by how much its change does.
+
+    A command moves a speed by its first difference, and a position by its second one, at once or a sample later.
+    """
+    levels = np.unique(np.round(np.concatenate(list(actions)), 9), axis=0)
+    if not levels.size or len(levels) > settings.few_levels:
         return False
-    levels, which = np.unique(np.round(actions, 9), axis=0, return_inverse=True)
-    if len(levels) > settings.few_levels:
-        return False
-    same = 0
-    for level in range(len(levels)):
-        of_level = counts[which.ravel() == level]
-        same += int(np.unique(of_level, return_counts=True)[1].max())
-    return same >= settings.on_grid * len(counts)
+    for order, late in ((1, 0), (2, 0), (2, 1)):
+        changes = [np.rint(np.diff(y, n=order) / step) for y in series if len(y) > order]
+        given = [
+            a[order - 1 - late : len(a) - late]
+            for y, a in zip(series, actions, strict=True)
+            if len(y) > order
+        ]
+        which = np.unique(np.round(np.concatenate(given), 9), axis=0, return_inverse=True)[1].ravel()
+        together = np.concatenate(changes)
+        usual = [np.unique(together[which == i], return_counts=True)[1].max() for i in np.unique(which)]
+        if sum(map(int, usual)) >= settings.on_grid * len(together):
+            return True
+    return False

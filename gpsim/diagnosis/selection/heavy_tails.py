@@ -33,6 +33,7 @@ from gpsim.diagnosis.setup import Question
 from gpsim.recordings import Episode
 
 NORMAL_MEDIAN = 0.6745  # median of a standard normal's absolute value
+FEWEST_OF_A_SIGN = 3  # samples: of fewer no test says anything
 HALF = 3  # samples on either side through which a line is drawn: a sensor's accidents are shorter
 
 
@@ -88,9 +89,9 @@ def _under(problem: Problem, found: Fit) -> Fit:
 def _tails(problem: Problem, hypothesis: Hypothesis) -> dict[int, float]:
     """Column -> standard deviation of the core, of every observed channel that has a heavy tail."""
     settings, windows = problem.run.settings.heavy_tails, problem.windows
-    off, scales = np.abs(_off(problem, windows, hypothesis)), dict[int, float]()
+    off, scales = _off(problem, windows, hypothesis), dict[int, float]()
     for i in np.flatnonzero(problem.observed).tolist():
-        counted, own = problem.counted[:, :, i], off[..., i]
+        counted, own = problem.counted[:, :, i], np.abs(off[..., i])
         core = float(np.median(own[counted])) / NORMAL_MEDIAN
         if not problem.stated[i] and core < settings.above_floor * problem.floor[i]:
             continue  # the simulation's error is all there is
@@ -99,7 +100,7 @@ def _tails(problem: Problem, hypothesis: Hypothesis) -> dict[int, float]:
         share = float(far.sum()) / max(int(counted.sum()), 1)
         if int(far.sum()) < settings.fewest or not settings.least_share < share < settings.most_share:
             continue
-        if _by_chance(problem, far, counted & ~far):
+        if _by_chance(problem, off[..., i] > 0, far, counted & ~far):
             scales[i] = scale
     return scales
 
@@ -154,8 +155,11 @@ def _off_line(samples: FloatArray) -> FloatArray:
     return np.asarray(level - np.median(level, axis=2, keepdims=True))
 
 
-def _by_chance(problem: Problem, far: BoolArray, usual: BoolArray) -> bool:
-    """Whether samples far off (W, L + 1) come at the same states and commands as the usual ones."""
+def _by_chance(problem: Problem, above: BoolArray, far: BoolArray, usual: BoolArray) -> bool:
+    """Whether samples far off (W, L + 1) come at the same states and commands as the usual ones.
+
+    So must those of them that lie `above` (W, L + 1) and those that lie below: a law has a sign.
+    """
     windows, chance = problem.windows, problem.run.settings.heavy_tails.chance
     smooth = median_filter(windows.measured, size=(1, 2 * HALF + 1, 1), mode="nearest")
     states = difference(smooth, np.zeros_like(smooth), problem.simulator.state)
@@ -163,4 +167,7 @@ def _by_chance(problem: Problem, far: BoolArray, usual: BoolArray) -> bool:
     before, changed = given[:, 1:], np.abs(np.diff(given, axis=1))
     inputs = np.concatenate([states, np.abs(states), before, changed], axis=-1)
     columns = (inputs[..., i] for i in range(inputs.shape[-1]))
-    return all(ks_2samp(x[far], x[usual]).pvalue > chance for x in columns if np.ptp(x) > 0)
+    pairs = [(far, usual)]
+    if min(int((far & above).sum()), int((far & ~above).sum())) >= FEWEST_OF_A_SIGN:
+        pairs.append((far & above, far & ~above))
+    return all(ks_2samp(x[a], x[b]).pvalue > chance for x in columns if np.ptp(x) > 0 for a, b in pairs)

@@ -90,6 +90,12 @@ class LogFactSettings:
     commanded_share: float = setting(
         0.5, "1", "of the largest change of a command: two such changes, as far apart, are a cause"
     )
+    commanded_often: float = setting(
+        0.25,
+        "1",
+        "of the samples that such a pair of changes precedes: where more are, it says nothing",
+        "what commands do that often is common in the channel, too",
+    )
     reacts_within: int = setting(
         12, "samples", "after a change of a command in which it acts", "the longest delay that is looked for"
     )
@@ -158,8 +164,8 @@ class HeavyTailSettings:
     least_share: float = setting(0.001, "1", "of the samples so far out, that make a tail")
     most_share: float = setting(0.1, "1", "of the samples so far out: more are no tail")
     chance: float = setting(
-        0.01,
+        0.005,
         "1",
         "p-value below which samples far out depend on a state or a command, and are physics",
-        "Kolmogorov and Smirnov's test, one for each input",
+        "Kolmogorov and Smirnov's test, two for each input",
     )

@@ -88,12 +88,12 @@ def _samples(
         series, step = [s.states[:, i] for s in stretches], grids[i] or 0.0
         found = outliers(series, actions, step, _angle(channel), settings)
         for s, y, flags, out, old in zip(stretches, series, found, wild, stale, strict=True):
-            out[:, i] = flags
-            old[:, i] = repeats(s.t, y, step, settings) & ~flags
+            out[:, i], old[:, i] = flags, repeats(s.t, y, step, settings)
     for s, old, out in zip(stretches, stale, wild, strict=True):
         together = old.any(axis=1) | whole_packets(s.t, s.states, settings)
         for i in range(len(grids)):
-            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0, settings) & ~out[:, i]
+            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0, settings)
+        out &= ~old  # in a steady motion what stands still leaps away, too
     return stale, wild
 
 
