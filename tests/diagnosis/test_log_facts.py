@@ -212,7 +212,8 @@ def test_the_shortest_logs_are_looked_at():
 def test_a_log_without_commands_is_looked_at():
     t, states, _ = swinging()
     states[300, 0] += 0.5
-    recording = replace(logged(t, states, np.empty((599, 0))), action=Channels.of({}))
+    episode = Episode("0", t, states, np.empty((599, 0)))
+    recording = replace(logged(t, states, np.zeros((599, 1))), action=Channels.of({}), episodes=(episode,))
     assert np.argwhere(flagged(recording)[0]).tolist() == [[300, 0]]
 
 

@@ -98,7 +98,8 @@ def _tails(problem: Problem, hypothesis: Hypothesis) -> dict[int, float]:
         scale = max(core, float(problem.floor[i]))
         far = counted & (own > settings.far * scale)
         share = float(far.sum()) / max(int(counted.sum()), 1)
-        if int(far.sum()) < settings.fewest or not settings.least_share < share < settings.most_share:
+        outside = float((own[counted] > settings.core * scale).mean()) if counted.any() else 0.0
+        if int(far.sum()) < settings.fewest or share < settings.least_share or outside > settings.most_share:
             continue
         if _by_chance(problem, off[..., i] > 0, far, counted & ~far):
             scales[i] = scale
@@ -165,7 +166,7 @@ def _by_chance(problem: Problem, above: BoolArray, far: BoolArray, usual: BoolAr
     states = difference(smooth, np.zeros_like(smooth), problem.simulator.state)
     given = np.concatenate([windows.before_actions[:, -2:], windows.actions], axis=1)
     before, changed = given[:, 1:], np.abs(np.diff(given, axis=1))
-    inputs = np.concatenate([states, np.abs(states), before, changed], axis=-1)
+    inputs = np.concatenate([states, np.abs(states), before, np.abs(before), changed], axis=-1)
     columns = (inputs[..., i] for i in range(inputs.shape[-1]))
     pairs = [(far, usual)]
     if min(int((far & above).sum()), int((far & ~above).sum())) >= FEWEST_OF_A_SIGN:

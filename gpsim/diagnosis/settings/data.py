@@ -162,7 +162,11 @@ class HeavyTailSettings:
         "times the simulation's error, that a core must be to be a sensor's noise, where none is stated",
     )
     least_share: float = setting(0.001, "1", "of the samples so far out, that make a tail")
-    most_share: float = setting(0.1, "1", "of the samples so far out: more are no tail")
+    most_share: float = setting(
+        0.05,
+        "1",
+        "of the samples beyond the core: where more lie there it is no tail, but what the model lacks",
+    )
     chance: float = setting(
         0.005,
         "1",
