@@ -139,6 +139,15 @@ def _off(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> FloatArr
     )  # what it costs is no effort of the search
     residual = difference(windows.measured, predicted(alone, windows, hypothesis), problem.simulator.state)
     residual = np.where(np.isfinite(residual), residual, 0.0)
+    off, counts = np.zeros_like(residual), windows.valid.sum(axis=1)
+    for count in np.unique(counts).tolist():  # what pads a window is no neighbour
+        rows = counts == count
+        off[rows, :count] = _off_neighbours(residual[rows, :count])
+    return off
+
+
+def _off_neighbours(residual: FloatArray) -> FloatArray:
+    """(W, K, S) each sample off the line through the seven around it, at the ends through the first or last seven."""
     size = 2 * HALF + 1
     if residual.shape[1] < size:
         return np.zeros_like(residual)
