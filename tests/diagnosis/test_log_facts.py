@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.channels import Channels, wrap_angle
+from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.data import cut, thinned
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import LogFact
@@ -274,3 +275,29 @@ def test_a_channel_that_nobody_measured_has_weights_of_one():
     weights = guessed(marked, Half()).episodes[0].weights
     assert weights.shape == (600, 2)
     assert np.argwhere(weights == 0).tolist() == [[100, 0]]
+
+
+def test_a_spoilt_log_of_friction_gets_the_verdict_of_a_sound_one():
+    """Stale packets, marker swaps, missing rows: facts of the log, no physics."""
+    world = World("slider", grips={0: lambda q, v, n: 2.0 + 0 * q})
+    sound, rng = record(world, seed=5, episodes=10, steps=250, noise=0.3), np.random.default_rng(6)
+    episodes = []
+    for e in sound.episodes:
+        states, rows = np.array(e.states), np.arange(len(e.t))
+        for k in rng.choice(np.arange(20, 230, 10), 6, replace=False):
+            states[k : k + 2] = states[k - 1]
+        for k in rng.choice(np.arange(25, 230, 10), 3, replace=False):
+            states[k, 0] += 0.6
+        kept = np.delete(rows, rng.choice(np.arange(20, 230, 10) + 8, 3, replace=False))
+        episodes.append(Episode(e.name, e.t[kept], states[kept], e.actions[kept[:-1]]))
+    spoilt = replace(sound, episodes=tuple(episodes))
+    simulator = make_simulator("slider")
+    found = diagnose(spoilt, simulator, simulator.defaults(sound.parameters), np.random.default_rng(0))
+    diagnosis = found.diagnosis
+    assert {f.kind for f in diagnosis.facts} == {"repeated", "outliers", "missing"}
+    assert diagnosis.verdict == "named"
+    (effect,) = diagnosis.effects
+    assert effect.family == "coulomb_friction"
+    force = effect.parameters["force"]
+    assert force.low < 2.0 < force.high
+    assert force.value == pytest.approx(2.0, rel=2e-3)
