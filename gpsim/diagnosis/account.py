@@ -70,6 +70,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         not_asked=not_asked(question),
         combinations=combinations(problem, leader, judgement.rivals),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
+        facts=question.facts,
     ).settled()
 
 

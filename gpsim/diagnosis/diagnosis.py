@@ -24,6 +24,7 @@ from gpsim.diagnosis.selection import (
     refit,
     stepwise,
     without_idle,
+    without_tails,
 )
 from gpsim.diagnosis.setup import Question, offers_of, prepare
 from gpsim.effects import Scheme
@@ -73,7 +74,7 @@ def diagnose(
     step("search", 5)
     found = beam_search(question.searched, offers, _scheme(recording), step.share(5, 40))
     step("refine grid", 40, "fitting the best on all windows")
-    question, found = refine_grid(question, found)
+    question, found = without_tails(*refine_grid(question, found))
     step("refit", 40, "fitting the best on all windows")
     contenders = refit(question, found)
     step("stepwise", 40)

@@ -21,12 +21,15 @@ class Episode:
 
     name: as in the file's `episode` column. t: (K + 1,) s, increasing. states: (K + 1, S).
     actions: (K, A); actions[k] is what was commanded from t[k] to t[k + 1].
+    weights: (K + 1, S) what each sample counts where a simulator is compared with it, 0 if nothing; None: all alike. A
+    file does not hold them.
     """
 
     name: str
     t: FloatArray
     states: FloatArray
     actions: FloatArray
+    weights: FloatArray | None = None
 
     def __post_init__(self) -> None:
         rows = len(self.t)

@@ -14,6 +14,7 @@ def p_values(monkeypatch, windows, residuals):
     problem = SimpleNamespace(
         windows=Windows(windows, residuals.shape[2]),
         observed=np.array([True]),
+        counted=np.ones((windows, residuals.shape[2], 1), dtype=bool),
         counts=np.array([float(windows * residuals.shape[2])]),
         floor=np.array([0.0]),
         run=Run(),

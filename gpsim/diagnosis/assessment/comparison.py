@@ -197,7 +197,8 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
 def _steps(recording: Recording, settings: Settings, past: bool = False) -> _Steps:
     """past: without those before which nobody knows what was commanded, where there are others."""
     windows = cut(recording, settings.windows, 1, most=settings.comparison.looked_at)
-    held = held_out_mask(recording, windows)
+    held, sound = held_out_mask(recording, windows), windows.sound_ends
+    windows, held = (windows.take(sound), held[sound]) if sound.any() else (windows, held)
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
         train, test = _later(train), _later(test)

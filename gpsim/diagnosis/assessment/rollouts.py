@@ -93,6 +93,7 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() and not learnt_from else ~held)
     windows = windows.take(windows.valid[:, -1])
+    windows = windows.take(windows.sound_ends) if windows.sound_ends.any() else windows
     return windows.take(evenly(len(windows), most))
 
 

@@ -2,6 +2,9 @@
 
 from gpsim.diagnosis.data.clock import rebased
 from gpsim.diagnosis.data.decimation import thinned
+from gpsim.diagnosis.data.outliers import outliers
+from gpsim.diagnosis.data.quantisation import quantum
+from gpsim.diagnosis.data.repeats import held_with, repeats, whole_packets
 from gpsim.diagnosis.data.reversals import since_reversal
 from gpsim.diagnosis.data.windows import (
     Windows,
@@ -19,9 +22,14 @@ __all__ = [
     "cut",
     "cut_in_parts",
     "held_out_mask",
+    "held_with",
+    "outliers",
+    "quantum",
     "rebased",
+    "repeats",
     "shortest",
     "since_reversal",
     "stretches",
     "thinned",
+    "whole_packets",
 ]

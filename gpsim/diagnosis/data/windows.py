@@ -16,6 +16,7 @@ from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 from gpsim.residuals import first_held_out
 
+SOUND = 0.5  # weight of a sample that is little more than usual noise
 SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
 
 
@@ -27,7 +28,8 @@ class Windows:
     The last M transitions before each window: before_states (W, M, S), before_actions (W, M, A), before_t (W, M + 1);
     where the episode has none, nothing is commanded. What lies before a gap is read on an even clock that runs through
     the gap: what was commanded last is held in it. fresh: (W,) what was commanded before the window is not known: it
-    begins its episode, or rows were `lost` (W,) before it (None: nowhere).
+    begins its episode, or rows were `lost` (W,) before it (None: nowhere). weights: (W, L + 1, S) what each sample
+    counts, 0 if nothing (a stale packet), None: all alike.
     """
 
     measured: FloatArray
@@ -40,6 +42,7 @@ class Windows:
     episode: IntArray
     fresh: BoolArray
     lost: BoolArray | None = None
+    weights: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -53,6 +56,14 @@ class Windows:
     def rested(self) -> BoolArray:
         """(W,) whether the window begins its episode, before which the system stood still."""
         return self.fresh if self.lost is None else self.fresh & ~self.lost
+
+    @property
+    def sound_ends(self) -> BoolArray:
+        """(W,) whether the first and the last sample count in all channels: nothing is judged by others."""
+        if self.weights is None:
+            return np.ones(len(self), dtype=np.bool_)
+        ends = self.weights[:, [0, -1]].min(axis=(1, 2))
+        return np.asarray(ends > SOUND)
 
     @cached_property
     def even(self) -> bool:
@@ -132,7 +143,8 @@ def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> 
 
 
 def _stacked(parts: Sequence[tuple[Any, ...]]) -> Windows:
-    return Windows(*(np.stack([part[i] for part in parts]) for i in range(len(fields(Windows)))))
+    columns = ([part[i] for part in parts] for i in range(len(fields(Windows))))
+    return Windows(*(None if column[0] is None else np.stack(column) for column in columns))  # type: ignore[arg-type]
 
 
 def stretches(recording: Recording) -> list[tuple[int, int, int]]:
@@ -194,6 +206,9 @@ def _window(
     )
     t = np.concatenate([episode.t[low : high + 1], episode.t[high] + step * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
+    weights = None if episode.weights is None else np.ones(measured.shape)
+    if weights is not None and episode.weights is not None:
+        weights[: count + 1] = episode.weights[low : high + 1]
     before_states, before_actions, before_t = _before(episode, low, dt, step)
     _unwrap(recording, before_states, measured)
     lost = low > 0 and bool(gaps(episode.t[low - 1 : low + 1], dt)[0])
@@ -208,6 +223,7 @@ def _window(
         np.int64(index),
         np.bool_(low == 0 or lost),
         np.bool_(lost),
+        weights,
     )
 
 

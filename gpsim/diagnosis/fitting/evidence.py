@@ -22,11 +22,12 @@ def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = N
     """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags; None: the longest."""
     lags = lags or problem.run.settings.evidence.longest_lag
     power = (residual**2).sum(axis=(0, 1))
-    valid = problem.windows.valid
+    counted = problem.counted
+    total = np.maximum(counted.sum(axis=(0, 1)).astype(np.float64), 1.0)
     out = np.zeros((residual.shape[2], lags))
     for lag in range(1, min(lags, residual.shape[1] - 1) + 1):
         pairs = (residual[:, lag:] * residual[:, :-lag]).sum(axis=(0, 1))
-        share = max(float((valid[:, lag:] & valid[:, :-lag]).sum()), 1.0) / max(float(valid.sum()), 1.0)
+        share = np.maximum((counted[:, lag:] & counted[:, :-lag]).sum(axis=(0, 1)), 1.0) / total
         out[:, lag - 1] = np.divide(pairs, power * share, out=np.zeros_like(power), where=power > 0)
     return out
 

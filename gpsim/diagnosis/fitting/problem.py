@@ -45,9 +45,24 @@ class Problem:
     @cached_property
     def counts(self) -> FloatArray:
         """(S,) degrees of freedom of each observed channel's residual, the start states taken off."""
-        samples = float(self.windows.valid.sum())
         spent = len(self.windows) * len(self.simulator.state) / max(int(self.observed.sum()), 1)
-        return np.where(self.observed, max(samples - spent, 1.0), 0.0)
+        samples = self.counted.sum(axis=(0, 1)).astype(np.float64)
+        return np.where(self.observed, np.maximum(samples - spent, 1.0), 0.0)
+
+    @cached_property
+    def counted(self) -> BoolArray:
+        """(W, L + 1, S) the samples that count: recorded, of what was observed, not left out as a fact of the log."""
+        counted = self.windows.valid[:, :, None] & self.observed
+        return counted if self.windows.weights is None else counted & (self.windows.weights > 0)
+
+    @cached_property
+    def root_weights(self) -> FloatArray | BoolArray:
+        """(W, L + 1, S) what a residual is multiplied by, so that its square counts as much as its sample should.
+
+        All hypotheses have the same: their likelihoods, of residuals so weighted, can be compared.
+        """
+        weights = self.windows.weights
+        return self.counted if weights is None else np.sqrt(weights) * self.counted
 
     def on(self, windows: Windows) -> Problem:
         """The same question to other windows."""
@@ -81,11 +96,14 @@ class Problem:
         return simulate(self.run, chain, windows, starts, spread, thetas, self.steps(chain), extra)
 
     def residuals(self, hypothesis: Hypothesis, thetas: FloatArray, starts: FloatArray) -> FloatArray:
-        """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S); 0 where nothing was seen."""
+        """(C, W, L + 1, S) measured minus simulated for thetas (C, P), starts (C, W, S), weighted.
+
+        0 where nothing counts.
+        """
         chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
         said = self.simulated(chain, self.windows, starts, hypothesis.spread, thetas)
         residual = difference(self.windows.measured[None], said, self.simulator.state)
-        residual *= self.windows.valid[None, :, :, None] & self.observed
+        residual *= self.root_weights
         return residual
 
 

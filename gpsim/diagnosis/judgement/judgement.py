@@ -102,9 +102,10 @@ def _left_over(problem: Problem, leader: Fit) -> tuple[float, LackOfFit | None, 
 
 def _noise(problem: Problem, leader: Fit) -> FloatArray:
     """(S,) the known noise, or what differences of neighbouring residuals show where that is more."""
-    valid = problem.windows.valid[:, 2:, None]
+    counted = problem.counted
+    valid = counted[:, 2:] & counted[:, 1:-1] & counted[:, :-2]
     second = leader.residuals[:, 2:] - 2 * leader.residuals[:, 1:-1] + leader.residuals[:, :-2]
-    jumps = (second**2 * valid).sum(axis=(0, 1)) / max(float(valid.sum()), 1.0) / 6.0
+    jumps = (second**2 * valid).sum(axis=(0, 1)) / np.maximum(valid.sum(axis=(0, 1)), 1.0) / 6.0
     floor = problem.floor**2
     if leader.hypothesis.scheme != "fine":  # no numerical error: nothing but what is left over
         floor = np.minimum(floor, np.mean(leader.residuals**2, axis=(0, 1)))

@@ -4,6 +4,7 @@ from gpsim.diagnosis.selection.acceptance import Acceptance, Rule, accepts, on_i
 from gpsim.diagnosis.selection.beam import Found, Note, beam_search
 from gpsim.diagnosis.selection.elimination import simplest
 from gpsim.diagnosis.selection.grid_check import refine_grid
+from gpsim.diagnosis.selection.heavy_tails import without_tails
 from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
 from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.selection.pruning import prune_on_held_out
@@ -35,4 +36,5 @@ __all__ = [
     "simplest",
     "stepwise",
     "without_idle",
+    "without_tails",
 ]

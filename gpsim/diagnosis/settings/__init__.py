@@ -13,7 +13,12 @@ from gpsim.diagnosis.settings.assessment import (
     TraceSettings,
 )
 from gpsim.diagnosis.settings.attribution import AttributionSettings, SupportSettings
-from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings.data import (
+    DecimationSettings,
+    HeavyTailSettings,
+    LogFactSettings,
+    WindowSettings,
+)
 from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
@@ -54,11 +59,13 @@ __all__ = [
     "ExperimentDesignSettings",
     "FormSettings",
     "GateSettings",
+    "HeavyTailSettings",
     "IntervalSettings",
     "Known",
     "LackOfFitSettings",
     "LatentStateSettings",
     "LocationSettings",
+    "LogFactSettings",
     "PatchworkSettings",
     "PrepareSettings",
     "RemainderGPSettings",

@@ -21,7 +21,12 @@ from gpsim.diagnosis.settings.assessment import (
     TraceSettings,
 )
 from gpsim.diagnosis.settings.attribution import AttributionSettings, SupportSettings
-from gpsim.diagnosis.settings.data import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings.data import (
+    DecimationSettings,
+    HeavyTailSettings,
+    LogFactSettings,
+    WindowSettings,
+)
 from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.fitting import (
     DiscretisationSettings,
@@ -66,6 +71,8 @@ class Settings:
     sharing: SharingSettings = field(default_factory=SharingSettings)
     windows: WindowSettings = field(default_factory=WindowSettings)
     decimation: DecimationSettings = field(default_factory=DecimationSettings)
+    log_facts: LogFactSettings = field(default_factory=LogFactSettings)
+    heavy_tails: HeavyTailSettings = field(default_factory=HeavyTailSettings)
     prepare: PrepareSettings = field(default_factory=PrepareSettings)
     candidates: CandidateSettings = field(default_factory=CandidateSettings)
     latent_states: LatentStateSettings = field(default_factory=LatentStateSettings)

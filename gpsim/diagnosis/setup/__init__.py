@@ -2,6 +2,7 @@
 
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
+from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
 from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question, spread_out
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
@@ -9,13 +10,17 @@ from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
     "Completions",
+    "LogLook",
     "Question",
     "Sight",
     "candidates",
     "check_moves",
     "completed",
     "filters",
+    "flagged",
     "look",
+    "look_at",
+    "mended",
     "not_asked",
     "offers_of",
     "prepare",

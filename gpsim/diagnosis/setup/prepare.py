@@ -19,10 +19,12 @@ from gpsim.diagnosis.fitting import (
     rescored,
     settled,
 )
+from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
+from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
@@ -37,8 +39,8 @@ class Question:
     """The problem on all training windows, on those that the search uses, and on the held-out ones.
 
     recording: as it is looked at: every `thinned`-th sample, `hidden` channels completed by the base simulator,
-    its clock 0 at `origin` s. sight: what the recording shows of the simulator, `free` all of it; idle: what is
-    required and does nothing.
+    its clock 0 at `origin` s, samples that say nothing mended and of no weight. facts: what is peculiar to the log.
+    sight: what the recording shows of the simulator, `free` all of it; idle: what is required and does nothing.
     """
 
     recording: Recording
@@ -51,6 +53,7 @@ class Question:
     sight: Sight | None = None
     free: Simulator | None = None
     idle: tuple[str, ...] = ()
+    facts: tuple[LogFact, ...] = ()
 
     @property
     def whole(self) -> Simulator:
@@ -87,16 +90,17 @@ def prepare(
         )
     free = wrapping(simulator, either_wraps(simulator.state, recording.state))
     simulator = wrapping(sight.simulator, either_wraps(sight.simulator.state, recording.state))
-    seen, origin = rebased(recording)
+    log = look_at(recording, settings.log_facts)
+    seen, origin = rebased(mended(recording, log.left_out))
     seen, every = thinned(seen, settings.decimation)
     seen = sight.completed(seen)
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
-    problem = _problem(seen, simulator, parameters, training, hidden, run)
+    problem = _problem(seen, simulator, parameters, training, hidden, log, run)
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
-        problem = _problem(seen, simulator, parameters, training, hidden, run)
+        problem = _problem(seen, simulator, parameters, training, hidden, log, run)
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
@@ -111,6 +115,7 @@ def prepare(
         origin,
         sight,
         free,
+        facts=log.facts,
     )
 
 
@@ -162,6 +167,7 @@ def _problem(
     parameters: Mapping[str, float],
     training: Windows,
     hidden: tuple[str, ...],
+    log: LogLook,
     run: Run,
 ) -> Problem:
     """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
@@ -173,7 +179,8 @@ def _problem(
     guess = np.where(unsized, sizes, 0.0)
     scale = np.maximum(np.where(spread > 0.0, spread, STILL), share * guess)
     known = np.array([recording.noise.get(name, 0.0) for name in names])
-    floor = np.sqrt(known**2 + (run.settings.prepare.least_noise * scale) ** 2)
+    rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
+    floor = np.sqrt(np.maximum(known, rounded) ** 2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
     nothing = np.zeros(len(names))
     return Problem(

@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.diagnosis.setup.guesses import guess
 from gpsim.errors import UsageError
-from gpsim.recordings import Recording
+from gpsim.recordings import Episode, Recording
 from gpsim.residuals import check_match
 from gpsim.simulators import SIMULATORS, Coordinate, Simulator, reduced
 
@@ -56,11 +56,20 @@ class Sight:
                 states=np.stack(
                     [guess(name, episode, recording, self.simulator) for name in channels.names], axis=1
                 ),
+                weights=_weights(episode, recording.state.names, channels.names),
             )
             for episode in recording.episodes
         )
         noise = {n: v for n, v in recording.noise.items() if n in (*channels.names, *recording.action.names)}
         return replace(recording, state=channels, episodes=episodes, noise=noise)
+
+
+def _weights(episode: Episode, recorded: Sequence[str], names: Sequence[str]) -> FloatArray | None:
+    """(K + 1, S) what the samples of the states `names` weigh; those of states that nobody measured are whole."""
+    if episode.weights is None:
+        return None
+    known = dict(zip(recorded, episode.weights.T, strict=True))
+    return np.stack([known.get(name, np.ones(len(episode.t))) for name in names], axis=1)
 
 
 def look(recording: Recording, simulator: Simulator) -> Sight:

@@ -1,0 +1,76 @@
+"""Repeats: samples at which a channel says once more what it said before, while what it measures moves on.
+
+A stale packet gives itself away by what follows: the next new value lies where the motion has gone meanwhile, on the
+line through its neighbours. A body that stands still, or a command that stops it, leaves no such leap.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.settings import LogFactSettings
+
+
+def repeats(t: FloatArray, y: FloatArray, quantum: float, settings: LogFactSettings) -> BoolArray:
+    """(K,) which samples of a stretch without gaps are stale: t (K,) s, y (K,) with angles that run on.
+
+    quantum: the channel's grid, 0 where it has none: what moves less than a few steps of it a sample holds by itself.
+    """
+    flags = np.zeros(len(y), dtype=np.bool_)
+    first = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1])  # where every new value appears
+    if len(first) < 2:
+        return flags
+    slopes = np.diff(y[first]) / np.diff(t[first])  # slopes[j]: from value j to the next one
+    for j in _held(first, settings):
+        around = slopes[max(j - settings.steady_on, 0) : j + settings.steady_on + 1]
+        if len(around) < 2 * settings.steady_on + 1:
+            continue
+        usual = float(np.median(around))
+        pace = abs(usual) * float(np.median(np.diff(t)))
+        steady = (np.abs(around - usual) <= settings.steady * abs(usual)).all()
+        if steady and pace > settings.plain_motion * quantum:
+            flags[first[j] + 1 : first[j + 1]] = True
+    return flags
+
+
+def whole_packets(t: FloatArray, states: FloatArray, settings: LogFactSettings) -> BoolArray:
+    """(K,) at which samples of a stretch a whole packet is stale: states (K, S), angles running on.
+
+    All channels hold at once, and the next new values of two of them, or more, lie roughly where their motion has gone.
+    That needs less steady a motion than one channel alone: a body that stands still leaves no leap in any position.
+    """
+    flags = np.zeros(len(states), dtype=np.bool_)
+    first = np.concatenate([[0], np.flatnonzero((np.diff(states, axis=0) != 0).any(axis=1)) + 1])
+    if states.shape[1] < 2 or len(first) < 2:
+        return flags
+    slopes = np.diff(states[first], axis=0) / np.diff(t[first])[:, None]
+    for j in _held(first, settings):
+        if not 0 < j < len(slopes) - 1:
+            continue
+        before, own, after = slopes[j - 1 : j + 2]
+        usual = 0.5 * (before + after)
+        on = (before * after > 0) & (np.abs(own - usual) <= settings.steady * np.abs(usual))
+        if int(on.sum()) >= 2:
+            flags[first[j] + 1 : first[j + 1]] = True
+    return flags
+
+
+def held_with(others: BoolArray, y: FloatArray, quantum: float, settings: LogFactSettings) -> BoolArray:
+    """(K,) which samples repeat together with those of other channels, `others` (K,): a packet holds several.
+
+    y (K,): a channel that moves around them, too, but perhaps too unsteadily to tell by itself.
+    """
+    flags = np.zeros(len(y), dtype=np.bool_)
+    steps = np.diff(y)
+    for k in np.flatnonzero(others[1:] & (steps == 0)) + 1:
+        near = np.abs(steps[max(k - 1 - settings.around, 0) : k + settings.around])
+        if float(np.median(near)) > settings.plain_motion * quantum:
+            flags[k] = True
+    return flags
+
+
+def _held(first: IntArray, settings: LogFactSettings) -> IntArray:
+    """Which values stood for more than a sample, and no longer than a packet may be missing."""
+    times = np.diff(first)
+    return np.flatnonzero((times > 1) & (times <= settings.longest_repeat + 1))
