@@ -106,19 +106,21 @@ def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
 @prove_app.command("reveal")
 def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
-    from gpsim.reports.prove_sheets import beside, goals_sheet, namers_sheet, rivals_sheet
+    from gpsim.reports.prove_sheets import beside, terminal_sheets
     from gpsim.reports.tables import terminal_table
     from gpsim.stages import prove
 
     with single_progress("reveal") as progress:
         content = prove.reveal(out, answers, jobs, progress)
     console = Console()
-    for sheet in (goals_sheet(content), rivals_sheet(content), namers_sheet(content)):
-        if sheet.rows:
-            console.print(terminal_table(sheet, {}))
+    for sheet in terminal_sheets(content):
+        console.print(terminal_table(sheet, {}))
     say(
         f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
     )
+    if "rough" in content:
+        misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
+        say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")
     for line in beside(content):
         say(line)
     say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")

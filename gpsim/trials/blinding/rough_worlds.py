@@ -25,13 +25,15 @@ IMPORTANT, NEEDED = 0.08, 0.03  # of a main effect among nuisances; a little les
 class RoughTruth:
     """explained: the share of the mismatch that the main effects explain; main, nuisances: each one's own.
 
-    channels: those in which the mismatch stands out of the noise; defects: of the log, with the rows that have them.
+    channels: those in which the mismatch stands out of the noise; left: channel -> how much the main effects leave of
+    it, root mean square over rollouts of a second; counts: rows of the log that have a defect.
     """
 
     explained: float
     main: tuple[MainShare, ...]
     nuisances: tuple[float, ...]
     channels: tuple[str, ...]
+    left: Mapping[str, float]
     counts: Mapping[str, int]
 
     def content(self, world: World) -> dict[str, Any]:
@@ -41,6 +43,7 @@ class RoughTruth:
             "main": [vars(share) for share in self.main],
             "nuisances": list(self.nuisances),
             "channels": list(self.channels),
+            "left": dict(self.left),
             "defects": list(world.rough.defects if world.rough else ()),
             "rows": dict(self.counts),
         }
@@ -97,5 +100,7 @@ def _concealed(world: World) -> RoughConcealed | None:
         recording,
         clean,
         one_step(bare, truth, even, clean, kept),
-        RoughTruth(found.explained(world.main), main, nuisances, channels, log.counts),
+        RoughTruth(
+            found.explained(world.main), main, nuisances, channels, found.left(world.main), log.counts
+        ),
     )

@@ -25,7 +25,9 @@ INSIDE = 1.3  # drawn shares keep this factor away from both, and calibration co
 IMPORTANT, NEEDED = 0.1, 0.05  # of a main effect before there are nuisances: what makes it one
 SIZES = {1: 0.35, 2: 0.4, 3: 0.25}  # how often so many main effects
 NUISANCES = (2, 3, 4)
-POSITIONS_ONLY = 0.3  # of the mechanical ones: with the vehicles, of which a pose is all there is, about half of all
+POSITIONS_ONLY = (
+    0.3  # of the mechanical ones: with the vehicles, of which a pose is all there is, about half of all
+)
 OWN_FAMILY = 8  # attempts with the family whose turn it is; then whichever comes
 TRANSITIONS = (2500, 6000)
 LEVELS = {"light": 0.3, "normal": 0.5, "heavy": 0.2}  # of noise; no real sensor is clean

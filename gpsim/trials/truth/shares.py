@@ -65,6 +65,10 @@ class Shares:
         rest = [e for e in self._world.effects if e is not effect]
         return self._weighed(self._left(rest) / self._before)
 
+    def left(self, effects: Sequence[TrueEffect]) -> dict[str, float]:
+        """Channel -> root mean square of what is read less what the base simulator with these effects says."""
+        return dict(zip(self.seen, np.sqrt(self._left(effects)).tolist(), strict=True))
+
     def main(self) -> list[MainShare]:
         """Of every main effect of the world."""
         mains = self._world.main
