@@ -48,8 +48,9 @@ def proof_sheets(content: Json) -> list[Sheet]:
 
 
 def terminal_sheets(content: Json) -> list[Sheet]:
-    """Those that a terminal shows: of the rough worlds the one of all together."""
-    sheets = [goals_sheet(content), *rough_sheets(content)[:1], rivals_sheet(content), namers_sheet(content)]
+    """Those that a terminal shows: of the rough worlds what was said where what was called for."""
+    verdicts = rough_sheets(content)[-2:-1]
+    sheets = [goals_sheet(content), *verdicts, rivals_sheet(content), namers_sheet(content)]
     return [sheet for sheet in sheets if sheet.rows]
 
 
