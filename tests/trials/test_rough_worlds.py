@@ -41,6 +41,7 @@ def test_main_effects_lead_and_nuisances_stay_small(concealed):
     assert all(m.importance > 0.05 for m in rough.main)
     assert world.excitation in ("tracking", "controller")
     assert len(world.rough.defects) >= 3
+    assert Shares(world, run(world, world.effects), np.full(world.episodes, world.steps + 1.0)).late() < 0.04
     assert concealed.recording.transition_count < 8000
 
 
@@ -227,8 +228,12 @@ def test_a_late_topic_is_read_late():
     fine = truth.fine[truth.per_sample :: truth.per_sample]
     back = truth.fine[truth.per_sample - 10 :: truth.per_sample][: len(fine)]
     np.testing.assert_array_equal(truth.clean[1:], back)
-    # No model is blamed for it.
-    assert Shares(late, truth, np.full(4, 61.0)).explained(effects) == pytest.approx(1.0)
+    shares = Shares(late, truth, np.full(4, 61.0))
+    assert shares.explained(effects) == pytest.approx(1.0)  # no model is blamed for it
+    later = replace(world, rough=Rough(late={"q": 0.02, "q_dot": 0.02}))
+    more = Shares(later, run(later, effects), np.full(4, 61.0)).late()
+    assert shares.late() > 0.0
+    assert more == pytest.approx(4 * shares.late(), rel=0.4)
 
 
 # What is written

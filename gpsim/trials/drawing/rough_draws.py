@@ -17,12 +17,24 @@ from gpsim.trials.drawing.defects import rough_log
 from gpsim.trials.drawing.draws import NOISE, bare_world, effect, places
 from gpsim.trials.drawing.places import places_of, systems_of
 from gpsim.trials.truth import Shares, run
-from gpsim.trials.worlds import CLOSED_LOOP, SYSTEMS, Dial, Run, Scales, System, TrueEffect, World, sound
+from gpsim.trials.worlds import (
+    CLOSED_LOOP,
+    SYSTEMS,
+    Dial,
+    Rough,
+    Run,
+    Scales,
+    System,
+    TrueEffect,
+    World,
+    sound,
+)
 
 ROUGH_FROM = 100_000
 LEAST_SHARE, MOST_SHARE = 0.005, 0.08  # of the mismatch, that a nuisance makes
 INSIDE = 1.3  # drawn shares keep this factor away from both, and calibration comes as near as it
 IMPORTANT, NEEDED = 0.1, 0.05  # of a main effect before there are nuisances: what makes it one
+LATE = 0.02  # of the mismatch, that a late topic may make
 SIZES = {1: 0.35, 2: 0.4, 3: 0.25}  # how often so many main effects
 NUISANCES = (2, 3, 4)
 POSITIONS_ONLY = (
@@ -86,8 +98,18 @@ def _world(seed: int, number: int, attempt: int, rng: np.random.Generator) -> Wo
     shares = _shares(world)
     if shares is None or not shares.counts.any():
         return None
+    world = replace(world, rough=_hardly_late(world, shares))
     main = shares.main()
     return world if all(m.importance >= IMPORTANT and m.needed >= NEEDED for m in main) else None
+
+
+def _hardly_late(world: World, shares: Shares) -> Rough:
+    """The log with topics no later than that it is no physics: their share goes with the square of the lag."""
+    rough, share = world.rough or Rough(), shares.late()
+    if share <= LATE:
+        return rough
+    shorter = np.sqrt(LATE / share)
+    return replace(rough, late={n: float(f"{lag * shorter:.3g}") for n, lag in rough.late.items()})
 
 
 def _first_family(seed: int, rank: int) -> str:

@@ -9,7 +9,7 @@ noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from math import factorial
@@ -20,12 +20,13 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.recordings import evenly
 from gpsim.trials.truth.replay import Replay, pick
 from gpsim.trials.truth.visibility import seen_columns
-from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World
+from gpsim.trials.worlds import SYSTEMS, Rough, Run, TrueEffect, World
 
 HORIZON = 1.0  # s
 HELD_OUT = 0.2  # the last episodes, as where a recording says nothing
 STARTS, MOST = 8, 300  # how many rollouts begin within a horizon; in all
 ABOVE_NOISE = 2.0
+RUNAWAY = 1e12  # a square that stands for all that is larger
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,14 @@ class Shares:
         rest = [e for e in self._world.effects if e is not effect]
         return self._weighed(self._left(rest) / self._before)
 
+    def late(self) -> float:
+        """How much of the mismatch the lag of the late topics makes for a model that does not know of it."""
+        rough = self._world.rough
+        if rough is None or not rough.late:
+            return 0.0
+        unaware = replace(self._world, rough=replace(rough, late={}))
+        return self._weighed(self._squares(Replay(unaware, self._truth, self._world.effects)) / self._before)
+
     def left(self, effects: Sequence[TrueEffect]) -> dict[str, float]:
         """Channel -> root mean square of what is read less what the base simulator with these effects says."""
         return dict(zip(self.seen, np.sqrt(self._left(effects)).tolist(), strict=True))
@@ -98,12 +107,16 @@ class Shares:
         key = tuple(i for i, e in enumerate(self._world.effects) if any(e is other for other in effects))
         if key not in self._known:
             present = [self._world.effects[i] for i in key]
-            said = Replay(self._world, self._truth, present).readings(self._picks, self._length)
-            true = np.stack([pick(self._truth.clean, self._picks, j) for j in range(1, self._length + 1)])
-            gap = (true - said)[..., self._columns]
-            squares = np.nan_to_num(gap**2, nan=1e12, posinf=1e12).mean(axis=(0, 1))
-            self._known[key] = np.minimum(squares, 1e12)
+            self._known[key] = self._squares(Replay(self._world, self._truth, present))
         return self._known[key]
+
+    def _squares(self, model: Replay) -> FloatArray:
+        """(C,) mean squares over all steps of all rollouts, kept finite."""
+        said = model.readings(self._picks, self._length)
+        true = np.stack([pick(self._truth.clean, self._picks, j) for j in range(1, self._length + 1)])
+        gap = (true - said)[..., self._columns]
+        squares = np.nan_to_num(gap**2, nan=RUNAWAY, posinf=RUNAWAY).mean(axis=(0, 1))
+        return np.asarray(np.minimum(squares, RUNAWAY))
 
     @cached_property
     def _spread(self) -> FloatArray:
@@ -114,9 +127,16 @@ class Shares:
 
     @cached_property
     def _noise(self) -> FloatArray:
-        names, rough = SYSTEMS[self._world.system].names, self._world.rough
-        steps = rough.quantum if rough else {}
-        noise = [np.hypot(self._world.noise[n], steps.get(n, 0.0) / np.sqrt(12.0)) for n in names]
+        """(C,) of sensors, of their steps, and of stamps that jitter while the system moves."""
+        names, rough = SYSTEMS[self._world.system].names, self._world.rough or Rough()
+        k, e = self._picks
+        rates = (self._truth.clean[k + 1, e] - self._truth.clean[k, e]) / self._world.dt
+        noise = [
+            np.sqrt(
+                self._world.noise[n] ** 2 + rough.quantum.get(n, 0.0) ** 2 / 12.0 + (rough.jitter * rate) ** 2
+            )
+            for n, rate in zip(names, np.sqrt(np.mean(rates**2, axis=0)), strict=True)
+        ]
         return np.asarray(noise)[self._columns]
 
 
