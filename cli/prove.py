@@ -20,7 +20,10 @@ prove_app = typer.Typer(
     invoke_without_command=True,
     help="Conceal worlds, diagnose them blind, reveal and score; or a step of it.",
 )
-Trials = Annotated[int, typer.Option("--trials", min=1, help="How many worlds.")]
+Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")]
+Rough = Annotated[
+    int, typer.Option("--rough", min=0, help="How many rough worlds besides: nuisances, logs as they are.")
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
@@ -45,6 +48,7 @@ def prove_command(
     jobs: Jobs = CORES,
     stratum: Strata = None,
     long: Long = True,
+    rough: Rough = 0,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
     if context.invoked_subcommand is not None:
@@ -54,7 +58,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(out, trials, seed, jobs, stratum, long)
+    conceal_command(out, trials, seed, jobs, stratum, long, rough)
     diagnose_command(out, jobs)
     reveal_command(out, None, jobs)
 
@@ -78,11 +82,12 @@ def conceal_command(
     jobs: Jobs = CORES,
     stratum: Strata = None,
     long: Long = True,
+    rough: Rough = 0,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
     from gpsim.stages import prove
 
-    numbers = prove.numbers_of(trials, stratum or (), long)
+    numbers = prove.numbers_of(trials, stratum or (), long, rough)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, jobs, progress)
     say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
@@ -101,19 +106,21 @@ def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
 @prove_app.command("reveal")
 def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
-    from gpsim.reports.prove_sheets import beside, goals_sheet, namers_sheet, rivals_sheet
+    from gpsim.reports.prove_sheets import beside, terminal_sheets
     from gpsim.reports.tables import terminal_table
     from gpsim.stages import prove
 
     with single_progress("reveal") as progress:
         content = prove.reveal(out, answers, jobs, progress)
     console = Console()
-    for sheet in (goals_sheet(content), rivals_sheet(content), namers_sheet(content)):
-        if sheet.rows:
-            console.print(terminal_table(sheet, {}))
+    for sheet in terminal_sheets(content):
+        console.print(terminal_table(sheet, {}))
     say(
         f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
     )
+    if "rough" in content:
+        misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
+        say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")
     for line in beside(content):
         say(line)
     say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")
@@ -127,13 +134,20 @@ def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proo
     for answer in prove.read_answers(out):
         world = answer["world"]
         effects = "; ".join(
-            f"{e['family']} on {e['on']} {_numbers(e)} ({e['strength']}{'' if e['visible'] else ', not visible'})"
-            for e in answer["effects"]
+            f"{e['family']} on {e['on']} {_numbers(e)} ({_how_strong(e)})" for e in answer["effects"]
         )
+        rough = answer.get("rough")
+        share = f"; explained {rough['explained']:.3f}; {', '.join(rough['defects'])}" if rough else ""
         say(
             f"{answer['trial']:04d} {answer['stratum']:<7} {world['system']:<9} {world['noise_level']:<6} "
-            f"{world['velocities'] or '':<14} {world['engine']:<6} {effects}"
+            f"{world['velocities'] or '':<14} {world['engine']:<6} {effects}{share}"
         )
+
+
+def _how_strong(effect: dict[str, object]) -> str:
+    if effect["outside"] and "visible" not in effect:
+        return "nuisance"
+    return f"{effect['strength']}{'' if effect.get('visible', True) else ', not visible'}"
 
 
 def _numbers(effect: dict[str, object]) -> str:

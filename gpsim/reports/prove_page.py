@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.html import page_of
-from gpsim.reports.prove_sheets import beside, confusion_sheet, miss_rows, proof_sheets
+from gpsim.reports.prove_misses import miss_rows
+from gpsim.reports.prove_sheets import beside, confusion_sheet, proof_sheets
 
 Json = Mapping[str, Any]
 STYLE = """
@@ -21,7 +22,8 @@ th { vertical-align: bottom; } tr { border-bottom: 1px solid #e5e7eb; } .marked 
 PAGE = """<!doctype html>
 <html lang="en"><head>{{ head }}<title>gpsim prove</title></head><body>
 <h1>Concealed worlds, diagnosed blind</h1>
-<p>{{ content.all.n }} worlds of 2&nbsp;000 to 12&nbsp;000 transitions and {{ content.long.n }} longer ones, seed
+<p>{{ content.all.n }} worlds of 2&nbsp;000 to 12&nbsp;000 transitions and {{ content.long.n }} longer ones,
+{% if "rough" in content %}{{ content.rough.n }} rough ones, {% endif %}seed
 {{ content.seed }}. Every answer was hashed before the diagnosis began and verified before it was scored. A world
 is visible when each of its effects makes 5 % of the mean squared one-step residual or moves a rollout of a second by
 more than half the noise; the headline figures hold the visible ones. Commits of

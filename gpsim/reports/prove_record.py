@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.printable import printable
-from gpsim.reports.prove_sheets import beside, miss_rows, proof_sheets
+from gpsim.reports.prove_misses import miss_rows
+from gpsim.reports.prove_sheets import beside, proof_sheets
 from gpsim.reports.sheets import Cell, Sheet, row
 
 Json = Mapping[str, Any]
@@ -19,10 +20,14 @@ def record(content: Json, scores: Sequence[Json]) -> str:
     commits = ", ".join(str(commit) for commit in content["diagnosed_under"])
     head = (
         f"{content['all']['n']} worlds of 2 000 to 12 000 transitions and {content['long']['n']} longer ones, "
-        f"seed {content['seed']}; diagnosed with commit: {commits}."
+        f"{_rough_ones(content)}seed {content['seed']}; diagnosed with commit: {commits}."
     )
     sheets = [sheet for sheet in (*proof_sheets(content), _misses(scores)) if sheet.rows]
     return "\n\n".join([head, *beside(content), *map(_section, sheets)]) + "\n"
+
+
+def _rough_ones(content: Json) -> str:
+    return f"{content['rough']['n']} rough ones, " if "rough" in content else ""
 
 
 def _misses(scores: Sequence[Json]) -> Sheet:

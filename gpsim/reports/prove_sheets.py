@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gpsim.reports.rough_sheets import rough_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
-from gpsim.trials.statistics import EQUIVALENT, GOALS
+from gpsim.trials.statistics import EQUIVALENT, GOALS, bounds_of
 
 Json = Mapping[str, Any]
 MOST_NAMED = 10
@@ -39,16 +40,25 @@ def proof_sheets(content: Json) -> list[Sheet]:
         medians_sheet(content),
         rivals_sheet(content),
         namers_sheet(content),
+        *rough_sheets(content),
         *strata_sheets(content),
         families_sheet(content),
         kinds_sheet(content),
     ]
 
 
+def terminal_sheets(content: Json) -> list[Sheet]:
+    """Those that a terminal shows: of the rough worlds what was said where what was called for."""
+    verdicts = rough_sheets(content)[-2:-1]
+    sheets = [goals_sheet(content), *verdicts, rivals_sheet(content), namers_sheet(content)]
+    return [sheet for sheet in sheets if sheet.rows]
+
+
 def beside(content: Json) -> list[str]:
     """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
     missing, unscored = content["undiagnosed"], content["not_scored"]
-    published = len(missing) + content["all"]["n"] + content["long"]["n"]
+    rough = content.get("rough", {}).get("n", 0)
+    published = len(missing) + content["all"]["n"] + content["long"]["n"] + rough
     lines = []
     if missing:
         lines.append(
@@ -72,8 +82,7 @@ def goals_sheet(content: Json) -> Sheet:
         block = content.get(part, {})
         count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
         median = key.startswith("median")
-        own = None if key == "max" else block.get("interval")
-        bounds = block.get(f"interval_{key.removeprefix('share_')}", own)
+        bounds = bounds_of(block, key)
         of = block.get("n", MISSING)
         if key == "share_named_wrong" and block:
             of -= block["failed"]
@@ -84,7 +93,8 @@ def goals_sheet(content: Json) -> Sheet:
         "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
         ("", "wanted", "got", "95 %", "count"),
         tuple(rows),
-        note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; !: missed",
+        note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
+        "on rough worlds; !: missed, also by the interval of a share or of a mean",
     )
 
 
@@ -248,31 +258,6 @@ def _wrong(truth: str, said: str, counts: Json) -> bool:
 def name_differs(truth: str, said: str) -> bool:
     """Whether a name asserted is not the true one; `unknown` asserts none."""
     return said not in (truth, "unknown", EQUIVALENT)
-
-
-def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
-    """One line a miss, for the page."""
-    return [
-        {
-            "trial": str(s["trial"]),
-            "stratum": str(s["stratum"]),
-            "world": f"{s['system']}, {s['noise_level']} noise, {s['velocities'] or 'pose only'}, {s['excitation']}"
-            + ("" if s["visible"] else ", not visible"),
-            "truth": " + ".join(_told(e) for e in s["effects"]) or "nothing",
-            "said": f"{s['verdict']}: " + (" + ".join(f"{f} on {on}" for f, on in s["said"]) or "nothing"),
-            "equivalents": "; ".join(" + ".join(f"{f} on {on}" for f, on in c) for c in s["equivalents"]),
-            "error": str(s["error"] or ""),
-        }
-        for s in scores
-        if not s["right"]
-    ]
-
-
-def _told(effect: Json) -> str:
-    numbers = ", ".join(f"{k} {v:.4g}" for k, v in effect["parameters"].items())
-    where = "".join(f", {k} in [{low:.3g}, {high:.3g}]" for k, (low, high) in effect["region"].items())
-    when = f", since {effect['since']:.6g} s" if effect["since"] is not None else ""
-    return f"{effect['family']} on {effect['on']} ({numbers}{where}{when})"
 
 
 def _share(block: Json | None, name: str) -> str:

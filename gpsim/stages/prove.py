@@ -29,7 +29,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import stratum_of
+from gpsim.trials.drawing import ROUGH_FROM, stratum_of
 from gpsim.trials.scoring import score_trial
 from gpsim.trials.statistics import summarise
 from gpsim.trials.worlds import STRATA
@@ -39,9 +39,14 @@ OPTION = "--out"  # names another place, where this one cannot be written
 NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
-def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True) -> list[int]:
-    """The first `trials` numbers whose world is of one of `strata` (all when empty); raises UsageError."""
+def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True, rough: int = 0) -> list[int]:
+    """The first `trials` numbers whose world is of one of `strata` (all when empty), and those of rough worlds.
+
+    Raises UsageError.
+    """
     strange = sorted(set(strata) - set(STRATA))
+    if "rough" in strange:
+        raise UsageError("rough worlds are counted by themselves: --rough 20, with --trials 0 no others")
     if strange:
         raise UsageError(f"no stratum '{strange[0]}'; there are: {', '.join(STRATA)}")
 
@@ -49,7 +54,10 @@ def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True) -> li
         stratum, is_long, _ = stratum_of(number)
         return (not strata or stratum in strata) and (long or not is_long)
 
-    return list(islice((n for n in count(1) if wanted(n)), trials))
+    if trials + rough < 1:
+        raise UsageError("no worlds: say how many with --trials, or --rough for rough ones")
+    plain_ones = islice((n for n in count(1) if wanted(n)), trials)
+    return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1)]
 
 
 def conceal(out: Path, seed: int, numbers: Sequence[int], workers: int, progress: Progress) -> Path:

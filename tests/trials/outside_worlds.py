@@ -22,7 +22,7 @@ def world_of(system, effects=(), **changes):
     """A short, perfect world of a system."""
     place = SYSTEMS[system]
     velocities = None if place.vehicle else "measured"
-    base = draws._world(3001, 7, 1, "unknown", False, place, velocities, [], np.random.default_rng(3))
+    base = draws.bare_world(3001, 7, 1, "unknown", False, place, velocities, [], np.random.default_rng(3))
     small = {"episodes": 4, "steps": 60, "dt": 0.02, "noise": dict.fromkeys(place.state, 0.0)}
     return replace(base, **{**small, "effects": tuple(effects), "excitation": "sines", **changes})
 

@@ -59,7 +59,9 @@ def test_tuning_never_sees_the_kinds_kept_for_measurements(seed):
         (2029, 2029),
         (2030, 2030),
         (2031, 2031),
-        (3000, 2031),
+        (2039, 2031),
+        (2040, 2040),
+        (3000, 2040),
     ],
 )
 def test_half_of_the_kinds_of_a_measurement_are_new_and_no_earlier_seed_draws_them(seed, since):

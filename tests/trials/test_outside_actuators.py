@@ -144,3 +144,22 @@ def test_a_slider_under_pulses_gains_the_momentum_of_the_command_once_a_period()
     # Ahead of a steady push by the most when they shut, a quarter into the period.
     ahead = speeds - 0.5 * H * np.arange(1001)
     assert ahead.max() == pytest.approx(0.0125 * (2.0 - 0.5), abs=3e-4)
+
+
+def test_a_ripple_of_the_supply_is_a_gain_that_swings_about_one():
+    t = H * np.arange(4000)
+    k = {"depth": 0.3, "frequency": 0.5, "phase": 0.7}
+    out = acted(actuators.SupplyRipple(k), np.full(4000, 2.0))
+    np.testing.assert_allclose(out, 2.0 * (1 + 0.3 * np.sin(np.pi * t + 0.7)), atol=1e-12)
+    assert out.mean() == pytest.approx(2.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("pause", [0.03, 0.0305])
+def test_a_contactor_is_open_for_its_pause_at_every_change_of_sign_and_at_no_other(pause):
+    command = np.repeat([1.0, 2.0, -2.0, 0.0, -1.0, 3.0], 100)
+    out = acted(actuators_with_memory.ReversingContactor({"pause": pause}), command)
+    lost = (command - out) * H
+    assert lost[:200].tolist() == [0.0] * 200  # more is no reversal
+    assert lost[200:300].sum() == pytest.approx(-2.0 * pause)
+    assert lost[300:500].tolist() == [0.0] * 200  # nor is nothing, and then the same side again
+    assert lost[500:].sum() == pytest.approx(3.0 * pause)

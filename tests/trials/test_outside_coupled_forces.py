@@ -83,3 +83,16 @@ def test_a_cartpole_loses_what_its_axle_rubs_away():
     lost = cumulative_trapezoid(1.2 * np.tanh(slip / 0.05) * slip, dx=H, initial=0.0)
     np.testing.assert_allclose(energy - energy[0], -lost, atol=1e-5)
     assert lost[-1] > 0.3
+
+
+def test_a_magnetic_rack_is_the_slope_of_its_energy_and_rolls_freely():
+    rng, step, k = np.random.default_rng(0), 1e-6, {"stiffness": 1.4, "radius": 0.12}
+    s = rng.uniform(-1.5, 1.5, (300, 4))
+    energy = lambda s: -1.4 * np.cos(s[:, 2] - s[:, 0] / 0.12)  # noqa: E731
+    force = coupled_forces.MagneticRack(k).forces(s)
+    for c, column in enumerate((0, 2)):
+        aside = step * np.eye(4)[column]
+        slope = (energy(s + aside) - energy(s - aside)) / (2 * step)
+        np.testing.assert_allclose(force[:, c], -slope, atol=1e-6)
+    rolling = np.array([[0.12 * a, 0.0, a, 0.0] for a in np.linspace(-3, 3, 7)])
+    np.testing.assert_allclose(coupled_forces.MagneticRack(k).forces(rolling), 0.0, atol=1e-12)

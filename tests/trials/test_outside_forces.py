@@ -96,3 +96,24 @@ def test_a_toggle_snaps_to_either_side_and_rests_where_its_spring_is_relaxed():
         s, _ = body.step(s, np.empty((2, 0)), -3.0 * s[:, 1:], none, none, H)
     relaxed = np.sqrt(0.35**2 - 0.15**2)
     np.testing.assert_allclose(s[:, 0], [0.1 + relaxed, 0.1 - relaxed], atol=1e-4)
+
+
+def test_two_magnets_push_with_the_fourth_power_of_their_distance():
+    k = {"amplitude": 5.0, "edge": 0.4, "reach": 0.2}
+    bumper = forces_of_position.MagneticBumper(k)
+    q = np.linspace(-2.0, 0.4, 200)
+    force = bumper.force(q, q, q)
+    distance = 0.2 + 0.4 - q
+    np.testing.assert_allclose(-force * distance**4, 5.0 * 0.2**4)
+    beyond = np.array([0.4, 0.7, 3.0])
+    assert bumper.force(beyond, beyond, beyond).tolist() == [-5.0] * 3
+
+
+def test_drag_falls_where_the_wake_narrows_and_is_quadratic_on_either_side():
+    k, v = {"drag": 2.0, "loss": 0.8, "critical": 1.0, "width": 0.02}, np.linspace(0.0, 3.0, 3001)
+    force = forces_of_speed.DragCrisis(k).force(v, v, v)
+    slow, fast = v < 0.8, v > 1.2
+    np.testing.assert_allclose(force[slow], -2.0 * v[slow] ** 2, rtol=1e-3)
+    np.testing.assert_allclose(force[fast], -0.2 * 2.0 * v[fast] ** 2, rtol=1e-3)
+    assert -force[v > 0.8].min() > -force[np.argmin(np.abs(v - 1.1))]  # faster, and yet less
+    np.testing.assert_allclose(forces_of_speed.DragCrisis(k).force(v, -v, v), -force)

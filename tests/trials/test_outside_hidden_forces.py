@@ -179,3 +179,40 @@ def test_a_sledge_never_gives_energy():
     # A rope that is taut between two stages of a step only pulls a little early or late.
     assert np.diff(energy).max() < 2e-4
     assert energy[-1] < 0.2 * energy[0]
+
+
+def test_a_brake_that_fades_grips_as_much_as_its_heat_says():
+    k = {"force": 3.0, "speed": 0.01, "fade": 2.0, "typical": 0.5, "time": 0.4}
+    law, v = hidden_materials.FadingBrake(k), np.array([0.5, -0.5, 1.0])
+    z = law.begin(v, v)
+    np.testing.assert_allclose(law.force(v, v, z), -3.0 * np.sign(v))
+    for _ in range(400):
+        z = z + H * law.drift(v, v, z)
+    hot = 2.0 * np.abs(v) / 0.5 * (1 - np.exp(-1.0))
+    np.testing.assert_allclose(law.force(v, v, z), -3.0 * np.sign(v) / (1 + hot), rtol=2e-3)
+
+
+def test_an_energy_sink_keeps_the_momentum_and_takes_energy():
+    k = {"inertia": 0.3, "cubic": 500.0, "damping": 0.4}
+    states, hidden = slid("energy_sink", k, [0.0, 1.0], lambda t: 0.0, 3.0)
+    still, _ = slid("energy_sink", {**k, "damping": 0.0}, [0.0, 1.0], lambda t: 0.0, 0.2)
+    assert still[-1, 1] == pytest.approx(1.0)  # it moves along: nothing to transmit
+    states, hidden = slid("energy_sink", k, [0.0, 0.0], lambda t: 4.0 * (t < 0.5), 3.0)
+    momentum = 2.0 * states[:, 1] + 0.3 * hidden[:, 1]
+    assert momentum[-1] == pytest.approx(2.0, rel=1e-6)
+    off = hidden[:, 0] - states[:, 0]
+    energy = states[:, 1] ** 2 + 0.15 * hidden[:, 1] ** 2 + 125.0 * off**4
+    assert (np.diff(energy[501:]) < 1e-9).all()
+    assert energy[-1] < energy[501]
+
+
+def test_an_energy_sink_on_a_slider_is_integrated_exactly():
+    def slope(t, y):
+        q, v, p, r = y
+        pull = 500.0 * (p - q) ** 3 + 0.4 * (r - v)
+        return [v, (5 * np.sin(6 * t) + pull) / 2.0, r, -pull / 0.3]
+
+    k = {"inertia": 0.3, "cubic": 500.0, "damping": 0.4}
+    states, hidden = slid("energy_sink", k, [0.0, 0.0], lambda t: 5 * np.sin(6 * t), 1.0)
+    exact = reference(slope, [0.0, 0.0, 0.0, 0.0], 1.0, len(states))
+    np.testing.assert_allclose(np.hstack([states, hidden]), exact, atol=2e-5)

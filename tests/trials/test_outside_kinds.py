@@ -82,6 +82,16 @@ NOTHING = {
     "weathervane": {"turn": 0.0, "wind": 1.0},
     "lagging_wheel": {"time": 4e-4, "half_track": 0.2},  # no shorter, as above
     "encoder_play": {"gap": 0.0},
+    "magnetic_bumper": {"amplitude": 0.0, "edge": 0.1, "reach": 0.2},
+    "drag_crisis": {"drag": 0.0, "loss": 0.8, "critical": 0.5, "width": 0.04},
+    "fading_brake": {"force": 0.0, "speed": 0.1, "fade": 2.0, "typical": 0.5, "time": 1.0},
+    "energy_sink": {"inertia": 1e-3, "cubic": 0.0, "damping": 0.0},
+    "magnetic_rack": {"stiffness": 0.0, "radius": 0.1},
+    "supply_ripple": {"depth": 0.0, "frequency": 1.0, "phase": 0.4},
+    "reversing_contactor": {"pause": 0.0},
+    "grooved_floor": {"turn": 0.0, "line": 0.4},
+    "twisting_cable": {"rate": 0.0},
+    "stuck_bit": {"step": 1e-14},
 }
 SHORT = {
     "tyre_relaxation": 4e-3,
@@ -111,7 +121,7 @@ def test_strength_zero_is_no_effect(kind, system, place):
     np.testing.assert_allclose(with_it.clean, run(world, ()).clean, rtol=1e-12, atol=near)
 
 
-OF_THE_BODY = ("eddy_brake", "loose_load", "leaking_tank", "running_belt", "towed_sledge")
+OF_THE_BODY = ("eddy_brake", "loose_load", "leaking_tank", "running_belt", "towed_sledge", "energy_sink")
 BESIDE_IT = {
     "worm_gear": "force",
     "hot_motor": "force",
@@ -125,6 +135,9 @@ BESIDE_IT = {
     "overload_foldback": "force",
     "pulsed_thrusters": "force",
     "encoder_play": "q",
+    "supply_ripple": "force",
+    "reversing_contactor": "force",
+    "stuck_bit": "q",
 }
 
 
@@ -163,6 +176,10 @@ def test_what_acts_on_the_body_is_not(kind):
         ("eccentric_wheel", "unicycle"),
         ("tyre_relaxation", "unicycle"),
         ("lagging_wheel", "unicycle"),
+        ("fading_brake", "slider"),
+        ("energy_sink", "cartpole"),
+        ("twisting_cable", "unicycle"),
+        ("reversing_contactor", "pendulum"),
     ],
 )
 def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
@@ -190,6 +207,10 @@ def test_what_is_hidden_is_known_when_a_run_is_replayed(kind, system):
         ("encoder_play", "unicycle", None, ["yaw"]),
         ("weathervane", "unicycle", None, ["vehicle"]),
         ("weathervane", "pendulum", "measured", []),
+        ("reversing_contactor", "unicycle", None, []),
+        ("supply_ripple", "unicycle", None, ["v_cmd", "w_cmd"]),
+        ("magnetic_rack", "cartpole", "measured", ["x"]),
+        ("stuck_bit", "unicycle", None, ["yaw"]),
     ],
 )
 def test_where_they_act(kind, system, velocities, places):

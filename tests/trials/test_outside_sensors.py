@@ -101,3 +101,10 @@ def test_a_gear_with_play_stands_while_the_body_crosses_the_gap():
     np.testing.assert_allclose(read[turned, 0], 0.75, atol=1e-6)
     back = (t > 0.5) & (true[:, 0] < 0.69)
     np.testing.assert_allclose(read[back, 0], true[back, 0] + 0.05, atol=1e-6)
+
+
+def test_a_stuck_bit_is_missing_where_it_should_be_set():
+    counts = np.arange(-8, 8)
+    y = 0.1 * (counts + 0.3)
+    read = sensors.StuckBit({"step": 0.1}).read(y)
+    np.testing.assert_allclose(read, 0.1 * ((counts & ~1) + 0.3), atol=1e-12)

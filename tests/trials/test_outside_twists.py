@@ -120,3 +120,20 @@ def test_a_turn_about_a_wheel_that_stands_is_what_was_commanded():
     poses, wheel = rolled("lagging_wheel", WHEEL, [0.2, 1.0], 1.0)
     np.testing.assert_allclose(wheel, 0.0, atol=1e-12)
     np.testing.assert_allclose(poses[:, 2], H * np.arange(len(wheel)), atol=1e-12)
+
+
+def test_grooves_turn_along_whichever_way_and_as_their_equation_says():
+    k = {"turn": 0.3, "line": 0.8}
+    poses, _ = rolled("grooved_floor", k, [0.5, 0.0], 6.0, yaw=2.0)
+    # x' = -2 a sin x with x = 2 (yaw - line): tan(x / 2) = tan(x0 / 2) e^(-2 a t).
+    off = np.arctan(np.tan(1.2) * np.exp(-0.6 * H * np.arange(len(poses))))
+    np.testing.assert_allclose(poses[:, 2] - 0.8, off, atol=1e-9)
+    back, _ = rolled("grooved_floor", k, [0.5, 0.0], 6.0, yaw=2.0 + np.pi)
+    np.testing.assert_allclose(back[:, 2] - np.pi, poses[:, 2], atol=1e-9)
+
+
+def test_a_cable_is_wound_up_until_it_holds_the_turning():
+    poses, wound = rolled("twisting_cable", {"rate": 0.4}, [0.3, 0.8], 12.0)
+    expected = 0.8 / 0.4 * (1 - np.exp(-0.4 * H * np.arange(len(poses))))
+    np.testing.assert_allclose(poses[:, 2], expected, atol=1e-9)
+    np.testing.assert_allclose(wound[:, 0], expected, atol=1e-9)

@@ -31,7 +31,7 @@ def world_of(system, effects=(), engine="rk4", **changes):
     """A short, perfect world of a system."""
     rng = np.random.default_rng(3)
     place = SYSTEMS[system]
-    base = draws._world(3, 7, 1, "single", False, place, None if place.vehicle else "measured", [], rng)
+    base = draws.bare_world(3, 7, 1, "single", False, place, None if place.vehicle else "measured", [], rng)
     small = {"episodes": 3, "steps": 30, "dt": min(place.steps), "noise": dict.fromkeys(place.state, 0.0)}
     return replace(base, effects=tuple(effects), engine=engine, **{**small, **changes})
 
@@ -39,7 +39,7 @@ def world_of(system, effects=(), engine="rk4", **changes):
 def effect_of(family, on, system, strength=0.6):
     world = world_of(system)
     scales = Scales(world, run(world, (), world.dt / 4))
-    return draws._effect(
+    return draws.effect(
         family, on, scales, Dial(np.random.default_rng(1), strength), False, np.random.default_rng(2)
     )
 

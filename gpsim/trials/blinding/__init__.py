@@ -14,6 +14,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
     read_report,
 )
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
+from gpsim.trials.blinding.even_recordings import even_recording
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
     HASHES,
@@ -40,6 +41,7 @@ __all__ = [
     "conceal",
     "diagnose_blind",
     "diagnosis_digest",
+    "even_recording",
     "publish_hashes",
     "published",
     "read_outcome",

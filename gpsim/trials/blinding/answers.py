@@ -15,7 +15,7 @@ from gpsim.files import file_digest
 from gpsim.trials.blinding.blind_diagnosis import read_outcome
 from gpsim.trials.blinding.concealment import SCHEMA
 from gpsim.trials.blinding.trial_files import ANSWER, PUBLIC, TRUTH, published, recording_digests
-from gpsim.trials.worlds import World, world_from_json
+from gpsim.trials.worlds import SYSTEMS, World, world_from_json
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,11 @@ class Answer:
     def world(self) -> World:
         """The world that was concealed."""
         return world_from_json(self.content["world"], self.content["effects"])
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """Names of the world's commands."""
+        return tuple(SYSTEMS[self.world.system].action)
 
     @property
     def claims(self) -> list[tuple[str, str]]:

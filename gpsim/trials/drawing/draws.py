@@ -56,13 +56,13 @@ def draw(seed: int, number: int, attempt: int = 0) -> World:
     family = first_family(seed, stratum, rank)
     system = SYSTEMS[_system(family, seed, rank, rng)]
     velocities = _velocities(family, system, rng)
-    effects = _places(family, system, stratum, velocities, rng)
-    world = _world(seed, number, attempt, stratum, long, system, velocities, effects, rng)
+    effects = places(family, system, SIZE[stratum], velocities, rng)
+    world = bare_world(seed, number, attempt, stratum, long, system, velocities, effects, rng)
     scales = Scales(world, run(replace(world, engine="rk4"), (), world.dt / 4))
     made: list[TrueEffect] = []
     for name, on in effects:
         gates_left = not any(e.gated for e in made)
-        made.append(_effect(name, on, scales, Dial(rng, float(rng.uniform())), gates_left, rng))
+        made.append(effect(name, on, scales, Dial(rng, float(rng.uniform())), gates_left, rng))
     dated = any(e.since is not None for e in made)
     world = replace(world, effects=tuple(made), clock="session" if dated else world.clock)
     able = not system.vehicle and all(not of_body(e.family) or native(e) for e in made)
@@ -88,19 +88,19 @@ def _velocities(
     return "differentiated" if differentiated else "measured"
 
 
-def _places(
+def places(
     family: str | None,
     system: System,
-    stratum: Stratum,
+    size: int,
     velocities: str | None,
     rng: np.random.Generator,
 ) -> list[tuple[str, str]]:
-    """Families and what they act on; no two that are alike."""
+    """`size` families and what they act on, `family` first; no two that are alike."""
     if family is None:
         return []
     chosen = [(family, str(rng.choice(places_of(family, system, velocities))))]
     others = [f for f in sorted(catalogue.STRENGTHS) if places_of(f, system, velocities)]
-    while len(chosen) < SIZE[stratum]:
+    while len(chosen) < size:
         other = str(rng.choice(others))
         taken = [f for f, _ in chosen]
         if other not in taken and not any(other in g and g & set(taken) for g in ALIKE):
@@ -108,7 +108,7 @@ def _places(
     return chosen
 
 
-def _world(
+def bare_world(
     seed: int,
     number: int,
     attempt: int,
@@ -148,9 +148,10 @@ def _world(
     )  # fmt: skip
 
 
-def _effect(
+def effect(
     family: str, on: str, scales: Scales, dial: Dial, may_gate: bool, rng: np.random.Generator
 ) -> TrueEffect:
+    """A family, or a kind outside the catalogue, on a place, as strong as the dial says; perhaps gated."""
     outer = family in outside.KINDS
     strength = outside.KINDS[family].strength if outer else catalogue.STRENGTHS[family]
     values = strength(scales, on, dial)

@@ -23,12 +23,13 @@ from gpsim.trials.outside.kind import (
     SensorWithMemory,
     Twist,
 )
-from gpsim.trials.outside.registry import KINDS, TUNING, at_site, drawn
+from gpsim.trials.outside.registry import KINDS, REVEALED, TUNING, at_site, drawn, nuisances
 
 __all__ = [
     "EVERY",
     "KINDS",
     "MECHANICAL",
+    "REVEALED",
     "TUNING",
     "VEHICLE",
     "Actuator",
@@ -43,4 +44,5 @@ __all__ = [
     "Twist",
     "at_site",
     "drawn",
+    "nuisances",
 ]

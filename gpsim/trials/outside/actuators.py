@@ -130,4 +130,25 @@ class PulsedThrusters(Actuator):
         }
 
 
-KINDS = (PositionGain, QuantisedActuator, WormGear, PowerLimit, ExpoCurve, PulsedThrusters)
+class SupplyRipple(Actuator):
+    """A supply that is not smoothed: u (1 + a sin(2 pi f t + phase))."""
+
+    name = "supply_ripple"
+    since = 2040
+
+    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        k = self.k
+        return np.asarray(u * (1.0 + k["depth"] * np.sin(2 * np.pi * k["frequency"] * t + k["phase"])))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        """Slower than the sampling by far: what is faster is only its mean."""
+        fastest = 0.5 if SYSTEMS[s.world.system].vehicle else 1.5
+        return {
+            "depth": d.size(0.15, 0.7),
+            "frequency": d.any(0.3 * fastest, fastest),
+            "phase": d.any(0, 2 * np.pi),
+        }
+
+
+KINDS = (PositionGain, QuantisedActuator, WormGear, PowerLimit, ExpoCurve, PulsedThrusters, SupplyRipple)

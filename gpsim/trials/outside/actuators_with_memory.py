@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.outside.kind import Actuator
+from gpsim.trials.outside.kind import MECHANICAL, Actuator
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, Values, rounded
 
 
@@ -188,4 +188,37 @@ class OverloadFoldback(Actuator):
         }
 
 
-KINDS = (RingingActuator, LostCommands, HotMotor, StickyValve, PneumaticValve, OverloadFoldback)
+class ReversingContactor(Actuator):
+    """A contactor that opens to reverse: for a pause after the command changed its sign nothing acts."""
+
+    name = "reversing_contactor"
+    since = 2040
+    systems = MECHANICAL
+
+    def __init__(self, k: Values) -> None:
+        super().__init__(k)
+        self._side: FloatArray | float = 0.0
+        self._open: FloatArray | float = 0.0
+
+    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        """The command, for as long as it is closed in the step; the mean over it."""
+        side = np.where(u == 0.0, self._side, np.sign(u))
+        turned = side * self._side < 0.0
+        left = np.where(turned, self.k["pause"], self._open)
+        self._side, self._open = side, np.maximum(left - h, 0.0)
+        return np.asarray(u * (1.0 - np.minimum(left, h) / h))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return {"pause": rounded(d.size(0.8, 6.0) * s.world.dt)}
+
+
+KINDS = (
+    RingingActuator,
+    LostCommands,
+    HotMotor,
+    StickyValve,
+    PneumaticValve,
+    OverloadFoldback,
+    ReversingContactor,
+)

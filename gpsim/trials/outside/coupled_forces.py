@@ -103,4 +103,29 @@ class RubbingAxle(CoupledForce):
         }
 
 
-KINDS = (Gyroscopic, TipSail, TipTether, RubbingAxle)
+class MagneticRack(CoupledForce):
+    """A magnetic rack on the track and a pinion on the pole's axle: they slip past each other without touching.
+
+    From the potential -K cos(theta - x / r). Halbach arrays as gears: Atallah, Wang and Howe (2005), A high-performance
+    linear magnetic gear.
+    """
+
+    name = "magnetic_rack"
+    since = 2040
+
+    def forces(self, s: FloatArray) -> FloatArray:
+        k = self.k
+        torque = k["stiffness"] * np.sin(s[:, 2] - s[:, 0] / k["radius"])
+        return np.stack([torque / k["radius"], -torque], axis=1)
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        """A radius that gives the cart about as large a share of what moves it as the pole."""
+        torque = s.force("theta")
+        return {
+            "stiffness": rounded(d.size(0.1, 0.6) * torque),
+            "radius": rounded(d.any(0.6, 1.5) * torque / s.force("x")),
+        }
+
+
+KINDS = (Gyroscopic, TipSail, TipTether, RubbingAxle, MagneticRack)

@@ -110,4 +110,27 @@ class ToggleSpring(Force):
         return {**unit, "stiffness": rounded(d.size(0.1, 0.6) * s.force(on) / typical)}
 
 
-KINDS = (Cogging, HardeningSpring, MagneticDetent, SoftStop, ToggleSpring)
+class MagneticBumper(Force):
+    """A magnet at the end of the way that pushes a like pole on the body back: -A / (1 + (edge - q) / reach)^4.
+
+    Two dipoles on one axis: the fourth power of their distance (Griffiths, Introduction to Electrodynamics, section
+    6.1). No more than A beyond the edge.
+    """
+
+    name = "magnetic_bumper"
+    since = 2040
+
+    def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
+        k = self.k
+        return np.asarray(-k["amplitude"] / (1.0 + np.maximum(k["edge"] - q, 0.0) / k["reach"]) ** 4)
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return {
+            "amplitude": rounded(d.size(0.5, 3.0) * s.force(on)),
+            "edge": rounded(float(np.quantile(s.column(on), 0.9))),
+            "reach": rounded(d.any(0.8, 1.8) * s.reach(on)),
+        }
+
+
+KINDS = (Cogging, HardeningSpring, MagneticDetent, SoftStop, ToggleSpring, MagneticBumper)

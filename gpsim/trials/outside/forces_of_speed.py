@@ -152,6 +152,34 @@ class RunningBelt(Force):
         }
 
 
+class DragCrisis(Force):
+    """A bluff body whose wake narrows when it is fast: -c |v| v (1 - loss / (1 + e^(-(|v| - critical) / width))).
+
+    Achenbach (1972), Experiments on the flow past spheres at very high Reynolds numbers.
+    """
+
+    name = "drag_crisis"
+    since = 2040
+
+    def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
+        k = self.k
+        speed = np.abs(v)
+        narrow = 0.5 * (
+            1.0 + np.tanh(0.5 * (speed - k["critical"]) / k["width"])
+        )  # the same, and no overflow
+        return np.asarray(-k["drag"] * speed * v * (1.0 - k["loss"] * narrow))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        critical = d.any(0.8, 1.4) * s.speed(on)
+        return {
+            "drag": rounded(d.size(0.15, 1.0) * s.force(on) / s.speed(on) ** 2),
+            "loss": d.any(0.7, 0.85),
+            "critical": rounded(critical),
+            "width": rounded(0.08 * critical),
+        }
+
+
 KINDS = (
     ExponentialAero,
     SpeedRipple,
@@ -160,4 +188,5 @@ KINDS = (
     OneWayDamper,
     DraggedCable,
     RunningBelt,
+    DragCrisis,
 )

@@ -144,4 +144,36 @@ class TowedSledge(HiddenForce):
         }
 
 
-KINDS = (FlexibleCoupling, LooseLoad, SlippingFlywheel, TowedSledge)
+class EnergySink(HiddenForce):
+    """A small mass behind a spring that is cubic alone, and a damper: it has no frequency and takes what comes.
+
+    Vakakis (2001), Inducing passive nonlinear energy sinks in vibrating systems.
+    """
+
+    name = "energy_sink"
+    since = 2040
+
+    def begin(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Moving along."""
+        return np.stack([q, v], axis=1)
+
+    def force(self, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
+        """What the spring and the damper transmit."""
+        return np.asarray(self.k["cubic"] * (z[:, 0] - q) ** 3 + self.k["damping"] * (z[:, 1] - v))
+
+    def drift(self, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
+        """Newton's law of the small mass."""
+        return np.stack([z[:, 1], -self.force(q, v, z) / self.k["inertia"]], axis=1)
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        """As stiff as a spring of a few hertz where it is stretched by as much as the body moves."""
+        inertia, turn = d.size(0.15, 0.8) * s.inertia(on), 2 * np.pi * d.any(1.0, 2.5)
+        return {
+            "inertia": rounded(inertia),
+            "cubic": rounded(inertia * (turn / s.reach(on)) ** 2),
+            "damping": rounded(0.2 * inertia * turn),
+        }
+
+
+KINDS = (FlexibleCoupling, LooseLoad, SlippingFlywheel, TowedSledge, EnergySink)

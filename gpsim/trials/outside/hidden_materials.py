@@ -100,4 +100,39 @@ class ThixotropicGrease(HiddenForce):
         }
 
 
-KINDS = (BoucWen, RubberBuffer, ThixotropicGrease)
+class FadingBrake(HiddenForce):
+    """A pad that grips less when it is hot: -F / (1 + z) tanh(v / v0), T z' = fade |v| / V - z; cold at the start.
+
+    Brake fade (Limpert, Brake Design and Safety, chapter 4), the heat in proportion to the speed.
+    """
+
+    name = "fading_brake"
+    since = 2040
+
+    def begin(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Cold."""
+        return np.zeros((len(q), 2))
+
+    def force(self, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
+        """As much as the pad grips."""
+        return np.asarray(-self.k["force"] / (1.0 + z[:, 0]) * np.tanh(v / self.k["speed"]))
+
+    def drift(self, q: FloatArray, v: FloatArray, z: FloatArray) -> FloatArray:
+        """Warmed by rubbing, cooled by the air."""
+        out = np.zeros_like(z)
+        out[:, 0] = (self.k["fade"] * np.abs(v) / self.k["typical"] - z[:, 0]) / self.k["time"]
+        return out
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        """Hot after a part of an episode; then it grips with a third of its force."""
+        return {
+            "force": rounded(d.size(0.15, 0.9) * s.force(on)),
+            "speed": rounded(0.1 * s.speed(on)),
+            "fade": d.any(1.5, 3.0),
+            "typical": rounded(s.speed(on)),
+            "time": rounded(d.any(0.1, 0.3) * s.world.steps * s.world.dt),
+        }
+
+
+KINDS = (BoucWen, RubberBuffer, ThixotropicGrease, FadingBrake)

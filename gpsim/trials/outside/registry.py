@@ -22,6 +22,8 @@ from gpsim.trials.outside.kind import Kind
 
 TUNING = range(1, 100)
 """Seeds that tuning may use."""
+REVEALED = 2031
+"""The last seed whose measurement is published."""
 K = TypeVar("K", bound=Kind)
 
 
@@ -67,3 +69,13 @@ def drawn(seed: int) -> dict[str, type[Kind]]:
         return {name: kind for name, kind in KINDS.items() if kind.since is None}
     newest = max(kind.since for kind in KINDS.values() if kind.since is not None and kind.since <= seed)
     return {name: kind for name, kind in KINDS.items() if kind.since in (None, newest)}
+
+
+def nuisances(seed: int) -> dict[str, type[Kind]]:
+    """The kinds that a seed's rough worlds may hold beside their main effects: those it draws.
+
+    Seeds for tuning may hold every kind of the measurements that were revealed, too.
+    """
+    if seed in TUNING:
+        return {name: kind for name, kind in KINDS.items() if kind.since is None or kind.since <= REVEALED}
+    return drawn(seed)

@@ -152,6 +152,21 @@ class EncoderPlay(SensorWithMemory):
         return {"gap": rounded(d.size(0.03, 0.25) * min(s.reach(on), 1.0))}
 
 
+class StuckBit(Distortion):
+    """An encoder with a bit that is always 0: where it should be 1, the reading is too small by the bit's worth."""
+
+    name = "stuck_bit"
+    since = 2040
+
+    def read(self, y: FloatArray) -> FloatArray:
+        step = self.k["step"]
+        return np.asarray(y - step * (np.floor(y / step) % 2.0))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return {"step": rounded(d.size(0.03, 0.3) * min(s.reach(on), 1.0))}
+
+
 KINDS = (
     EccentricEncoder,
     FisheyeCamera,
@@ -160,4 +175,5 @@ KINDS = (
     LooseMarker,
     WarmingSensor,
     EncoderPlay,
+    StuckBit,
 )

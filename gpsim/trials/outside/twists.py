@@ -217,6 +217,43 @@ def _where_it_drives(s: Scales) -> dict[str, float]:
     }
 
 
+class GroovedFloor(Twist):
+    """A floor of boards whose grooves turn the wheels along, whichever way: w + a sin(2 (line - yaw))."""
+
+    name = "grooved_floor"
+    since = 2040
+
+    def twist(self, v: FloatArray, w: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return v, w + self.k["turn"] * np.sin(2 * (self.k["line"] - s[:, 2]))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return {"turn": rounded(d.size(0.05, 0.4) * s.action("w_cmd")), "line": d.any(0, 3.14)}
+
+
+class TwistingCable(HiddenTwist):
+    """A cable from the ceiling that is wound up by turning and turns the vehicle back: w - k z, z' = w - k z.
+
+    z, by how much it is wound up since the start, is the hidden state.
+    """
+
+    name = "twisting_cable"
+    since = 2040
+
+    def begin(self, s: FloatArray) -> FloatArray:
+        """Unwound."""
+        return np.zeros((len(s), 1))
+
+    def twist(self, v: FloatArray, w: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Slower the more it is wound up, faster as it unwinds."""
+        turning = w - self.k["rate"] * z[:, 0]
+        return v, turning, turning[:, None]
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return {"rate": rounded(d.size(0.03, 0.4))}
+
+
 KINDS = (
     CurveSlowdown,
     HeadingSlope,
@@ -228,4 +265,6 @@ KINDS = (
     EccentricWheel,
     TyreRelaxation,
     LaggingWheel,
+    GroovedFloor,
+    TwistingCable,
 )

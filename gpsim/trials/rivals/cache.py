@@ -20,6 +20,7 @@ from gpsim.recordings import read_recording
 from gpsim.trials.blinding import PUBLIC, Answer
 from gpsim.trials.rivals import sindy
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, rivals
+from gpsim.trials.rivals.rough_rivals import rough_rivals
 
 EQUIVALENTS = "equivalents"
 
@@ -76,6 +77,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _rivals(answer: Answer, public: Path) -> dict[str, Any]:
     started = time.monotonic()
+    listed = rough_rivals(answer) if "rough" in answer.content else rivals(answer, read_recording(public))
     found = [
         {
             "claims": list(map(list, r.claims)),
@@ -83,7 +85,7 @@ def _rivals(answer: Answer, public: Path) -> dict[str, Any]:
             "richer": r.richer,
             "equivalent": r.equivalent,
         }
-        for r in rivals(answer, read_recording(public))
+        for r in listed
     ]
     return {"rivals": found, "seconds": round(time.monotonic() - started, 2)}
 

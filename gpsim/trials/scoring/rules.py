@@ -1,11 +1,11 @@
 """What counts as right: one diagnosis against its answer. Pure functions of the two: no files, no fits.
 
-Claims are sets of (family, place). A claim is right when it is the truth or one of the world's listed equivalents.
+Claims are sets of (family, place). A claim is right when it is the truth or one of the world's listed equivalents. On
+plain worlds every effect counts, slight ones, too; `rough_rules` has what counts on rough ones.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -13,24 +13,20 @@ import numpy as np
 
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import Rival
-from gpsim.trials.scoring.claims import Claim, Json, claims_of, identity
+from gpsim.trials.scoring.claims import Claim, Json, approximate, asserted, claims_of, headline_of, identity
 from gpsim.trials.scoring.gates import failed_gates, gate_figures
+from gpsim.trials.scoring.parameters import parameter_errors
+from gpsim.trials.scoring.rough_rules import score_rough
 from gpsim.trials.worlds import SYSTEMS
 
-FACTORS = (
-    "gain",
-    "ratio",
-    "scale",
-    "gain_positive",
-    "gain_negative",
-)  # they change nothing at 1, others at 0
-WRONG_ODDS = 10.0  # a wrong name asserted with odds above this counts as such
 LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is
 LEADING_RATE = 0.5  # a rate with at least this share of the largest true share is a right one to point at
 
 
 def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[str, Any]:
     """Everything that can be said of one diagnosis; a missing report is a failed diagnosis, wrong in all."""
+    if answer.content["stratum"] == "rough":
+        return score_rough(answer, report, rivals)
     truth = frozenset(answer.claims)
     inside = not any(e["outside"] for e in answer.content["effects"])
     equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
@@ -58,40 +54,16 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
         "right": _right(str(out["stratum"]), verdict, leader, others, truth, right_claims),
     }
     if out["stratum"] == "none":
-        out["false_alarm"] = verdict in ("named", "ambiguous") or bool(leader)
+        out["false_alarm"] = verdict in ("named", "ambiguous", "partial") or bool(leader)
     if not inside:
-        out |= _outside(verdict, report, out["leading_right"])
+        out |= _outside(report, frozenset().union(*equal))
+        out["right"] = bool(out["said_so"] or (verdict == "named" and out["leading_right"]))
     if inside and truth:
         out |= _location(answer, report, leader, right_claims)
         out["parameters"] = (
-            parameters(answer.content["effects"], report["effects"]) if leader == truth else []
+            parameter_errors(answer.content["effects"], report["effects"]) if leader == truth else []
         )
     out["fit"] = held_out_fit(answer, report)
-    return out
-
-
-def parameters(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[str, Any]]:
-    """Errors of every true parameter, relative to its value and to what it changes; whether its interval holds it."""
-    found = {identity(e): e["parameters"] for e in said}
-    out = []
-    for effect in truth:
-        for name, value in effect["parameters"].items():
-            given = found[effect["family"], effect["on"]].get(name)
-            if given is None:
-                continue
-            covered = given["low"] is not None and given["low"] <= value <= given["high"]
-            error, neutral = abs(given["value"] - value), 1.0 if name in FACTORS else 0.0
-            out.append(
-                {
-                    "family": effect["family"],
-                    "name": name,
-                    "relative_error": error / max(abs(value), 1e-300),
-                    "error_of_effect": error / max(abs(value - neutral), 1e-300),
-                    "covered": bool(covered),
-                    # Where zero is an arbitrary point, an error relative to the value says nothing.
-                    "has_scale": name != "rest_position",
-                }
-            )
     return out
 
 
@@ -126,8 +98,6 @@ def _right(
     """`ambiguous` is right only if the truth is in the set and every member is the truth or a listed equivalent."""
     if stratum == "none":
         return verdict == "none"
-    if stratum == "unknown":
-        return bool(verdict == "unknown" or (verdict == "named" and leader in right_claims))
     if verdict == "named":
         return bool(leader in right_claims)
     if verdict == "ambiguous":
@@ -141,28 +111,20 @@ def _verdicts(stratum: str, equal: set[Claim]) -> set[str]:
     if stratum == "none":
         return {"none"}
     if stratum == "unknown":
-        return {"unknown", "named"} if equal else {"unknown"}
+        return {"unknown", "partial"} | ({"named"} if equal else set())
     return {"named"} | ({"ambiguous"} if equal else set()) | ({"none"} if frozenset() in equal else set())
 
 
-def _outside(verdict: str, report: Json, excused: bool) -> dict[str, Any]:
+def _outside(report: Json, equivalent: Claim) -> dict[str, Any]:
     """Of a world outside the catalogue: whether it was said so, and whether a wrong name was asserted.
 
-    The odds are an effect's own, against the best that was found without it: what `ambiguous` answers have in common is
-    asserted, too.
+    Said so: `unknown`, `partial`, or every headline effect's law only approximates. A wrong name, whatever the verdict:
+    a headline effect that is in no listed equivalent.
     """
-    named = verdict in ("named", "ambiguous") and not excused
-    sure = any(_odds_in_nats(e) > math.log(WRONG_ODDS) for e in report["effects"])
-    return {"said_so": verdict == "unknown", "named_wrong": bool(named and sure)}
-
-
-def _odds_in_nats(effect: Json) -> float:
-    """Of an effect against the best without it; where nothing else was tried, of the whole answer."""
-    nats = effect["odds"]["nats"]
-    if nats is not None:
-        return float(nats)
-    probability = float(effect["probability"] or 0.0)
-    return math.log(max(probability, 1e-300) / max(1.0 - probability, 1e-12))
+    headline = headline_of(report["effects"])
+    nearest = bool(headline) and all(map(approximate, headline))
+    wrong = any(asserted(e) for e in headline if identity(e) not in equivalent)
+    return {"said_so": report["verdict"] in ("unknown", "partial") or nearest, "named_wrong": wrong}
 
 
 def _location(answer: Answer, report: Json, leader: Claim, right_claims: set[Claim]) -> dict[str, Any]:

@@ -61,6 +61,7 @@ def _of_world(answer: Answer) -> dict[str, Any]:
         "strength": min((e["strength"] for e in effects), key=order.index, default=""),
         "gate": ", ".join(sorted(gates)) or "everywhere",
         "effects": effects,
+        "defects": content["rough"]["defects"] if "rough" in content else [],
     }
 
 

@@ -44,6 +44,19 @@ def share_interval(worlds: Sequence[Sequence[bool]]) -> list[float] | None:
     return [round(edge, 4) for edge in _edges(often @ count / (often @ n))]
 
 
+def mean_interval(values: Sequence[float]) -> list[float] | None:
+    """The percentile bootstrap interval of the mean of a count a world; None where there are none.
+
+    Where all are zero no draw differs: up to the Wilson interval's share of worlds that could have had one.
+    """
+    if not len(values):
+        return None
+    if not np.any(values):
+        return interval(0, len(values))
+    often = _draws(len(values))
+    return [round(edge, 4) for edge in _edges(often @ np.asarray(values, dtype=np.float64) / len(values))]
+
+
 def median_interval(worlds: Sequence[Sequence[float]]) -> list[float] | None:
     """The percentile bootstrap interval of the median of all values (Efron 1979); None where there are none.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from gpsim.trials.statistics.goals import EQUIVALENT, goals
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
+from gpsim.trials.statistics.rough_figures import rough_figures
 
 SCHEMA = "gpsim.prove/1"
 Score = Mapping[str, Any]
@@ -21,18 +22,21 @@ NEAR_OWN = 1.1  # held-out error over the true model's own
 def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     """The content of prove.json, without what the caller knows of how it was run.
 
-    The top level holds the headline strata: standard recordings whose effects are visible. `all` holds every world;
-    `strata` the same figures by noise, strength, velocities, system, engine, excitation and visibility.
+    The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds by
+    themselves. `all` holds every plain world; `strata` the same figures by noise, strength, velocities, system, engine,
+    excitation and visibility.
     """
-    standard = [s for s in scores if not s["long"]]
+    rough = [s for s in scores if s["stratum"] == "rough"]
+    plain = [s for s in scores if s["stratum"] != "rough"]
+    standard = [s for s in plain if not s["long"]]
     headline = [s for s in standard if s["visible"] or s["stratum"] == "none"]
-    figures = block(headline)
+    figures = block(headline) | ({"rough": rough_figures(rough)} if rough else {})
     return {
         "schema": SCHEMA,
         **figures,
         "goals": goals(figures),
         "all": block(standard),
-        "long": block([s for s in scores if s["long"]]),
+        "long": block([s for s in plain if s["long"]]),
         "identifiable": block([s for s in headline if s["identifiable"]]),
         "strata": {
             name: {str(value): block([s for s in part if key(s) == value]) for value in _values(part, key)}
@@ -42,7 +46,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
         "kinds": _by_kind(headline),
         "confusion": confusion(headline),
         "rivals": _rivals(standard),
-        "misses": [s["trial"] for s in scores if not s["right"]],
+        "misses": [s["trial"] for s in plain if not s["right"]],
         "failed": [s["trial"] for s in scores if s["verdict"] == "failed"],
         "not_scored": [s["trial"] for s in scores if not s.get("scored", True)],
     }
@@ -63,7 +67,9 @@ def block(scores: Sequence[Score]) -> dict[str, Any]:
     with_effects = [s for s in scores if s["stratum"] in SIZES]
     decided = [s for s in with_effects if s["identifiable"] and _answered(s)]
     out |= _optional("families_right", [s["families_right"] for s in with_effects], "right")
-    out |= _optional("undecided", [s["verdict"] in ("ambiguous", "unknown") for s in decided], "count")
+    out |= _optional(
+        "undecided", [s["verdict"] in ("ambiguous", "partial", "unknown") for s in decided], "count"
+    )
     if with_effects:
         out["location"] = location_figures(with_effects)
     nothing = [s for s in scores if s["stratum"] == "none"]

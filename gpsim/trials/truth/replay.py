@@ -8,10 +8,16 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.trials import outside
 from gpsim.trials.truth.actuator_chain import ActuatorChain
 from gpsim.trials.truth.running import body_of
 from gpsim.trials.truth.sensing import sense
 from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, dynamics
+
+HIDDEN_STATES = dict.fromkeys(outside.at_site(outside.HiddenForce), 2) | dict.fromkeys(
+    outside.at_site(outside.HiddenTwist), 1
+)
+"""Kinds that remember in the body, and how many columns that takes."""
 
 
 class Replay:
@@ -34,27 +40,56 @@ class Replay:
 
     def states(self, picks: IntArray, length: int, starts: FloatArray | None = None) -> FloatArray:
         """(N, S) true states `length` transitions after the picks, from `starts` (N, S), by default the true ones."""
+        return np.asarray(self.path(picks, length, starts)[-1])
+
+    def path(self, picks: IntArray, length: int, starts: FloatArray | None = None) -> FloatArray:
+        """(length, N, S) true states 1 to `length` transitions after the picks, as `states` has the last."""
         world, truth, n = self._world, self._truth, self._truth.per_sample
         body = body_of(world, self._effects, "rk4", truth.h)
         state = pick(truth.sampled, picks, 0) if starts is None else starts
         hidden = body.begin(state)
         if hidden.shape[1]:  # what was hidden then, as the effect that hides it is present
-            hidden = pick(truth.hidden, picks, 0)
+            hidden = pick(truth.hidden, picks, 0)[:, self._hidden]
         first, late = picks[0] * n, world.dt * picks[0]
+        out = np.empty((length, *state.shape))
         with np.errstate(all="ignore"):
             for j in range(length * n):
                 t = truth.clock[picks[1]] + late + j * truth.h
                 wall = truth.wall[picks[1]] + late + j * truth.h
                 acting = self._acting[first + j, picks[1]]
                 state, hidden = body.step(state, hidden, acting, t, wall, truth.h)
-        return np.asarray(state)
+                if (j + 1) % n == 0:
+                    out[j // n] = state
+        return out
+
+    def readings(self, picks: IntArray, length: int) -> FloatArray:
+        """(length, N, S) what the sensors say along `path`, begun where they say what is read at the picks.
+
+        They see what is off the true states as it is: exact for what they add, near for what they scale or delay.
+        """
+        read = self._read
+        starts = (
+            pick(self._truth.sampled, picks, 0) + pick(self._truth.clean, picks, 0) - pick(read, picks, 0)
+        )
+        true, seen = (
+            np.stack([pick(a, picks, j) for j in range(1, length + 1)]) for a in (self._truth.sampled, read)
+        )
+        return np.asarray(self.path(picks, length, starts) - true + seen)
+
+    @property
+    def _hidden(self) -> list[int]:
+        """The columns of the truth's hidden states that belong to the effects that are present."""
+        widths = [(e in self._effects, HIDDEN_STATES.get(e.family, 0)) for e in self._world.effects]
+        owned = [there for there, width in widths for _ in range(width)]
+        return [i for i, there in enumerate(owned) if there]
 
     @cached_property
     def _read(self) -> FloatArray:
         """(K + 1, E, S) what the sensors say of the true states."""
         truth, names = self._truth, SYSTEMS[self._world.system].names
         steps = range(0, len(truth.fine), truth.per_sample)
-        return np.stack([sense(self._effects, names, truth.fine, i, truth.h) for i in steps])
+        sensors = (*self._effects, *self._world.late)
+        return np.stack([sense(sensors, names, truth.fine, i, truth.h) for i in steps])
 
     @cached_property
     def _acting(self) -> FloatArray:

@@ -37,7 +37,7 @@ def run(world: World, effects: Sequence[TrueEffect], h: float | None = None) -> 
     n, driving, state = round(world.dt / h), drive(world), starts(world)
     names = SYSTEMS[world.system].names
     body, chain = body_of(world, effects, world.engine, h), ActuatorChain(world.system, effects)
-    hidden = body.begin(state)
+    hidden, sensors = body.begin(state), (*effects, *world.late)
     noise = noise_of(world)
     fine = np.empty((world.steps * n + 1, *state.shape))
     fine[0] = state
@@ -46,7 +46,7 @@ def run(world: World, effects: Sequence[TrueEffect], h: float | None = None) -> 
     kept = np.empty((world.steps + 1, *hidden.shape))
     with np.errstate(all="ignore"):
         for k in range(world.steps):
-            clean[k], kept[k] = sense(effects, names, fine, k * n, h), hidden
+            clean[k], kept[k] = sense(sensors, names, fine, k * n, h), hidden
             commands[k] = driving.command(k, clean[k] + noise[k])
             for j in range(n):
                 late = k * world.dt + j * h
@@ -55,7 +55,7 @@ def run(world: World, effects: Sequence[TrueEffect], h: float | None = None) -> 
                 state, hidden = body.step(state, hidden, acting, t, wall, h)
                 fine[k * n + j + 1] = state
             state = np.nan_to_num(np.clip(state, -1e6, 1e6))
-    clean[-1], kept[-1] = sense(effects, names, fine, world.steps * n, h), hidden
+    clean[-1], kept[-1] = sense(sensors, names, fine, world.steps * n, h), hidden
     return Run(fine, h, commands, clean, clean + noise, kept, world.clock_offsets, world.offsets)
 
 

@@ -5,9 +5,11 @@ Nothing here knows a law. `World` and `TrueEffect` decide a recording, `SYSTEMS`
 """
 
 from gpsim.trials.worlds.excitation import BODY_SIGNALS, GRADED_SIGNALS, VEHICLE_SIGNALS, drive, sound, starts
+from gpsim.trials.worlds.rough import Rough
 from gpsim.trials.worlds.run import Run
 from gpsim.trials.worlds.scales import Dial, Scales, rounded, waves
 from gpsim.trials.worlds.systems import SYSTEMS, System, dynamics, load_on_track
+from gpsim.trials.worlds.tracking import SIGNALS as CLOSED_LOOP
 from gpsim.trials.worlds.world import (
     STRATA,
     Stratum,
@@ -21,11 +23,13 @@ from gpsim.trials.worlds.world import (
 
 __all__ = [
     "BODY_SIGNALS",
+    "CLOSED_LOOP",
     "GRADED_SIGNALS",
     "STRATA",
     "SYSTEMS",
     "VEHICLE_SIGNALS",
     "Dial",
+    "Rough",
     "Run",
     "Scales",
     "Stratum",

@@ -9,6 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials.worlds.systems import SYSTEMS
+from gpsim.trials.worlds.tracking import TRACKING, Pursuit, Tracking, track
 from gpsim.trials.worlds.world import World
 
 BODY_SIGNALS = ("bang_bang", "prbs", "chirp", "sines", "controller")
@@ -51,8 +52,11 @@ class Drive:
         return np.stack([v, w], axis=1)
 
 
-def drive(world: World) -> Drive:
+def drive(world: World) -> Drive | Tracking | Pursuit:
     """The world's excitation."""
+    if world.excitation == TRACKING:
+        push = 0.0 if SYSTEMS[world.system].vehicle else _push(world)
+        return track(world, push, _balance(push))
     rng = world.generator(1)
     system = SYSTEMS[world.system]
     shape = (world.steps, world.episodes, len(system.action))
@@ -113,9 +117,13 @@ def _feedback(world: World, push: float) -> tuple[FloatArray, float]:
     if world.system == "pendulum":
         return -push * np.array([[0.0, 0.12]]) * (2.0 if controlled else 1.0), 0.9
     if world.posture == "upright":
-        # Pole placement by hand for a pole of about a metre; found good for the whole range of parameters.
-        return push / 10 * np.array([[1.5, 3.5, 38.0, 8.0]]), 0.35 if world.excitation != "bang_bang" else 0.6
+        return _balance(push), 0.35 if world.excitation != "bang_bang" else 0.6
     return -push * np.array([[0.5, 0.25, 0.0, 0.0]]), 0.8
+
+
+def _balance(push: float) -> FloatArray:
+    """Pole placement by hand for a pole of about a metre; found good for the whole range of parameters."""
+    return push / 10 * np.array([[1.5, 3.5, 38.0, 8.0]])
 
 
 def _signal(

@@ -9,10 +9,11 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.trials.worlds.rough import Rough, rough_json
 
 Values = Mapping[str, float]
 """Parameters of an effect: name -> value in SI units."""
-Stratum = Literal["single", "pair", "triple", "none", "unknown"]
+Stratum = Literal["single", "pair", "triple", "none", "unknown", "rough"]
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown")
 
 
@@ -73,6 +74,18 @@ class World:
     smoothing: str  # of differentiated velocities: central, savgol
     wrapped: bool  # yaw is written modulo 2 pi
     held_out: int | None  # episodes from this number on
+    rough: Rough | None = None  # what is wrong with its log; of the stratum `rough`
+
+    @property
+    def main(self) -> tuple[TrueEffect, ...]:
+        """Effects of the catalogue."""
+        return tuple(e for e in self.effects if not e.outside)
+
+    @property
+    def late(self) -> tuple[TrueEffect, ...]:
+        """The topics that lag behind, said as sensors that do."""
+        lags = self.rough.late if self.rough else {}
+        return tuple(TrueEffect("sensor_delay", on, {"delay": lag}) for on, lag in lags.items())
 
     def generator(self, purpose: int) -> np.random.Generator:
         """A stream of its own for every purpose."""
@@ -104,9 +117,10 @@ def effect_json(effect: TrueEffect) -> dict[str, Any]:
 
 def world_json(world: World) -> dict[str, Any]:
     """Plain data: the world without its effects, which an answer lists apart."""
-    skip = {"effects"}
+    skip = {"effects", "rough"}
     plain = {k: v for k, v in vars(world).items() if k not in skip}
-    return {k: dict(v) if isinstance(v, Mapping) else v for k, v in plain.items()}
+    out = {k: dict(v) if isinstance(v, Mapping) else v for k, v in plain.items()}
+    return out if world.rough is None else out | {"rough": rough_json(world.rough)}
 
 
 def world_from_json(data: Mapping[str, Any], effects: list[Mapping[str, Any]]) -> World:
@@ -123,4 +137,5 @@ def world_from_json(data: Mapping[str, Any], effects: list[Mapping[str, Any]]) -
         )
         for e in effects
     )
-    return World(**data, effects=made)
+    rough = {"rough": Rough(**data["rough"])} if "rough" in data else {}
+    return World(**{**data, **rough}, effects=made)

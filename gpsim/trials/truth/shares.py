@@ -1,0 +1,161 @@
+"""Which share of the mismatch the true effects make, without noise: what the right verdict on a rough world rests on.
+
+Rollouts of a second begin every few samples of the held-out episodes where the sensors say the system is; errors count
+all along. Channel by channel a model explains 1 - after^2 / before^2 of the base simulator's squares, clipped to
+[0, 1]; channels are weighed by before^2 in units of their own spread, and one counts where before is at least twice the
+noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+from math import factorial
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.recordings import evenly
+from gpsim.trials.truth.replay import Replay, pick
+from gpsim.trials.truth.visibility import seen_columns
+from gpsim.trials.worlds import SYSTEMS, Rough, Run, TrueEffect, World
+
+HORIZON = 1.0  # s
+HELD_OUT = 0.2  # the last episodes, as where a recording says nothing
+STARTS, MOST = 8, 300  # how many rollouts begin within a horizon; in all
+ABOVE_NOISE = 2.0
+RUNAWAY = 1e12  # a square that stands for all that is larger
+
+
+@dataclass(frozen=True)
+class MainShare:
+    """Of one main effect: its part of what all explain (Shapley), and what they explain less without it."""
+
+    importance: float
+    needed: float
+
+
+class Shares:
+    """Shares of the mismatch between the base simulator and a run. kept: (E,) samples that an operator keeps."""
+
+    def __init__(self, world: World, truth: Run, kept: FloatArray) -> None:
+        self._world, self._truth = world, truth
+        self._columns = seen_columns(world)
+        self._length = max(2, min(round(HORIZON / world.dt), int(kept.max()) - 2))
+        self._picks = _picks(kept, self._length, world.held_out)
+        self._known: dict[tuple[int, ...], FloatArray] = {}
+
+    @property
+    def seen(self) -> list[str]:
+        """Names of the channels with readings of their own."""
+        return [SYSTEMS[self._world.system].names[i] for i in self._columns]
+
+    @property
+    def counts(self) -> BoolArray:
+        """(C,) channels in which the mismatch stands out of the noise."""
+        return np.asarray(self._before >= (ABOVE_NOISE * self._noise) ** 2)
+
+    def explained(self, effects: Sequence[TrueEffect]) -> float:
+        """What the base simulator with these of the world's effects explains; 0 where no channel counts."""
+        return self._weighed(1.0 - self._left(effects) / self._before)
+
+    def of(self, effect: TrueEffect) -> float:
+        """How much of the mismatch an effect makes: the truth against the truth without it."""
+        rest = [e for e in self._world.effects if e is not effect]
+        return self._weighed(self._left(rest) / self._before)
+
+    def late(self) -> float:
+        """How much of the mismatch the lag of the late topics makes for a model that does not know of it."""
+        rough = self._world.rough
+        if rough is None or not rough.late:
+            return 0.0
+        unaware = replace(self._world, rough=replace(rough, late={}))
+        return self._weighed(self._squares(Replay(unaware, self._truth, self._world.effects)) / self._before)
+
+    def left(self, effects: Sequence[TrueEffect]) -> dict[str, float]:
+        """Channel -> root mean square of what is read less what the base simulator with these effects says."""
+        return dict(zip(self.seen, np.sqrt(self._left(effects)).tolist(), strict=True))
+
+    def main(self) -> list[MainShare]:
+        """Of every main effect of the world."""
+        mains = self._world.main
+        value = {
+            subset: self.explained([mains[i] for i in subset])
+            for size in range(len(mains) + 1)
+            for subset in combinations(range(len(mains)), size)
+        }
+        whole = tuple(range(len(mains)))
+        return [
+            MainShare(_shapley(value, i, len(mains)), value[whole] - value[tuple(j for j in whole if j != i)])
+            for i in whole
+        ]
+
+    def _weighed(self, shares: FloatArray) -> float:
+        weights = np.where(self.counts, self._before / self._spread**2, 0.0)
+        if not weights.sum() > 0:
+            return 0.0
+        return float(weights @ np.clip(np.nan_to_num(shares), 0.0, 1.0) / weights.sum())
+
+    @cached_property
+    def _before(self) -> FloatArray:
+        return np.maximum(self._left(()), 1e-300)
+
+    def _left(self, effects: Sequence[TrueEffect]) -> FloatArray:
+        """(C,) mean squares of what is read less what a model with these effects says."""
+        key = tuple(i for i, e in enumerate(self._world.effects) if any(e is other for other in effects))
+        if key not in self._known:
+            present = [self._world.effects[i] for i in key]
+            self._known[key] = self._squares(Replay(self._world, self._truth, present))
+        return self._known[key]
+
+    def _squares(self, model: Replay) -> FloatArray:
+        """(C,) mean squares over all steps of all rollouts, kept finite."""
+        said = model.readings(self._picks, self._length)
+        true = np.stack([pick(self._truth.clean, self._picks, j) for j in range(1, self._length + 1)])
+        gap = (true - said)[..., self._columns]
+        squares = np.nan_to_num(gap**2, nan=RUNAWAY, posinf=RUNAWAY).mean(axis=(0, 1))
+        return np.asarray(np.minimum(squares, RUNAWAY))
+
+    @cached_property
+    def _spread(self) -> FloatArray:
+        """(C,) standard deviations of the channels over the rollouts."""
+        k, e = self._picks
+        read = np.stack([self._truth.clean[k + j, e] for j in range(self._length + 1)])
+        return np.asarray(np.maximum(read.reshape(-1, read.shape[2]).std(axis=0), 1e-9)[self._columns])
+
+    @cached_property
+    def _noise(self) -> FloatArray:
+        """(C,) of sensors, of their steps, and of stamps that jitter while the system moves."""
+        names, rough = SYSTEMS[self._world.system].names, self._world.rough or Rough()
+        k, e = self._picks
+        rates = (self._truth.clean[k + 1, e] - self._truth.clean[k, e]) / self._world.dt
+        noise = [
+            np.sqrt(
+                self._world.noise[n] ** 2 + rough.quantum.get(n, 0.0) ** 2 / 12.0 + (rough.jitter * rate) ** 2
+            )
+            for n, rate in zip(names, np.sqrt(np.mean(rates**2, axis=0)), strict=True)
+        ]
+        return np.asarray(noise)[self._columns]
+
+
+def _picks(kept: FloatArray, length: int, held_out: int | None) -> IntArray:
+    """(2, N) sample and episode at which rollouts begin in the held-out episodes, evenly spread."""
+    rows = np.flatnonzero(kept > length)
+    first = round((1.0 - HELD_OUT) * len(rows)) if held_out is None else round(0.8 * len(rows))
+    stride = max(length // STARTS, 1)
+    found = [
+        (k, e) for e in rows[min(first, len(rows) - 1) :] for k in range(0, int(kept[e]) - length, stride)
+    ]
+    picks = np.array(found, dtype=np.int64).T
+    return np.asarray(picks[:, evenly(picks.shape[1], MOST)])
+
+
+def _shapley(value: dict[tuple[int, ...], float], i: int, n: int) -> float:
+    """Shapley (1953): what i adds to what stands before it, in the mean over all orders."""
+    total = 0.0
+    for subset in (s for s in value if i not in s):
+        weight = factorial(len(subset)) * factorial(n - len(subset) - 1) / factorial(n)
+        total += weight * (value[tuple(sorted((*subset, i)))] - value[subset])
+    return total
