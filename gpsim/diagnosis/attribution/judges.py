@@ -115,8 +115,8 @@ def window_judge(
 ) -> WindowJudge:
     """On the windows that were learnt from, where no channel of a rollout stands out of the noise."""
     problem, settings = question.everything, question.everything.run.settings.attribution
-    share = problem.counts / np.maximum(problem.windows.valid.sum(), 1.0)
-    counts = problem.windows.valid.sum(axis=1)[:, None] * share
+    share = problem.counts / np.maximum(problem.counted.sum(axis=(0, 1)), 1.0)
+    counts = problem.counted.sum(axis=1) * share
     before = (null.residuals**2).sum(axis=1)
     floor = counts * np.maximum(noise, problem.floor) ** 2
     drawn = draws(len(before), settings.draws, rng)
@@ -171,10 +171,16 @@ def _rolled(
             rows = np.flatnonzero(places.fold == part) if part is not None else np.arange(len(windows))
             own, hypothesis = windows.take(rows), account[int(part or 0)]
             said = foretold(problem, own, places.lead, hypothesis, extra)
-            errors = difference(own.measured, said, problem.simulator.state) * own.valid[..., None]
+            errors = difference(own.measured, said, problem.simulator.state) * _counted(own)
             squares = np.clip(errors, -worst, worst)[:, places.lead + 1 :] ** 2
             np.add.at(out[n], places.block[rows], squares.sum(axis=1))
     return out
+
+
+def _counted(windows: Windows) -> BoolArray:
+    """(W, L + 1, S) without what pads a window, and without samples that say nothing."""
+    valid = windows.valid[..., None]
+    return valid if windows.weights is None else valid & (windows.weights > 0)
 
 
 def foretold(
@@ -187,6 +193,7 @@ def foretold(
         actions=windows.actions[:, :lead],
         t=windows.t[:, : lead + 1],
         valid=windows.valid[:, : lead + 1],
+        weights=None if windows.weights is None else windows.weights[:, : lead + 1],
     )
     steps, frozen = problem.run.settings.schedules, hypothesis.frozen()
     starts = fit(
@@ -211,7 +218,7 @@ def _floor(
     drawn = rng.normal(size=windows.measured.shape) * noise
     noisy = replace(windows, measured=windows.measured + drawn)
     disturbed = foretold(problem, noisy, places.lead, hypothesis)
-    errors = difference(disturbed - drawn, clean, problem.simulator.state) * windows.valid[..., None]
+    errors = difference(disturbed - drawn, clean, problem.simulator.state) * _counted(windows)
     out = np.zeros((places.blocks, errors.shape[-1]))
     np.add.at(out, places.block, (errors[:, places.lead + 1 :] ** 2).sum(axis=1))
     return out

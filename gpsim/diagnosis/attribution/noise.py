@@ -21,10 +21,13 @@ def sensor_noise(question: Question, leader: Fit) -> FloatArray:
     names = problem.simulator.state.names
     stated = np.array([question.recording.noise.get(name, 0.0) for name in names])
     residual = problem.windows.measured - traced(problem, leader)
-    second = np.diff(residual, n=2, axis=1)[problem.windows.valid[:, 2:]].T / np.sqrt(6.0)
-    jumps = np.array(
-        [_typical(column) or _rms(column) for column in second]
-    )  # quantised: the median may be 0
+    second, windows = np.diff(residual, n=2, axis=1) / np.sqrt(6.0), problem.windows
+    sound = np.broadcast_to(windows.valid[..., None], residual.shape)
+    sound = sound if windows.weights is None else sound & (windows.weights > 0)
+    sound = sound[:, 2:] & sound[:, 1:-1] & sound[:, :-2]
+    columns = [second[..., i][sound[..., i]] for i in range(len(names))]
+    # Of a quantised channel the median may be 0.
+    jumps = np.array([_typical(column) or _rms(column) for column in columns])
     hidden = np.array([name in question.hidden for name in names])
     return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
 
