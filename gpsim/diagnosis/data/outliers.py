@@ -27,7 +27,8 @@ def outliers(
     series: of each stretch (K,), angles running on; actions: (K - 1, A) of each; quantum: the channel's grid, 0 without
     one; angle: the channel is one, of which only the turn's remainder counts.
     """
-    leaps = [_leaps(y, angle, settings) for y in series]
+    every_step = [np.diff(y) for y in series]
+    leaps = [_leaps(steps, angle, settings) for steps in every_step]
     changes = [np.abs(np.diff(a, axis=0, prepend=a[:1])) for a in actions]
     flags = [np.zeros(len(y), dtype=np.bool_) for y in series]
     every = np.abs(np.concatenate(leaps)) if leaps else np.zeros(0)
@@ -42,18 +43,17 @@ def outliers(
         usual = max(float(np.quantile(together, settings.common_share)), ordinary)
         least = max(settings.stands_out * usual, settings.outlier_quanta * quantum)
         causes = _caused(changes, length, settings)
-        for y, sizes, caused, flag in zip(series, spikes, causes, flags, strict=True):
+        for steps, sizes, caused, flag in zip(every_step, spikes, causes, flags, strict=True):
             for i in np.flatnonzero(sizes > least):
                 if caused[i] or flag[i] or flag[i + 1 + length]:  # those beside it are outliers themselves
                     continue
-                if _stands_out(np.diff(y), int(i), length, angle, settings):
+                if _stands_out(steps, int(i), length, angle, settings):
                     flag[i + 1 : i + 1 + length] = True
     return flags
 
 
-def _leaps(y: FloatArray, angle: bool, settings: LogFactSettings) -> FloatArray:
+def _leaps(steps: FloatArray, angle: bool, settings: LogFactSettings) -> FloatArray:
     """(K - 1,) steps from sample to sample beyond those of the steady motion around."""
-    steps = np.diff(y)
     if not len(steps):
         return steps
     usual = median_filter(steps, size=2 * settings.around + 1, mode="nearest")

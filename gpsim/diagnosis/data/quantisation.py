@@ -110,6 +110,8 @@ def _commanded(
             for y, a in zip(series, actions, strict=True)
             if len(y) > order
         ]
+        if not changes:
+            continue
         which = np.unique(np.round(np.concatenate(given), 9), axis=0, return_inverse=True)[1].ravel()
         together = np.concatenate(changes)
         usual = [np.unique(together[which == i], return_counts=True)[1].max() for i in np.unique(which)]

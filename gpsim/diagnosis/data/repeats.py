@@ -22,16 +22,13 @@ def repeats(t: FloatArray, y: FloatArray, quantum: float, settings: LogFactSetti
     if len(first) < 2:
         return flags
     slopes = np.diff(y[first]) / np.diff(t[first])  # slopes[j]: from value j to the next one
-    for j in _held(first, settings):
-        around = slopes[max(j - settings.steady_on, 0) : j + settings.steady_on + 1]
-        if len(around) < 2 * settings.steady_on + 1:
-            continue
-        usual = float(np.median(around))
-        pace = abs(usual) * float(np.median(np.diff(t)))
-        steady = (np.abs(around - usual) <= settings.steady * abs(usual)).all()
-        if steady and pace > settings.plain_motion * quantum:
-            flags[first[j] + 1 : first[j + 1]] = True
-    return flags
+    held, beside = _held(first, settings), settings.steady_on
+    held = held[(held >= beside) & (held < len(slopes) - beside)]
+    around = slopes[held[:, None] + np.arange(-beside, beside + 1)]
+    usual = np.median(around, axis=1)
+    steady = (np.abs(around - usual[:, None]) <= settings.steady * np.abs(usual)[:, None]).all(axis=1)
+    plain = np.abs(usual) * np.median(np.diff(t)) > settings.plain_motion * quantum
+    return _flagged(flags, first, held[steady & plain])
 
 
 def whole_packets(t: FloatArray, states: FloatArray, settings: LogFactSettings) -> BoolArray:
@@ -45,15 +42,12 @@ def whole_packets(t: FloatArray, states: FloatArray, settings: LogFactSettings) 
     if states.shape[1] < 2 or len(first) < 2:
         return flags
     slopes = np.diff(states[first], axis=0) / np.diff(t[first])[:, None]
-    for j in _held(first, settings):
-        if not 0 < j < len(slopes) - 1:
-            continue
-        before, own, after = slopes[j - 1 : j + 2]
-        usual = 0.5 * (before + after)
-        on = (before * after > 0) & (np.abs(own - usual) <= settings.steady * np.abs(usual))
-        if int(on.sum()) >= 2:
-            flags[first[j] + 1 : first[j + 1]] = True
-    return flags
+    held = _held(first, settings)
+    held = held[(held > 0) & (held < len(slopes) - 1)]
+    before, own, after = slopes[held - 1], slopes[held], slopes[held + 1]
+    usual = 0.5 * (before + after)
+    on = (before * after > 0) & (np.abs(own - usual) <= settings.steady * np.abs(usual))
+    return _flagged(flags, first, held[on.sum(axis=1) >= 2])
 
 
 def held_with(others: BoolArray, y: FloatArray, quantum: float, settings: LogFactSettings) -> BoolArray:
@@ -74,3 +68,10 @@ def _held(first: IntArray, settings: LogFactSettings) -> IntArray:
     """Which values stood for more than a sample, and no longer than a packet may be missing."""
     times = np.diff(first)
     return np.flatnonzero((times > 1) & (times <= settings.longest_repeat + 1))
+
+
+def _flagged(flags: BoolArray, first: IntArray, held: IntArray) -> BoolArray:
+    """The flags (K,) with all samples of the values `held` set but the first of each."""
+    for j in held:
+        flags[first[j] + 1 : first[j + 1]] = True
+    return flags
