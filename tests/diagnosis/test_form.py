@@ -1,6 +1,7 @@
 """Free curves: a right law holds, a wrong one is only approximate, and the curve beside it is the true one."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -254,6 +255,17 @@ def test_an_input_that_stands_still_has_no_curve():
     still.windows.actions[:] = 1.0
     (group,) = groups_of(laws.hypothesis)
     assert free_curve(still, laws, group) is None
+
+
+def test_a_law_that_does_nothing_is_not_infinitely_far_off():
+    """A dead zone that is narrower than any command."""
+    question, laws = explained_by(pushed(lambda u: u), ("actuator_dead_zone", "force"), episodes=5)
+    narrow = replace(laws, hypothesis=laws.hypothesis.having(np.array([1e-6])))
+    (group,) = groups_of(narrow.hypothesis)
+    curve = free_curve(question.everything, narrow, group)
+    assert curve.departure.low < FormSettings().departs
+    assert curve.departure.size < 1.0
+    np.testing.assert_allclose(curve.curve.free, curve.curve.at, atol=0.05)
 
 
 def said(*terms):
