@@ -1,6 +1,7 @@
 """Free curves: a right law holds, a wrong one is only approximate, and the curve beside it is the true one."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -199,6 +200,17 @@ def test_a_further_input_multiplies_the_curve():
     assert gain(question, laws, both).low > 0.02
 
 
+def test_a_further_input_multiplies_the_curve_of_a_command():
+    """A vehicle that slows down in curves, of which an actuator's gain was named."""
+    world = World("unicycle", twist=lambda v, s, w: (v * (1 - 0.3 * np.abs(w)), s, w))
+    question, laws = explained_by(world, ("actuator_gain", "v_cmd"), episodes=10)
+    (group,) = groups_of(laws.hypothesis)
+    curve = free_curve(question.everything, laws, group, "w_cmd")
+    assert gain(question, laws, curve).low > 0.1
+    at, given = np.array(curve.curve.at), curve.curve.given["w_cmd"]
+    assert np.abs(np.array(curve.curve.free) - at * (1 - 0.3 * abs(given))).max() < 0.1 * np.abs(at).max()
+
+
 def test_what_is_missing_is_drawn_without_a_name():
     world = World("pendulum", forces={0: lambda q, v, t: 0.3 * np.sin(6 * q)})
     question, nothing = explained_by(world, episodes=10)
@@ -254,6 +266,17 @@ def test_an_input_that_stands_still_has_no_curve():
     still.windows.actions[:] = 1.0
     (group,) = groups_of(laws.hypothesis)
     assert free_curve(still, laws, group) is None
+
+
+def test_a_law_that_does_nothing_is_not_infinitely_far_off():
+    """A dead zone that is narrower than any command."""
+    question, laws = explained_by(pushed(lambda u: u), ("actuator_dead_zone", "force"), episodes=5)
+    narrow = replace(laws, hypothesis=laws.hypothesis.having(np.array([1e-6])))
+    (group,) = groups_of(narrow.hypothesis)
+    curve = free_curve(question.everything, narrow, group)
+    assert curve.departure.low < FormSettings().departs
+    assert curve.departure.size < 1.0
+    np.testing.assert_allclose(curve.curve.free, curve.curve.at, atol=0.2)  # of commands up to 8 N
 
 
 def said(*terms):

@@ -29,6 +29,7 @@ from gpsim.diagnosis.form.visited import of_law, twists, visited
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.effects import Effect, Gate, Term
 
+LEAST = 0.01  # of a command, a turn rate or a reading: a law that changes it by less is taken to change it by so much
 TINY = 1e-9  # of a size: a law that does nothing has none
 
 
@@ -80,7 +81,8 @@ def widened(
     own = tuple(inputs if group.of == "twist" else inputs[-1:])
     law = of_law(problem, hypothesis, group, own)
     does = law - own[-1] if _turns_into_another(group) else law
-    scale = max(float(np.sqrt(np.mean(does**2))), TINY)
+    least = LEAST * float(np.sqrt(np.mean(own[-1] ** 2))) if does is not law else 0.0
+    scale = max(float(np.sqrt(np.mean(does**2))), least, TINY)
     build = _SITES[group.site]
     return Widened(
         build(problem, hypothesis, group, basis, scale, further), basis, scale, basis.design(inputs), further
