@@ -183,7 +183,6 @@ def test_the_corrected_simulator_steps_in_batches(diagnosed):
             "take it out of `parameters:` in recording.yaml",
         ),
         (lambda meta: meta.update(action={"push": "N"}), "push"),
-        (lambda meta: meta.update(action={}), "force"),
         (
             lambda meta: meta.update(noise={"q": -0.1}),
             "noise.q: a standard deviation is no less than 0, got -0.1",
@@ -220,7 +219,7 @@ def test_a_mismatch_is_one_line(folder, tmp_path, change, message):
             "numbered rows",
             "530 episodes have one row: the column `episode` names episodes, it does not count rows",
         ),
-        ("constant", "channel force is constant (1) from episode 0, row 0 to episode 4, row 105: "),
+        ("constant", "nothing moves: q, q_dot never change from episode 0 to episode 4"),
         ("nan", "recording.csv: episode 0, row 6, channel q: nan is not finite"),
     ],
 )
@@ -235,7 +234,7 @@ def test_bad_data_are_one_line(folder, tmp_path, fault, message):
     elif fault == "constant":
         lines = [
             lines[0],
-            *(",".join([*row.split(",")[:-1], "1.0" if row.split(",")[-1] else ""]) for row in lines[1:]),
+            *(",".join([*row.split(",")[:2], "1.0", "0.0", row.split(",")[-1]]) for row in lines[1:]),
         ]
     else:
         lines[7] = lines[7].replace(lines[7].split(",")[2], "nan")

@@ -68,15 +68,13 @@ def open_groups(
     """
     values, vectors = np.linalg.eigh(information)
     # Of the logarithms each is as wide as its part in an open direction makes it.
-    open_ = values < 1.0 / settings.wide**2
     widths = np.abs(vectors) / np.sqrt(np.maximum(values, np.finfo(float).tiny))
-    directions = list(np.where(widths > settings.wide, vectors, 0.0)[:, open_].T)
-    if not directions:
-        directions = [
-            d
-            for i in np.flatnonzero(held)
-            if (d := _followed(information, int(i), settings.follows)) is not None
-        ]
+    open_ = np.where(widths > settings.wide, vectors, 0.0).T
+    directions = [direction for direction in open_ if np.count_nonzero(direction) > 1]
+    for i in np.flatnonzero(held):
+        followed = _followed(information, int(i), settings.follows)
+        if followed is not None and not any(direction[i] for direction in directions):
+            directions.append(followed)
     if not directions:
         return []
     basis = np.stack(directions).T
@@ -88,9 +86,9 @@ def open_groups(
     for group in (np.flatnonzero(label == i) for i in range(count)):
         part = basis[group][:, np.abs(basis[group]).sum(axis=0) > 0.0]
         if len(group) > part.shape[1] > 0:
-            inside = known[np.ix_(group, group)]
+            inside, loosest = known[np.ix_(group, group)], float(np.linalg.norm(widths[group], axis=1).max())
             products = [(w, float(np.sqrt(max(w @ inside @ w, 0.0)))) for w in _complement(part)]
-            out.append((group, products))
+            out.append((group, [(w, sd) for w, sd in products if settings.sharper * sd < loosest]))
     return out
 
 

@@ -83,7 +83,8 @@ def look(recording: Recording, simulator: Simulator) -> Sight:
     hidden = [n for n in absent if n not in dropped and (n in simulator.start or guesses)]
     check_match(shown, simulator, hidden=(*hidden, *dropped))
     constant = _constant(shown)
-    held = _held(simulator, recording.state.names, constant)
+    still = all(name in constant for name in recording.state.names)  # a recording that is refused later
+    held = [] if still else _held(simulator, recording.state.names, constant)
     speeds = {c.velocity for c in simulator.coordinates}
     fixed = {n: 0.0 if n in speeds else constant.get(n, 0.0) for n in (*dropped, *held)}
     of_held = [c.name for c in simulator.coordinates if c.name in held]
