@@ -18,6 +18,11 @@ def score_lines(score: Score) -> list[str]:
         f"{score.transitions} transitions; errors of {score.steps} single steps and {score.rollouts} rollouts:"
     ]
     said += _table([HEAD, *rows])
+    worth = None if score.explained is None else score.explained.rollout
+    if worth is not None:
+        low, high = worth.low, worth.high
+        between = "" if low is None or high is None else f" ({100 * low:.0f} to {100 * high:.0f})"
+        said.append(f"the effects explain {100 * worth.share:.0f} %{between} of the mismatch here")
     if score.thinned > 1:
         said.append(f"one of {score.thinned} samples was read, commands averaged between")
     if score.without_gp:

@@ -13,8 +13,9 @@ from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms
 from gpsim.diagnosis.assessment.comparison import shown_rates, steps_of
 from gpsim.diagnosis.assessment.remainder_gp import measured_rates, residual_rates
 from gpsim.diagnosis.assessment.rollouts import Model, rolled, whole_windows
-from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem
-from gpsim.diagnosis.report import Ratio, Score, Scored
+from gpsim.diagnosis.attribution import explained_by
+from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit
+from gpsim.diagnosis.report import Explained, Ratio, Score, Scored
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup import Completions, Question, prepare
 from gpsim.errors import UsageError
@@ -64,8 +65,23 @@ def score(
         steps=steps,
         rollouts=count,
         thinned=question.thinned,
+        explained=_explained(judged),
         without_gp=judged.without_gp,
     )
+
+
+def _explained(judged: Judged) -> Explained | None:
+    """How much of the mismatch the effects take off here; None where there are none."""
+    problem, base, after = (
+        judged.question.everything,
+        *(judged.models[k].hypothesis for k in ("before", "after")),
+    )
+    if not after.terms:
+        return None
+    starts, steps = problem.windows.measured[:, 0], problem.run.settings.schedules
+    null = replace(base, scheme=after.scheme)
+    leader, bare = (fit(problem, h.frozen(), starts, iterations=steps.settle) for h in (after, null))
+    return explained_by(judged.question, leader, bare)
 
 
 def posed(

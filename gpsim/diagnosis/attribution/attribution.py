@@ -49,6 +49,18 @@ class Attribution:
         return self.explained.rollout or Share(0.0)
 
 
+def explained_by(question: Question, leader: Fit, null: Fit) -> Explained:
+    """Which share of the mismatch an account takes off in a recording that nothing of it was learnt from."""
+    rng = np.random.default_rng(SEED)
+    rolled, noise = rollout_judge(question, leader, null, rng)
+    counts = bool(rolled.mismatch.counts.any())
+    judge: Judge = rolled if counts else window_judge(question, leader, null, noise, rng)
+    squares = judge.squares([[leader.hypothesis]])[0]
+    names = question.everything.simulator.state.names
+    judged_on: JudgedOn = "held-out rollouts" if counts else "fit windows"
+    return _explained(judge.mismatch, squares, names, judged_on, counts)
+
+
 @kept
 def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     """Judge an account on what it did not learn from. null: the base, integrated as the account is."""

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from gpsim.diagnosis.report.codec import read, written
-from gpsim.diagnosis.report.effects import Share
+from gpsim.diagnosis.report.explained import Explained
 from gpsim.diagnosis.report.fit import Ratio
 from gpsim.errors import UsageError
 
@@ -35,8 +35,8 @@ class Score:
     """Errors by rate one step ahead, and by channel after `horizon_s` [s].
 
     transitions: of the recording as it was looked at, every `thinned`-th sample; steps, rollouts: how many were judged;
-    explained: which share of the base's mismatch the effects take off, None where it was not worked out; without_gp:
-    why there is no Gaussian process, "" where there is one.
+    explained: which share of the base's mismatch the effects take off, all along rollouts; without_gp: why
+    there is no Gaussian process, "" where there is one.
     """
 
     one_step: Mapping[str, Scored]
@@ -46,7 +46,7 @@ class Score:
     steps: int
     rollouts: int
     thinned: int = 1
-    explained: Mapping[str, Share] = field(default_factory=dict)
+    explained: Explained | None = None
     without_gp: str = ""
 
     def to_dict(self) -> dict[str, Any]:
