@@ -11,7 +11,7 @@ from gpsim.diagnosis.data import cut, thinned
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import DecimationSettings, LogFactSettings, WindowSettings
-from gpsim.diagnosis.setup import flagged, guessed, look_at, mended, prepare
+from gpsim.diagnosis.setup import flagged, look, look_at, mended, prepare
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
 
@@ -264,15 +264,11 @@ def test_weights_are_thinned_with_their_samples():
 
 
 def test_a_channel_that_nobody_measured_has_weights_of_one():
-    class Half:
-        state = make_simulator("slider").state
-        start = {"q_dot": 0.0}  # noqa: RUF012
-
     t, states, actions = swinging()
     states[100, 0] += 0.5
     recording = logged(t, states[:, :1], actions, ("m",))
     marked = mended(recording, look_at(recording, SETTINGS).left_out)
-    weights = guessed(marked, Half()).episodes[0].weights
+    weights = look(marked, make_simulator("slider")).completed(marked).episodes[0].weights
     assert weights.shape == (600, 2)
     assert np.argwhere(weights == 0).tolist() == [[100, 0]]
 
