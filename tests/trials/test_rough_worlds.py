@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gpsim.cli.main import app
+from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
@@ -40,6 +42,7 @@ def test_main_effects_lead_and_nuisances_stay_small(concealed):
     assert sum(m.importance for m in rough.main) == pytest.approx(rough.explained)
     assert all(m.importance > 0.05 for m in rough.main)
     assert world.excitation in ("tracking", "controller")
+    assert world.integrator == "rk4"
     assert len(world.rough.defects) >= 3
     assert Shares(world, run(world, world.effects), np.full(world.episodes, world.steps + 1.0)).late() < 0.04
     assert concealed.recording.transition_count < 8000
@@ -308,3 +311,21 @@ def test_rough_worlds_are_counted_behind_all_others():
 
 def test_an_attempt_whose_main_effects_do_not_lead_gives_none():
     assert draw_rough(6, ROUGH_FROM + 2) is None
+
+
+def test_one_command_runs_plain_and_rough_worlds_and_takes_up_what_is_there(monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr(prove, "conceal", lambda out, seed, numbers, *rest: asked.append((seed, numbers)))
+    words = ["prove", "conceal", "--trials", "2", "--rough", "1", "--seed", "6", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    assert asked == [(6, [1, 2, ROUGH_FROM + 1])]
+    nothing = CliRunner().invoke(app, ["prove", "conceal", "--trials", "0", "--out", str(tmp_path)])
+    assert nothing.exit_code != 0
+
+
+def test_answers_of_rough_worlds_are_listed_with_what_decides(monkeypatch, tmp_path, concealed):
+    content = answer_of(concealed, "0")
+    monkeypatch.setattr(prove, "read_answers", lambda out: [content])
+    shown = CliRunner().invoke(app, ["prove", "answers", str(tmp_path)]).output
+    assert f"explained {concealed.rough.explained:.3f}" in shown
+    assert shown.count("nuisance") == len(concealed.rough.nuisances)

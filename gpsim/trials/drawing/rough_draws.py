@@ -120,12 +120,16 @@ def _first_family(seed: int, rank: int) -> str:
 
 
 def _roughened(world: World, system: System, rng: np.random.Generator) -> World:
-    """The same with a controller in the loop and noise as sensors have it."""
+    """The same with a controller in the loop and noise as sensors have it.
+
+    The base simulator steps by Runge-Kutta: the mismatch, whose shares decide, is physics alone.
+    """
     level = str(rng.choice(list(LEVELS), p=list(LEVELS.values())))
     wanted = float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
     upright = system.name == "cartpole" and rng.random() < 0.5
     return replace(
         world,
+        integrator="rk4",
         episodes=max(int(np.ceil(wanted / world.steps)), 5),
         excitation=CLOSED_LOOP[0] if rng.random() < 0.6 else CLOSED_LOOP[1],
         posture=("upright" if upright else "hanging") if system.name == "cartpole" else "",
