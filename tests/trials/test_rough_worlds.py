@@ -22,7 +22,7 @@ from gpsim.trials.worlds import SYSTEMS, Rough, TrueEffect, world_from_json
 
 from .outside_worlds import world_of
 
-DRAWN = [(6, ROUGH_FROM + 4), (6, ROUGH_FROM + 7), (5, ROUGH_FROM + 6)]  # unicycle, slider, pendulum
+DRAWN = [(7, ROUGH_FROM + 1), (6, ROUGH_FROM + 3), (7, ROUGH_FROM + 3)]  # unicycle, slider, pendulum
 
 
 @pytest.fixture(scope="module", params=DRAWN, ids=["unicycle", "slider", "pendulum"])
@@ -53,7 +53,8 @@ def test_the_shares_are_those_of_another_run_with_other_rollouts(concealed):
     world = concealed.world
     truth = run(world, world.effects, world.dt / 40)
     assert np.isfinite(truth.clean).all()
-    k, e = np.meshgrid(np.arange(0, world.steps - 60, 3), np.arange(world.episodes)[-4:], indexing="ij")
+    held = np.arange(round(0.8 * world.episodes), world.episodes)
+    k, e = np.meshgrid(np.arange(0, world.steps - 60, 3), held, indexing="ij")
     picks, length = np.stack([k.ravel(), e.ravel()]), min(round(1.0 / world.dt), 59)
     columns = [SYSTEMS[world.system].names.index(c) for c in concealed.rough.channels]
 
@@ -63,13 +64,13 @@ def test_the_shares_are_those_of_another_run_with_other_rollouts(concealed):
         return np.mean((true - said) ** 2, axis=(0, 1))[columns]
 
     before = squares(())
-    weights = before / truth.clean[:, -4:].std(axis=(0, 1))[columns] ** 2
+    weights = before / truth.clean[:, held].std(axis=(0, 1))[columns] ** 2
     explained = weights @ np.clip(1 - squares(world.main) / before, 0, 1) / weights.sum()
-    assert explained == pytest.approx(concealed.rough.explained, abs=0.06)
+    assert explained == pytest.approx(concealed.rough.explained, abs=0.04)
     for effect, share in zip([e for e in world.effects if e.outside], concealed.rough.nuisances, strict=True):
         without = [e for e in world.effects if e is not effect]
         found = weights @ np.clip(squares(without) / before, 0, 1) / weights.sum()
-        assert 0.5 < found / share < 2.0
+        assert 1 / 1.6 < found / share < 1.6
 
 
 MASS, DAMPING, CUBIC, PUSH, RATE = 2.0, 3.0, 4.0, 0.6, 7.0

@@ -78,8 +78,10 @@ def _world(seed: int, number: int, attempt: int, rng: np.random.Generator) -> Wo
     rank = rank_of(number) or 0
     own = attempt < OWN_FAMILY
     family = _first_family(seed, rank) if own else str(rng.choice(sorted(catalogue.STRENGTHS)))
-    system = SYSTEMS[str(rng.choice(systems_of(family)))]
-    positions_only = rng.random() < POSITIONS_ONLY and bool(places_of(family, system, "differentiated"))
+    # The same in every attempt, or what lets attempts succeed would come more often.
+    turn = np.random.default_rng([seed, number, ROUGH_FROM]) if own else rng
+    system = SYSTEMS[str(turn.choice(systems_of(family)))]
+    positions_only = turn.random() < POSITIONS_ONLY and bool(places_of(family, system, "differentiated"))
     velocities: Literal["measured", "differentiated"] | None = None
     if not system.vehicle:
         velocities = "differentiated" if positions_only else "measured"
