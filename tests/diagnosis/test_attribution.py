@@ -1,0 +1,133 @@
+"""What an account is worth: on rollouts it did not learn from, beyond noise, effect by effect, half by half."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, supported
+from gpsim.diagnosis.attribution.rollout_windows import rollout_windows
+from gpsim.diagnosis.attribution.support import holds_in_halves
+from gpsim.diagnosis.fitting import Hypothesis, fit
+from gpsim.effects import Gate
+from gpsim.recordings import HeldOut
+
+from . import laws
+from .worlds import World
+
+BRAKED = World("slider", forces={0: lambda q, v, t: -1.2 * v - 0.6 * q})
+LAWS = ("viscous_friction", "q"), ("spring", "q")
+
+
+@pytest.fixture(scope="module")
+def braked():
+    return laws.explained_by(BRAKED, *LAWS)
+
+
+def null_of(question, scheme="fine"):
+    problem = question.everything
+    return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0])
+
+
+def test_the_right_laws_explain_it_all_and_what_they_are_of_it_adds_up(braked):
+    question, leader = braked
+    found = attribute(question, leader, null_of(question))
+    assert found.explained.judged_on == "held-out rollouts"
+    assert found.share.share > 0.99
+    assert found.share.low > 0.98
+    assert sum(part.share for part in found.importance) == pytest.approx(found.share.share)
+    assert found.roles == ("headline", "headline")
+    assert all(0.01 < part.low <= part.share <= part.high for part in found.needed)
+    assert set(found.explained.channels) == {"q", "q_dot"}
+
+
+def test_what_is_left_of_the_right_laws_is_what_noise_makes(braked):
+    question, leader = braked
+    found = attribute(question, leader, null_of(question))
+    left, floor = found.squares.sum(axis=0), found.judge.mismatch.floor.sum(axis=0)
+    assert left == pytest.approx(floor, rel=0.25)
+
+
+def test_a_law_that_is_not_there_is_slight():
+    question, leader = laws.explained_by(BRAKED, *LAWS, ("quadratic_drag", "q"))
+    found = attribute(question, leader, null_of(question))
+    assert found.roles == ("headline", "headline", "slight")
+    assert abs(found.needed[2].share) < 0.003
+
+
+def test_laws_that_explain_the_same_share_it_and_neither_is_needed_alone():
+    question, leader = laws.explained_by(
+        World("slider", forces={0: lambda q, v, t: 1.5 + 0.0 * v}),
+        ("constant_force", "q"),
+        ("actuator_bias", "force"),
+    )
+    found = attribute(question, leader, null_of(question))
+    assert found.share.share > 0.99
+    assert all(part.share == pytest.approx(0.0, abs=0.01) for part in found.needed)
+
+
+def test_with_few_blocks_held_out_all_of_it_is_judged_in_turn(braked):
+    question, leader = braked
+    few = replace(question, recording=replace(question.recording, held_out=HeldOut(share=0.02)))
+    places = rollout_windows(few)
+    assert places.judged_on == "cross-fitted rollouts"
+    assert set(places.fold) == set(range(5))
+    assert all(
+        len(set(places.fold[places.block == b])) == 1 for b in range(places.blocks)
+    )  # no block is torn
+    found = attribute(few, leader, null_of(few))
+    assert found.explained.judged_on == "cross-fitted rollouts"
+    assert found.share.share > 0.99
+    values = {h.theta[0] for h in found.judge.leaders}
+    assert len(values) == 5  # each part's own
+
+
+def test_nothing_counts_where_nothing_is_missing():
+    question, _ = laws.explained_by(World("slider"), ("viscous_friction", "q"))
+    null = null_of(question)
+    found = attribute(question, null, null)
+    assert not found.explained.counts
+    assert found.share.share == 0.0
+
+
+def test_a_share_of_another_recording_needs_no_fit(braked):
+    question, leader = braked
+    frozen = replace(leader, hypothesis=leader.hypothesis.frozen())
+    found = explained_by(question, frozen, null_of(question))
+    assert found.rollout.share > 0.99
+
+
+REGION = Gate(region={"q": (-0.4, 0.1)})
+
+
+def pushed(force, **how):
+    """The right laws, and a constant force in a region, fitted to a world with that force on top."""
+
+    def whole(q, v, t):
+        return -1.2 * v - 0.6 * q + np.where((q > -0.4) & (q < 0.1), force(t), 0.0)
+
+    world, every = World("slider", forces={0: whole}), (*LAWS, ("constant_force", "q"))
+    return laws.explained_by(world, *every, gates=(None, None, REGION), **how)
+
+
+def halves(question, leader):
+    without = fits_without(question.everything, leader, null_of(question))
+    return holds_in_halves(question.everything, leader, without[2], 2)
+
+
+def test_a_term_behind_a_gate_that_mends_nothing_goes():
+    question, leader = pushed(lambda t: 0.0 * t)
+    left = supported(question, leader, null_of(question))
+    assert left.hypothesis.claims == {*LAWS}
+
+
+def test_a_push_in_a_region_holds_in_both_halves():
+    question, leader = pushed(lambda t: 0.8)
+    assert halves(question, leader)
+    assert supported(question, leader, null_of(question)) is leader
+
+
+def test_a_push_of_one_half_alone_does_not_hold():
+    """It mends what a nuisance did in the first half of the recording."""
+    question, leader = pushed(lambda t: np.where(t < 25.0, 0.4, 0.0), session=True)
+    assert not halves(question, leader)
