@@ -51,7 +51,9 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
-        effects=_weighed(_effects(question, judgement, leader, judgement.probabilities[0]), answer),
+        effects=_weighed(
+            _effects(question, judgement, leader, judgement.probabilities[0], answer.laws.moved), answer
+        ),
         alternatives=tuple(
             Alternative(_effects(question, judgement, rival, p), p)
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
@@ -129,12 +131,16 @@ def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
 
 
 def _effects(
-    question: Question, judgement: Judgement, found: Fit, probability: float
+    question: Question,
+    judgement: Judgement,
+    found: Fit,
+    probability: float,
+    moved: FloatArray | None = None,
 ) -> tuple[NamedEffect, ...]:
     problem = question.everything
     if not found.hypothesis.terms:
         return ()
-    bounds, lesser = intervals(problem, found), fits_without(problem, found, judgement.null)
+    bounds, lesser = intervals(problem, found, moved=moved), fits_without(problem, found, judgement.null)
     out, at = [], 0
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)

@@ -1,8 +1,11 @@
 """Intervals: how well the data know each parameter.
 
-Windows are the blocks: the covariance is the larger of the Gauss-Newton one and the sandwich of the windows' gradients
-(White 1982), so that correlated or heavy-tailed residuals widen it; what halving the substep moves is added; and where
-the likelihood is flat around the estimate (a dead zone between two command levels) a profile walks to its edges.
+Windows are the blocks, and so are longer runs of neighbouring ones: the covariance is the largest of the Gauss-Newton
+one and the sandwiches of their gradients (White 1982; over runs as Newey and West 1987), so that correlated or
+heavy-tailed residuals widen it, and what drifts slowly does; what halving the substep moves is added, and what the
+estimate moves when a curve of what is missing stands beside it: a law that is not exact is off by more than its
+scatter. Where the likelihood is flat around the estimate (a dead zone between two command levels) a profile walks to
+its edges.
 """
 
 from __future__ import annotations
@@ -20,8 +23,13 @@ from gpsim.diagnosis.fitting import fit as shoot
 LEAST_INFORMATION = 1e-100  # guards a division: what the windows know of a parameter that moves nothing
 
 
-def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatArray:
-    """(P, 2): the interval of each parameter that holds it with a probability `level`, the usual one without it."""
+def intervals(
+    problem: Problem, fit: Fit, level: float | None = None, moved: FloatArray | None = None
+) -> FloatArray:
+    """(P, 2): the interval of each parameter that holds it with a probability `level`, the usual one without it.
+
+    moved: (P,) how far each moves where what is missing is modelled beside it; None: nothing is.
+    """
     level = level or problem.run.settings.intervals.level
     theta = fit.hypothesis.theta
     if not theta.size:
@@ -31,6 +39,7 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
     shift = _numerical_shift(problem, fit, around)
     freedom = max(len(problem.windows) - len(theta), 2)
     half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
+    half += 0.0 if moved is None else np.abs(moved)
     low, high = theta - half, theta + half
     jumping = [(j, p.step) for j, p in enumerate(fit.hypothesis.parameters) if p.step is not None]
     calls = [(problem, fit, j, side * step, level) for j, step in jumping for side in (-1.0, 1.0)]
@@ -44,13 +53,25 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
 def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
     inverse = _inverse(around.information, problem.run.settings.intervals.undetermined)
-    count, size = around.gradients.shape
-    centred = around.gradients - around.gradients.mean(axis=0)
-    scatter = centred.T @ centred * count / max(count - size, 1)
-    sandwich = inverse @ scatter @ inverse
-    model = inverse * _correlated(problem, fit)
-    ratio = np.sqrt(np.maximum(np.diag(sandwich) / np.maximum(np.diag(model), 1e-300), 1.0))
-    return np.asarray(model * np.outer(ratio, ratio))
+    model, ratio = inverse * _correlated(problem, fit), np.ones(len(inverse))
+    for gradients in (around.gradients, _by_runs(problem, around.gradients)):
+        sandwich = inverse @ _scatter(gradients) @ inverse
+        ratio = np.maximum(ratio, np.diag(sandwich) / np.maximum(np.diag(model), 1e-300))
+    return np.asarray(model * np.sqrt(np.outer(ratio, ratio)))
+
+
+def _scatter(gradients: FloatArray) -> FloatArray:
+    """(P, P) of a sum of independent gradients (B, P) that vanishes."""
+    count, size = gradients.shape
+    centred = gradients - gradients.mean(axis=0)
+    return np.asarray(centred.T @ centred * count / max(count - size, 1))
+
+
+def _by_runs(problem: Problem, gradients: FloatArray) -> FloatArray:
+    """(B, P) sums of the windows' gradients (W, P) over runs of neighbours in the order of episodes and time."""
+    order = np.lexsort((problem.windows.t[:, 0], problem.windows.episode))
+    runs = min(problem.run.settings.intervals.runs, len(gradients))
+    return np.array([part.sum(axis=0) for part in np.array_split(gradients[order], runs)])
 
 
 def informed(problem: Problem, fit: Fit) -> FloatArray:

@@ -162,6 +162,9 @@ class IntervalSettings:
     undetermined: float = setting(
         1e-13, "1", "of the largest eigenvalue: the windows know as much at least of any direction"
     )
+    runs: int = setting(
+        20, "1", "runs of neighbouring windows whose gradients scatter, too: what drifts shows there", least=2
+    )
     first_pace: float = setting(
         0.0625, "1", "of a jumping parameter's own step: how far the profile's first place lies"
     )
