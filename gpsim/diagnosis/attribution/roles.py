@@ -11,15 +11,20 @@ from gpsim.diagnosis.settings import AttributionSettings
 
 
 def role_of(
-    importance: Share, needed: Share, explained: Share | None, decided: int, settings: AttributionSettings
+    importance: Share, needed: Share, left: float, decided: int, blocks: int, settings: AttributionSettings
 ) -> Role:
-    """A headline is important and needed, or needed wherever it decides. decided: in how many blocks it does."""
-    left = 1.0 - (explained.share if explained else 0.0)
-    least = min(settings.needed, settings.needed_of_left * left)
+    """A headline is important and needed, or needed in the few blocks in which it decides.
+
+    left: share of the mismatch that the account leaves. What matters less than that may stand in for some of it: real
+    physics that nobody names is mended by the next best law. decided: in how many of so many blocks it decides.
+    """
     surely = needed.share if needed.low is None else needed.low
-    if surely <= 0.0 or needed.share < least:
+    if surely <= 0.0:
         return "slight"
-    return "headline" if importance.share >= settings.headline or decided >= settings.seldom else "slight"
+    least = min(settings.needed, settings.needed_of_left * left)
+    if importance.share >= settings.headline and needed.share >= least:
+        return "headline"
+    return "headline" if settings.seldom <= decided <= settings.few * blocks else "slight"
 
 
 def deciding(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> int:

@@ -45,9 +45,17 @@ class AttributionSettings:
     headline: float = setting(
         0.05, "1", "share of the mismatch that a headline effect accounts for at the least"
     )
-    needed: float = setting(0.003, "1", "share that goes when it goes, at the least")
+    needed: float = setting(
+        0.05,
+        "1",
+        "share that goes when it goes, at the least",
+        "twenty rough worlds of a tuning seed: true effects were needed by more, stand-ins for nuisances by less",
+    )
     needed_of_left: float = setting(
-        0.1, "1", "or of what the account leaves, if that is less: with clean sensors little is left"
+        2.0,
+        "1",
+        "or times what the account leaves, if that is less: with clean sensors little is left",
+        "the same worlds, and a public benchmark whose friction is needed by 20 times what is left",
     )
     seldom: int = setting(
         5,
@@ -55,6 +63,7 @@ class AttributionSettings:
         "in which an effect decides that is seldom asked, a limit say, and a headline for that",
         least=1,
     )
+    few: float = setting(0.5, "1", "of all blocks at most, that are few")
     decides: float = setting(
         4.0,
         "1",
@@ -65,7 +74,7 @@ class AttributionSettings:
     )
 
     def __post_init__(self) -> None:
-        check(self, shares=("low", "high", "short_part", "headline", "needed", "needed_of_left"))
+        check(self, shares=("low", "high", "short_part", "headline", "needed", "few"))
 
 
 @dataclass(frozen=True)
