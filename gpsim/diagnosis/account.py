@@ -51,9 +51,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
-        effects=_weighed(
-            _effects(question, judgement, leader, judgement.probabilities[0], answer.laws.moved), answer
-        ),
+        effects=_weighed(_effects(question, judgement, leader, judgement.probabilities[0]), answer),
         alternatives=tuple(
             Alternative(_effects(question, judgement, rival, p), p)
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
@@ -135,12 +133,11 @@ def _effects(
     judgement: Judgement,
     found: Fit,
     probability: float,
-    moved: FloatArray | None = None,
 ) -> tuple[NamedEffect, ...]:
     problem = question.everything
     if not found.hypothesis.terms:
         return ()
-    bounds, lesser = intervals(problem, found, moved=moved), fits_without(problem, found, judgement.null)
+    bounds, lesser = intervals(problem, found), fits_without(problem, found, judgement.null)
     out, at = [], 0
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)

@@ -2,10 +2,8 @@
 
 Windows are the blocks, and so are longer runs of neighbouring ones: the covariance is the largest of the Gauss-Newton
 one and the sandwiches of their gradients (White 1982; over runs as Newey and West 1987), so that correlated or
-heavy-tailed residuals widen it, and what drifts slowly does; what halving the substep moves is added, and what the
-estimate moves when a curve of what is missing stands beside it: a law that is not exact is off by more than its
-scatter. Where the likelihood is flat around the estimate (a dead zone between two command levels) a profile walks to
-its edges.
+heavy-tailed residuals widen it, and what drifts slowly does; what halving the substep moves is added; and where the
+likelihood is flat around the estimate (a dead zone between two command levels) a profile walks to its edges.
 """
 
 from __future__ import annotations
@@ -23,13 +21,8 @@ from gpsim.diagnosis.fitting import fit as shoot
 LEAST_INFORMATION = 1e-100  # guards a division: what the windows know of a parameter that moves nothing
 
 
-def intervals(
-    problem: Problem, fit: Fit, level: float | None = None, moved: FloatArray | None = None
-) -> FloatArray:
-    """(P, 2): the interval of each parameter that holds it with a probability `level`, the usual one without it.
-
-    moved: (P,) how far each moves where what is missing is modelled beside it; None: nothing is.
-    """
+def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatArray:
+    """(P, 2): the interval of each parameter that holds it with a probability `level`, the usual one without it."""
     level = level or problem.run.settings.intervals.level
     theta = fit.hypothesis.theta
     if not theta.size:
@@ -39,7 +32,6 @@ def intervals(
     shift = _numerical_shift(problem, fit, around)
     freedom = max(len(problem.windows) - len(theta), 2)
     half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
-    half += 0.0 if moved is None else np.abs(moved)
     low, high = theta - half, theta + half
     jumping = [(j, p.step) for j, p in enumerate(fit.hypothesis.parameters) if p.step is not None]
     calls = [(problem, fit, j, side * step, level) for j, step in jumping for side in (-1.0, 1.0)]

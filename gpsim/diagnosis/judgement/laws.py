@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution import Attribution
-from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.report import Curve, Form, Share
@@ -19,14 +15,12 @@ from gpsim.diagnosis.setup import Question
 class Laws:
     """forms: whether each of the leader's laws holds, those of slight effects untested; curves: drawn beside them.
 
-    missing: what nothing that is named accounts for, as a curve, where that has a shape; moved: (P,) how far the
-    leader's parameters move beside it.
+    missing: what nothing that is named accounts for, as a curve, where that has a shape.
     """
 
     forms: tuple[Form, ...] = ()
     curves: tuple[Curve, ...] = ()
     missing: Curve | None = None
-    moved: FloatArray | None = None
 
 
 def laws_of(question: Question, judgement: Judgement, attribution: Attribution) -> Laws:
@@ -52,14 +46,7 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     every = tuple(found.get(i, "untested") for i in range(len(leader.hypothesis.terms)))
     shown = tuple(replace(c.curve, gain=gains[id(c)]) for c in curves if c is not None)
     beside = None if missing is None else replace(missing.curve, gain=gains[id(missing)])
-    moved = None if missing is None else _moved(leader.hypothesis, missing.hypothesis)
-    return Laws(_patched(question, judgement, groups, every), shown, beside, moved)
-
-
-def _moved(leader: Hypothesis, beside: Hypothesis) -> FloatArray:
-    """(P,) by how much the leader's parameters differ in a hypothesis that begins with its terms."""
-    pairs = zip(leader.terms, leader.declared, beside.terms, strict=False)
-    return np.array([other.values[p.name] - term.values[p.name] for term, own, other in pairs for p in own])
+    return Laws(_patched(question, judgement, groups, every), shown, beside)
 
 
 def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> list[Share]:
