@@ -49,7 +49,8 @@ def share_text(share: Share) -> str:
     text = f"{percent(share.share)} %"
     if share.low is None or share.high is None:
         return text
-    return f"{text} ({percent(share.low)} to {percent(share.high)})"
+    ends = {percent(share.low), percent(share.high)}
+    return text if ends == {percent(share.share)} else f"{text} ({percent(share.low)} to {percent(share.high)})"
 
 
 def odds_text(odds: Odds | None) -> str:
