@@ -50,7 +50,9 @@ def share_text(share: Share) -> str:
     if share.low is None or share.high is None:
         return text
     ends = {percent(share.low), percent(share.high)}
-    return text if ends == {percent(share.share)} else f"{text} ({percent(share.low)} to {percent(share.high)})"
+    return (
+        text if ends == {percent(share.share)} else f"{text} ({percent(share.low)} to {percent(share.high)})"
+    )
 
 
 def odds_text(odds: Odds | None) -> str:

@@ -11,13 +11,9 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
    to the noise either. Refused: a moment that went wrong is no law, but a law that shows once leaves nothing of it.
 4. `good share`: removed > good_share * left and > least_part * mismatch in some channel. Accepted.
 5. `slight share`: removed > slight_share * left and > least_part * mismatch, gain > beyond_doubt (or > better_law for a
-   richer law in a simpler one's place), and what the richer one leaves is white. Accepted.
-6. `seldom asked`: a richer law in a simpler one's place, removed > good_share * left and > seldom_part * mismatch, gain
-   > beyond_all_doubt, and the rest is white. Accepted: a limit that is seldom reached.
-7. `most of it`: a richer law in a simpler one's place, removed > most_of_it * left, gain > no_last_digits, and the rest
-   is white. Accepted, however small a part of the mismatch it is.
-8. `structure left`: rules 5, 6 or 7 but for the white rest. Refused, but on trial: another term may yet bring that.
-9. `too small a share`: all others. Refused.
+   richer law in a simpler one's place). Accepted if what the richer one leaves is white; else refused, but on trial:
+   another term may yet bring that.
+6. `too small a share`: all others. Refused.
 
 Before all of them, `required`: what lacks an effect that the user requires loses to what has it.
 
@@ -55,9 +51,6 @@ class Rule(StrEnum):
     ONE_WINDOW = "one window"
     GOOD_SHARE = "good share"
     SLIGHT_SHARE = "slight share"
-    SELDOM_ASKED = "seldom asked"
-    MOST_OF_IT = "most of it"
-    STRUCTURE_LEFT = "structure left"
     TOO_SMALL_A_SHARE = "too small a share"
     REQUIRED = "required"
 
@@ -82,8 +75,6 @@ def accepts(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     found = weigh(problem, richer, poorer)
     if found.on_trial and whiteness(problem, richer)[0] > problem.run.settings.acceptance.structured:
         found = replace(found, ok=True, on_trial=False)
-    elif found.on_trial:
-        found = replace(found, rule=Rule.STRUCTURE_LEFT)
     problem.run.trace.note(
         richer.hypothesis.names,
         poorer.hypothesis.names,
@@ -108,7 +99,7 @@ def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 
 
 def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
-    """`accepts` before anybody looks at what is left: rules 5 to 7 are on trial."""
+    """`accepts` before anybody looks at what is left: rule 5 is on trial."""
     thresholds = problem.run.settings.acceptance
     poorer = on_its_grid(problem, poorer, richer)
     nats = gain(problem, richer, poorer)
@@ -126,8 +117,7 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     if _in_one_window(problem, richer, poorer):
         return Acceptance(False, Rule.ONE_WINDOW, nats, share)
     rule = _rule(problem, thresholds, removed, nats, richer, poorer)
-    firm = rule is Rule.GOOD_SHARE
-    return Acceptance(firm, rule, nats, share, on_trial=not firm and rule is not Rule.TOO_SMALL_A_SHARE)
+    return Acceptance(rule is Rule.GOOD_SHARE, rule, nats, share, on_trial=rule is Rule.SLIGHT_SHARE)
 
 
 def _rule(
@@ -138,26 +128,17 @@ def _rule(
     richer: Fit,
     poorer: Fit,
 ) -> Rule:
-    """The first of rules 4 to 7 and 9 that holds; of what is left nothing is known yet."""
+    """The first of rules 4 to 6 that holds; of what is left nothing is known yet."""
 
     def removes(share: float, part: float) -> bool:
         worth = (removed > part * problem.mismatch) & problem.observed
         return bool((worth & (removed > share * poorer.variance)).any())
 
-    better = _better_law(richer, poorer)
     if removes(thresholds.good_share, thresholds.least_part):
         return Rule.GOOD_SHARE
-    doubt = thresholds.better_law if better else thresholds.beyond_doubt
+    doubt = thresholds.better_law if _better_law(richer, poorer) else thresholds.beyond_doubt
     if nats > doubt and removes(thresholds.slight_share, thresholds.least_part):
         return Rule.SLIGHT_SHARE
-    if (
-        better
-        and nats > thresholds.beyond_all_doubt
-        and removes(thresholds.good_share, thresholds.seldom_part)
-    ):
-        return Rule.SELDOM_ASKED
-    if better and nats > thresholds.no_last_digits and removes(thresholds.most_of_it, 0.0):
-        return Rule.MOST_OF_IT
     return Rule.TOO_SMALL_A_SHARE
 
 
