@@ -81,9 +81,9 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
         mismatch.share(values) for values in importances(judge, leader.hypothesis, all_of_it, overall)
     )
     needed = tuple(mismatch.share(values) for values in lost)
-    settings, left = problem.run.settings.attribution, float(1.0 - overall[0])
+    settings, left = problem.run.settings.attribution, 1.0 - float(overall[0])
     roles = tuple(
-        role_of(part, need, left, deciding(mismatch, whole, less), len(whole), settings)
+        role_of(part, need, left, deciding(mismatch, whole, less), settings)
         for part, need, less in zip(importance, needed, without, strict=True)
     )
     return Attribution(explained, importance, needed, roles, judge, noise, squares)

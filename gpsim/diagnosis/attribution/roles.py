@@ -11,20 +11,24 @@ from gpsim.diagnosis.settings import AttributionSettings
 
 
 def role_of(
-    importance: Share, needed: Share, left: float, decided: int, blocks: int, settings: AttributionSettings
+    importance: Share, needed: Share, left: float, decided: int, settings: AttributionSettings
 ) -> Role:
-    """A headline is important and needed, or needed in the few blocks in which it decides.
+    """A headline is important and needed, or needed and decides in some blocks, however little that is of the whole.
 
     left: share of the mismatch that the account leaves. What matters less than that may stand in for some of it: real
-    physics that nobody names is mended by the next best law. decided: in how many of so many blocks it decides.
+    physics that nobody names is mended by the next best law. decided: in how many blocks it decides.
     """
     surely = needed.share if needed.low is None else needed.low
-    if surely <= 0.0:
+    if surely <= 0.0 or not matters(needed, left, settings):
         return "slight"
-    least = min(settings.needed, settings.needed_of_left * left)
-    if importance.share >= settings.headline and needed.share >= least:
-        return "headline"
-    return "headline" if settings.seldom <= decided <= settings.few * blocks else "slight"
+    beyond_what_is_left = needed.share >= settings.needed_of_left * left
+    decides = decided >= settings.seldom and beyond_what_is_left
+    return "headline" if decides or importance.share >= settings.headline else "slight"
+
+
+def matters(needed: Share, left: float, settings: AttributionSettings) -> bool:
+    """Whether an effect is needed by a good part of the mismatch, or by more than what is left of it."""
+    return needed.share >= min(settings.needed, settings.needed_of_left * left)
 
 
 def deciding(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> int:
