@@ -85,7 +85,7 @@ def diagnose(
     step("judge", 90, "looking for rivals, and for what is left")
     judgement = judge(question, contenders, found)
     step("support", 91, "asking each half of the recording")
-    leader = supported(question, judgement.leader, judgement.null)
+    leader = supported(question, judgement.leader, judgement.null, judgement.structured)
     if leader is not judgement.leader:
         judgement = judge(question, replace(contenders, leader=leader), found, settled=True)
     step("attribute", 92, "how much of the mismatch each effect is")

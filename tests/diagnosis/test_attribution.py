@@ -117,14 +117,14 @@ def halves(question, leader):
 
 def test_a_term_behind_a_gate_that_mends_nothing_goes():
     question, leader = pushed(lambda t: 0.0 * t)
-    left = supported(question, leader, null_of(question))
+    left = supported(question, leader, null_of(question), structured=False)
     assert left.hypothesis.claims == {*LAWS}
 
 
 def test_a_push_in_a_region_holds_in_both_halves():
     question, leader = pushed(lambda t: 0.8)
     assert halves(question, leader)
-    assert supported(question, leader, null_of(question)) is leader
+    assert supported(question, leader, null_of(question), structured=False) is leader
 
 
 def test_a_push_of_one_half_alone_does_not_hold():

@@ -48,7 +48,8 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     assert contenders.leader.hypothesis.claims == {("viscous_friction", "q")}
     before = contenders.leader.hypothesis.claims
     judgement = judge(question, contenders, found)
-    assert supported(question, judgement.leader, judgement.null) is judgement.leader
+    lean = supported(question, judgement.leader, judgement.null, judgement.structured)
+    assert lean is judgement.leader
     attribution = attribute(question, judgement.leader, judgement.null)
     assert attribution.share.share > 0.9
     assert attribution.roles == ("headline",)

@@ -14,20 +14,35 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
 from gpsim.diagnosis.attribution.less import fits_without
+from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
+from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Question
 
 TINY = 1e-300  # guards a division by what windows do not know
 
 
-def supported(question: Question, leader: Fit, null: Fit) -> Fit:
-    """The leader without terms that do harm, and without slight or gated ones that a part of the recording supports."""
-    problem = question.everything
+def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> Fit:
+    """The leader without terms that do harm, or that a part of the recording alone supports.
+
+    structured: whether the leader leaves something that chance would not; then a region or an onset is easily found that
+    mends some of it.
+    """
+    problem, settings = question.everything, question.run.settings
     while leader.hypothesis.terms:
         found = attribute(question, leader, null)
-        harm = found.worst_harm(question.run.settings.support.harms)
+        harm = found.worst_harm(settings.support.harms)
         if harm is not None:
             leader = _without(problem, leader, null, harm, "held-out rollouts are better without it")
+            continue
+        mends = [
+            i
+            for i in range(len(leader.hypothesis.terms))
+            if structured and _mends(leader, found, i, settings)
+        ]
+        if mends:
+            least = min(mends, key=lambda i: found.needed[i].share)
+            leader = _without(problem, leader, null, least, "behind a gate it mends what is left")
             continue
         doubtful = [i for i in range(len(leader.hypothesis.terms)) if _doubtful(leader.hypothesis, found, i)]
         without = fits_without(problem, leader, null)
@@ -49,6 +64,13 @@ def _without(problem: Problem, leader: Fit, null: Fit, index: int, why: str) -> 
     less = fits_without(problem, leader, null)[index]
     problem.run.trace.note(leader.hypothesis.names, less.hypothesis.names, False, why)
     return less
+
+
+def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> bool:
+    """Whether a term behind a gate matters no more than what the account leaves."""
+    gated = bool(leader.hypothesis.terms[index].gate)
+    left = 1.0 - found.share.share
+    return gated and not matters(found.needed[index], left, settings.attribution)
 
 
 def _doubtful(hypothesis: Hypothesis, found: Attribution, index: int) -> bool:

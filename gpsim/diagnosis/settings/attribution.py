@@ -60,10 +60,9 @@ class AttributionSettings:
     seldom: int = setting(
         5,
         "blocks",
-        "in which an effect decides that is seldom asked, a limit say, and a headline for that",
+        "in which an effect decides that is a headline for that: a limit that is seldom reached, say",
         least=1,
     )
-    few: float = setting(0.5, "1", "of all blocks at most, that are few")
     decides: float = setting(
         4.0,
         "1",
@@ -74,7 +73,7 @@ class AttributionSettings:
     )
 
     def __post_init__(self) -> None:
-        check(self, shares=("low", "high", "short_part", "headline", "needed", "few"))
+        check(self, shares=("low", "high", "short_part", "headline", "needed"))
 
 
 @dataclass(frozen=True)
