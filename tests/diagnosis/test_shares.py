@@ -101,21 +101,21 @@ def test_effects_that_explain_the_same_share_it():
             "slight",
         ),  # it may stand in for what is left
         (Share(0.40, 0.3, 0.5), Share(0.003, 0.002, 0.004), 0.0002, 0, "headline"),  # nothing is left
-        (Share(0.019, 0.01, 0.03), Share(0.010, 0.005, 0.02), 0.03, 4, "slight"),
+        (Share(0.019, 0.01, 0.03), Share(0.010, 0.005, 0.02), 0.003, 4, "slight"),
         (
             Share(0.019, 0.01, 0.03),
             Share(0.010, 0.005, 0.02),
-            0.03,
+            0.003,
             5,
             "headline",
-        ),  # a limit that is seldom reached
-        (Share(0.019, 0.01, 0.03), Share(0.010, 0.005, 0.02), 0.03, 15, "slight"),  # not so seldom
+        ),  # a limit that is seldom met
+        (Share(0.019, 0.01, 0.03), Share(0.060, 0.005, 0.07), 0.040, 15, "slight"),  # as much is left
         (Share(0.40, 0.3, 0.5), Share(0.0200, -0.001, 0.05), 0.001, 9, "slight"),  # perhaps not at all
         (Share(0.40), Share(0.06), 0.10, 0, "headline"),  # too few blocks for an interval
     ],
 )
 def test_a_headline_is_important_and_needed(importance, needed, left, decided, role):
-    assert role_of(importance, needed, left, decided, 20, SETTINGS) == role
+    assert role_of(importance, needed, left, decided, SETTINGS) == role
 
 
 def test_an_effect_decides_where_far_more_is_left_without_it_than_with_it_and_than_noise():

@@ -25,8 +25,8 @@ TINY = 1e-300  # guards a division by what windows do not know
 def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> Fit:
     """The leader without terms that do harm, or that a part of the recording alone supports.
 
-    structured: whether the leader leaves something that chance would not; then a region or an onset is easily found that
-    mends some of it.
+    structured: whether the leader leaves something that chance would not; then a region or an onset is easily found
+    that mends some of it.
     """
     problem, settings = question.everything, question.run.settings
     while leader.hypothesis.terms:
