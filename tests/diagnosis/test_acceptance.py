@@ -73,6 +73,11 @@ def weighed(monkeypatch, removed, nats, *, white=0.5, better=False, one_window=F
         ({"removed": 0.01, "nats": 11.0, "white": 1e-3}, Rule.SLIGHT_SHARE, False, True),
         ({"removed": 0.01, "nats": 6.0, "better": True}, Rule.SLIGHT_SHARE, True, False),
         ({"removed": 0.03, "nats": 51.0, "mismatch": 1e3}, Rule.TOO_SMALL_A_SHARE, False, False),
+        ({"removed": 0.03, "nats": 51.0, "better": True, "mismatch": 1e3}, Rule.BETTER_LAW, True, False),
+        ({"removed": 0.03, "nats": 51.0, "better": True, "mismatch": 1e3, "white": 0.0}, Rule.BETTER_LAW, False, True),
+        ({"removed": 0.03, "nats": 49.0, "better": True, "mismatch": 1e3}, Rule.TOO_SMALL_A_SHARE, False, False),
+        ({"removed": 0.6, "nats": 201.0, "better": True, "mismatch": 1e9}, Rule.BETTER_LAW, True, False),
+        ({"removed": 0.4, "nats": 201.0, "better": True, "mismatch": 1e9}, Rule.TOO_SMALL_A_SHARE, False, False),
         ({"removed": 0.001, "nats": 500.0}, Rule.TOO_SMALL_A_SHARE, False, False),
     ],
 )  # fmt: skip

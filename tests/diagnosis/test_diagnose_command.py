@@ -114,6 +114,8 @@ def test_the_files_keep_the_contract(diagnosed):
     assert errors["after"] < errors["before"]
     assert errors["after"] < 1.3 * errors["noise_floor"]
     assert {p.name for p in (out / "figures").iterdir()} == {
+        "curve_1.png",
+        "decomposition.png",
         "held_out_rollout.png",
         "residual_inputs.png",
         "residual_time.png",

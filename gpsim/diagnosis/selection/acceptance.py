@@ -13,7 +13,12 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
 5. `slight share`: removed > slight_share * left and > least_part * mismatch, gain > beyond_doubt (or > better_law for a
    richer law in a simpler one's place). Accepted if what the richer one leaves is white; else refused, but on trial:
    another term may yet bring that.
-6. `too small a share`: all others. Refused.
+6. `better law`: a richer law in a simpler one's place, where part of it is seldom asked for: removed > good_share *
+   left and > seldom_part * mismatch, gain > beyond_all_doubt; or removed > most_of_it * left, however small a part of
+   the mismatch, gain > no_last_digits. Accepted or on trial as by rule 5.
+
+All others are refused: `too small a share`. The worlds that show what each rule protects against are in
+docs/method/acceptance.md.
 
 Before all of them, `required`: what lacks an effect that the user requires loses to what has it.
 
@@ -51,6 +56,7 @@ class Rule(StrEnum):
     ONE_WINDOW = "one window"
     GOOD_SHARE = "good share"
     SLIGHT_SHARE = "slight share"
+    BETTER_LAW = "better law"
     TOO_SMALL_A_SHARE = "too small a share"
     REQUIRED = "required"
 
@@ -99,7 +105,7 @@ def may_pay(problem: Problem, richer: Fit, poorer: Fit) -> bool:
 
 
 def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
-    """`accepts` before anybody looks at what is left: rule 5 is on trial."""
+    """`accepts` before anybody looks at what is left: rules 5 and 6 are on trial."""
     thresholds = problem.run.settings.acceptance
     poorer = on_its_grid(problem, poorer, richer)
     nats = gain(problem, richer, poorer)
@@ -117,7 +123,9 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
     if _in_one_window(problem, richer, poorer):
         return Acceptance(False, Rule.ONE_WINDOW, nats, share)
     rule = _rule(problem, thresholds, removed, nats, richer, poorer)
-    return Acceptance(rule is Rule.GOOD_SHARE, rule, nats, share, on_trial=rule is Rule.SLIGHT_SHARE)
+    return Acceptance(
+        rule is Rule.GOOD_SHARE, rule, nats, share, on_trial=rule in (Rule.SLIGHT_SHARE, Rule.BETTER_LAW)
+    )
 
 
 def _rule(
@@ -128,7 +136,7 @@ def _rule(
     richer: Fit,
     poorer: Fit,
 ) -> Rule:
-    """The first of rules 4 to 6 that holds; of what is left nothing is known yet."""
+    """The first of rules 4 to 6 that holds, else `too small a share`; of what is left nothing is known yet."""
 
     def removes(share: float, part: float) -> bool:
         worth = (removed > part * problem.mismatch) & problem.observed
@@ -136,9 +144,14 @@ def _rule(
 
     if removes(thresholds.good_share, thresholds.least_part):
         return Rule.GOOD_SHARE
-    doubt = thresholds.better_law if _better_law(richer, poorer) else thresholds.beyond_doubt
+    better = _better_law(richer, poorer)
+    doubt = thresholds.better_law if better else thresholds.beyond_doubt
     if nats > doubt and removes(thresholds.slight_share, thresholds.least_part):
         return Rule.SLIGHT_SHARE
+    seldom = nats > thresholds.beyond_all_doubt and removes(thresholds.good_share, thresholds.seldom_part)
+    most = nats > thresholds.no_last_digits and removes(thresholds.most_of_it, 0.0)
+    if better and (seldom or most):
+        return Rule.BETTER_LAW
     return Rule.TOO_SMALL_A_SHARE
 
 

@@ -12,7 +12,7 @@ EFFORT = "by hand, for a minute of one core at most; 2e8 rows take about twenty 
 
 @dataclass(frozen=True)
 class AcceptanceSettings:
-    """When one hypothesis is worth taking over another: the thresholds of `accepts`."""
+    """When one hypothesis is worth taking over another: the thresholds of its six rules."""
 
     per_term: float = setting(
         4.0,
@@ -39,6 +39,18 @@ class AcceptanceSettings:
         "of gain that are beyond doubt for a richer law in a simpler one's place",
         "it is not one of dozens, so less than `beyond_doubt` will do",
     )
+    seldom_part: float = setting(
+        1e-5,
+        "1",
+        "of the mismatch, that a richer law which acts seldom must remove beside a good share of the rest",
+    )
+    beyond_all_doubt: float = setting(50.0, "nats", "of gain for so small a part of the mismatch")
+    most_of_it: float = setting(
+        0.5,
+        "1",
+        "of the variance left over, that a richer law may remove instead: any part of the mismatch will do",
+    )
+    no_last_digits: float = setting(200.0, "nats", "of gain for that: the last digits of a law gain less")
     ordinary: float = setting(
         1.5,
         "1",
