@@ -17,7 +17,7 @@ from gpsim.diagnosis.attribution.noise import sensor_noise
 from gpsim.diagnosis.attribution.rollout_windows import RolloutWindows, rollout_windows
 from gpsim.diagnosis.attribution.shares import Mismatch, draws
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Extra, Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.fitting import Extra, Fit, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.setup import Question
 
@@ -95,11 +95,24 @@ class WindowJudge:
 def rollout_judge(
     question: Question, leader: Fit, null: Fit, rng: np.random.Generator
 ) -> tuple[RolloutJudge, FloatArray]:
-    """On held-out time, or all of it in turn, and the sensors' noise (S,). null: the base, integrated as the leader."""
-    problem, settings = question.everything, question.everything.run.settings.attribution
-    places = rollout_windows(question)
+    """On held-out time, or all of it in turn, and the sensors' noise (S,). null: the base, integrated as the leader.
+
+    Rollouts begin in measured states, unless some were not measured, or their noise makes too much of the errors.
+    """
+    settings, noise = question.run.settings.attribution, sensor_noise(question, leader)
+    if question.everything.observed.all():
+        found = _judge(question, leader, null, noise, rng, 0)
+        if _well_begun(found.mismatch, settings.begins):
+            return found, noise
+    return _judge(question, leader, null, noise, rng, settings.lead), noise
+
+
+def _judge(
+    question: Question, leader: Fit, null: Fit, noise: FloatArray, rng: np.random.Generator, lead: int
+) -> RolloutJudge:
+    problem, settings = question.everything, question.run.settings.attribution
+    places = rollout_windows(question, lead)
     windows = places.windows(question.recording)
-    noise = sensor_noise(question, leader)
     scale = np.maximum(windows.measured.reshape(-1, len(noise)).var(axis=0), problem.scale**2)
     worst = settings.worst * np.sqrt(scale)
     leaders = _learnt_without(problem, leader, places, windows)
@@ -107,7 +120,13 @@ def rollout_judge(
     before = _rolled(problem, windows, places, worst, [(null.hypothesis,)])[0]
     drawn = draws(len(before), settings.draws, rng)
     mismatch = Mismatch(before, floor, scale, problem.observed, settings.stands_out, drawn, settings)
-    return RolloutJudge(problem, windows, places, worst, mismatch, leaders), noise
+    return RolloutJudge(problem, windows, places, worst, mismatch, leaders)
+
+
+def _well_begun(mismatch: Mismatch, most: float) -> bool:
+    """Whether noise makes little of the errors of every channel in which the base is off."""
+    before, floor = mismatch.before.sum(axis=0), mismatch.floor.sum(axis=0)
+    return bool(mismatch.counts.any() and (floor <= most * before)[mismatch.counts].all())
 
 
 def window_judge(
@@ -186,7 +205,12 @@ def _counted(windows: Windows) -> BoolArray:
 def foretold(
     problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis, extra: Extra | None = None
 ) -> FloatArray:
-    """(W, L + 1, S) what the sensors would say, from where the first `lead` transitions say that each window began."""
+    """(W, L + 1, S) what the sensors would say, from where the first `lead` transitions say that each window began.
+
+    Without a lead from the states that were measured there.
+    """
+    if not lead:
+        return predicted(problem, windows, hypothesis, extra)
     part = replace(
         windows,
         measured=windows.measured[:, : lead + 1],

@@ -1,7 +1,8 @@
 """Rollouts to judge on: a horizon long, begun every few samples, in blocks that are drawn together.
 
-Before each lie a few samples from which every account says for itself where the rollout begins: a measured velocity may
-be mostly noise, a differentiated one is late, and some states nobody measures.
+They begin in measured states where these are good enough for that. Else before each lie a few samples from which every
+account says for itself where the rollout begins: a measured velocity may be mostly noise, a differentiated one is late,
+and some states nobody measures.
 
 Rollouts that begin a horizon apart are two to twenty in a real log, too few for any interval; those that overlap are
 not independent, and blocks of a horizon's length are what a bootstrap draws (Kuensch 1989).
@@ -52,23 +53,25 @@ class RolloutWindows:
         return at(recording, self.places, self.length)
 
 
-def rollout_windows(question: Question) -> RolloutWindows:
-    """Held-out ones; of the whole recording, in folds, where they make too few blocks."""
+def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
+    """Held-out ones; of the whole recording, in folds, where they make too few blocks.
+
+    lead: transitions before each, from which an account says where it begins; 0: in the measured state.
+    """
     settings, recording = question.everything.run.settings.attribution, question.recording
     held = first_held_out(recording)
     every = stretches(recording)
     out = [s for s in every if s[1] >= held[s[0]]]
-    found = _cut(question, out or every, settings)
+    found = _cut(question, out or every, lead)
     if out and found.blocks >= settings.fewest_blocks:
         return found
-    return _in_folds(_cut(question, every, settings), settings)
+    return _in_folds(_cut(question, every, lead), settings)
 
 
-def _cut(
-    question: Question, parts: Sequence[tuple[int, int, int]], settings: AttributionSettings
-) -> RolloutWindows:
+def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -> RolloutWindows:
     """Evenly spread rollouts in stretches (episode, first, last sample)."""
-    length, lead = _length(question, parts, settings)
+    settings = question.everything.run.settings.attribution
+    length, lead = _length(question, parts, lead)
     starts: list[tuple[int, int]] = []
     block: list[int] = []
     for episode, first, last in parts:
@@ -84,17 +87,15 @@ def _cut(
     )
 
 
-def _length(
-    question: Question, parts: Sequence[tuple[int, int, int]], settings: AttributionSettings
-) -> tuple[int, int]:
+def _length(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -> tuple[int, int]:
     """Transitions of a rollout with its lead, and of the lead: the horizon, or what most of the stretches allow."""
     every = question.everything.run.settings
     usual = max(round(every.rollouts.horizon / question.recording.dt), every.windows.length)
-    wanted = settings.lead + min(usual, every.rollouts.longest)
+    wanted, short = lead + min(usual, every.rollouts.longest), every.attribution.short_part
     spans = sorted(last - first for _, first, last in parts)
-    upper = spans[np.searchsorted(np.cumsum(spans), settings.short_part * sum(spans))] if spans else 0
+    upper = spans[np.searchsorted(np.cumsum(spans), short * sum(spans))] if spans else 0
     length = max(2, min(wanted, int(upper)))
-    return length, min(settings.lead, length // 2)
+    return length, min(lead, length // 2)
 
 
 def _in_folds(found: RolloutWindows, settings: AttributionSettings) -> RolloutWindows:

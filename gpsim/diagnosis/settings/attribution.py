@@ -34,8 +34,13 @@ class AttributionSettings:
     lead: int = setting(
         12, "transitions", "before a rollout, from which each account says where that begins", least=1
     )
+    begins: float = setting(
+        0.05,
+        "1",
+        "of the base's squares in any channel, that noise may make of rollouts that begin in measured states",
+    )
     worst: float = setting(
-        5.0, "standard deviations", "of a channel: an error that is larger counts as large as that"
+        20.0, "standard deviations", "of a channel: an error that is larger counts as large as that"
     )
     stands_out: float = setting(
         2.0,
