@@ -166,7 +166,7 @@ def test_single_steps_of_which_nobody_knows_the_past_are_no_evidence(terms):
     simulator = make_simulator("slider")
     question = prepare(recording, simulator, simulator.defaults(recording.parameters))
     base, after = Hypothesis(scheme="euler"), Hypothesis(terms, ((),) * len(terms))
-    steps = comparing._steps_of(question, {"before": base, "after": after}, None)
+    steps = comparing.steps_of(question, {"before": base, "after": after}, None)
     begun = [int(part.fresh.sum()) for part in (steps["after"].train, steps["after"].test)]
     assert begun == ([0, 0] if terms else [5, 1])
     assert steps["before"] is steps["after"]  # all models are judged on the same steps

@@ -79,9 +79,10 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     assert said.err.splitlines() == [f"warning: {line}" for line in lines]
     assert said.out.startswith("Verdict  ")
     assert [(made / name).read_bytes() for name in ("diagnosis.json", "corrected.json")] == results
-    assert [p.name for p in (made / "figures").iterdir()] == ["residual_time.png"]
+    left = {"curve_1.png", "decomposition.png", "residual_time.png"}
+    assert {p.name for p in (made / "figures").iterdir()} == left
     page = (made / "report.html").read_text()
-    assert page.count("<img") == 1
+    assert page.count("<img") == len(left)
     assert all(line in page for line in lines)
     read_artifact(made, "diagnose")
     with monkeypatch.context() as patched:
@@ -99,7 +100,9 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
         patched.setattr(comparing, "learn", broken)
         (found,) = searched
         judgement = replace(found.judgement, structured=True)
-        compared = comparing.compare(found.question, judgement, [], np.random.default_rng(0))
+        compared = comparing.compare(
+            found.question, judgement, [], np.random.default_rng(0), judgement.noise
+        )
     assert compared.corrected is None
     assert compared.why_no_gp == NoGp("not fitted")
     assert compared.mishaps == (

@@ -37,12 +37,6 @@ class Attribution:
     noise: FloatArray = field(repr=False)
     squares: FloatArray = field(repr=False)
 
-    def worst_harm(self, least: float) -> int | None:
-        """The term without which most more is explained, if that is more than `least`."""
-        needed = [part.share for part in self.needed]
-        worst = int(np.argmin(needed)) if needed else None
-        return worst if worst is not None and needed[worst] < -least else None
-
     @property
     def share(self) -> Share:
         """What is explained over all channels that count."""

@@ -7,6 +7,7 @@ explained with it than without.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from gpsim.diagnosis.attribution.attribution import Attribution, attribute
 from gpsim.diagnosis.attribution.less import fits_without
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
+from gpsim.diagnosis.selection import required_in
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Question
 
@@ -28,42 +30,44 @@ def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> F
     structured: whether the leader leaves something that chance would not; then a region or an onset is easily found
     that mends some of it.
     """
-    problem, settings = question.everything, question.run.settings
+    problem = question.everything
     while leader.hypothesis.terms:
-        found = attribute(question, leader, null)
-        harm = found.worst_harm(settings.support.harms)
-        if harm is not None:
-            leader = _without(problem, leader, null, harm, "held-out rollouts are better without it")
-            continue
-        mends = [
-            i
-            for i in range(len(leader.hypothesis.terms))
-            if structured and _mends(leader, found, i, settings)
-        ]
-        if mends:
-            least = min(mends, key=lambda i: found.needed[i].share)
-            leader = _without(problem, leader, null, least, "behind a gate it mends what is left")
-            continue
-        doubtful = [i for i in range(len(leader.hypothesis.terms)) if _doubtful(leader.hypothesis, found, i)]
-        without = fits_without(problem, leader, null)
-        calls = [(problem, leader, without[i], i) for i in doubtful]
-        fails = [
-            i
-            for i, holds in zip(doubtful, problem.run.side_by_side(holds_in_halves, calls), strict=True)
-            if not holds
-        ]
-        if not fails:
+        found, less = attribute(question, leader, null), fits_without(problem, leader, null)
+        free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]
+        said = _unsupported(problem, leader, found, less, free, structured)
+        if said is None:
             break
-        least = min(fails, key=lambda i: found.needed[i].share)
-        leader = _without(problem, leader, null, least, "one half alone supports it")
+        index, why = said
+        names = (leader.hypothesis.names, less[index].hypothesis.names)
+        problem.run.trace.note(*names, False, why)
+        leader = less[index]
     return leader
 
 
-def _without(problem: Problem, leader: Fit, null: Fit, index: int, why: str) -> Fit:
-    """The leader without a term, which is written down."""
-    less = fits_without(problem, leader, null)[index]
-    problem.run.trace.note(leader.hypothesis.names, less.hypothesis.names, False, why)
-    return less
+def _unsupported(
+    problem: Problem,
+    leader: Fit,
+    found: Attribution,
+    less: Sequence[Fit],
+    free: Sequence[int],
+    structured: bool,
+) -> tuple[int, str] | None:
+    """Which of the terms `free` to go goes first, and why; None where all may stay."""
+    settings, needed = problem.run.settings, [part.share for part in found.needed]
+
+    def least(which: Sequence[int], why: str) -> tuple[int, str]:
+        return min(which, key=lambda i: needed[i]), why
+
+    harm = [i for i in free if needed[i] < -settings.support.harms]
+    if harm:
+        return least(harm, "held-out rollouts are better without it")
+    mends = [i for i in free if structured and _mends(leader, found, i, settings)]
+    if mends:
+        return least(mends, "behind a gate it mends what is left")
+    doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]
+    answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
+    fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
+    return least(fails, "one half alone supports it") if fails else None
 
 
 def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> bool:

@@ -9,7 +9,7 @@ from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
 from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
 from gpsim.diagnosis.selection.pruning import prune_on_held_out
 from gpsim.diagnosis.selection.refit import Contenders, null_of, refit
-from gpsim.diagnosis.selection.required import without_idle
+from gpsim.diagnosis.selection.required import required_in, without_idle
 from gpsim.diagnosis.selection.stepwise import stepwise
 from gpsim.diagnosis.selection.substitution import left_open
 
@@ -33,6 +33,7 @@ __all__ = [
     "prune_on_held_out",
     "refine_grid",
     "refit",
+    "required_in",
     "simplest",
     "stepwise",
     "without_idle",
