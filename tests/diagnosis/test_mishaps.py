@@ -100,9 +100,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
         patched.setattr(comparing, "learn", broken)
         (found,) = searched
         judgement = replace(found.judgement, structured=True)
-        compared = comparing.compare(
-            found.question, judgement, [], np.random.default_rng(0), judgement.noise
-        )
+        compared = comparing.compare(found.question, judgement, [], np.random.default_rng(0), judgement.noise)
     assert compared.corrected is None
     assert compared.why_no_gp == NoGp("not fitted")
     assert compared.mishaps == (

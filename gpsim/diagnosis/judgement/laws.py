@@ -46,7 +46,7 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     every = tuple(found.get(i, "untested") for i in range(len(leader.hypothesis.terms)))
     shown = tuple(replace(c.curve, gain=gains[id(c)]) for c in curves if c is not None)
     beside = None if missing is None else replace(missing.curve, gain=gains[id(missing)])
-    return Laws(_patched(question, judgement, groups, every), shown, beside)
+    return Laws(_stand_ins(question, judgement, groups, every), shown, beside)
 
 
 def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> list[Share]:
@@ -59,11 +59,14 @@ def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurv
     return [judge.mismatch.share(judge.mismatch.overall(other) - worth) for other in others]
 
 
-def _patched(
+def _stand_ins(
     question: Question, judgement: Judgement, groups: list[Group], found: tuple[Form, ...]
 ) -> tuple[Form, ...]:
-    """A claim that is put together of several laws' pieces is one of which none is known."""
+    """A claim that is put together of several laws' pieces is one of which none is known.
+
+    And a parameter is one number: one that differs in a region only stands in for a law of that place.
+    """
+    claims, terms = {i for group in groups for i in group.terms}, judgement.leader.hypothesis.terms
     if not judgement.leader.hypothesis.is_patchwork(question.run.settings.patchwork):
-        return found
-    claims = {i for group in groups for i in group.terms}
+        claims = {i for i in claims if terms[i].effect.site == "parameter" and terms[i].gate.region}
     return tuple("approximate" if i in claims else form for i, form in enumerate(found))

@@ -51,7 +51,7 @@ class AttributionSettings:
         0.05, "1", "share of the mismatch that a headline effect accounts for at the least"
     )
     needed: float = setting(
-        0.05,
+        0.04,
         "1",
         "share that goes when it goes, at the least",
         "twenty rough worlds of a tuning seed: true effects were needed by more, stand-ins for nuisances by less",
