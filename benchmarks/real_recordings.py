@@ -2,7 +2,7 @@
 
     GPSIM_RECORDINGS=... python benchmarks/real_recordings.py --out runs/real_recordings
 
-imports every set by its shipped mapping, diagnoses it, and writes OUT/summary.md: verdict, effects with 90 % intervals,
+imports every set by its shipped mapping, diagnoses it, and writes OUT/summary.md: verdict, explained share, effects with 90 % intervals,
 rivals, held-out errors, and seconds of processors (which do not depend on what else the machine does) and by the clock
 on all cores. The diagnoses themselves (report.html, figures) lie beside it.
 """
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Estimate, NamedEffect
+from gpsim.diagnosis.report import Estimate, NamedEffect, Share
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(os.environ.get("GPSIM_RECORDINGS", ROOT.parent / "shared" / "recordings"))
@@ -98,27 +98,45 @@ def diagnosed(which: Set, out: Path) -> Outcome:
 
 
 def told(outcomes: Sequence[Outcome]) -> list[str]:
-    """The table of verdicts."""
-    lines = ["| set | verdict | what was left out, with 90 % intervals | processor s | s |", "|---" * 5 + "|"]
+    """The table of verdicts: what is claimed, with its share, and what is slight."""
+    columns = "set", "verdict", "explained", "what was left out, with 90 % intervals", "slight", "left in"
+    head = f"| {' | '.join((*columns, 'processor s', 's'))} |"
+    lines = [head, "|---" * 8 + "|"]
     for outcome in outcomes:
         seconds = " | ".join(f"{value:.0f}" for value in outcome.seconds)
-        found = outcome.diagnosis
+        found, name = outcome.diagnosis, outcome.set.name
         if found is None:
-            lines.append(f"| {outcome.set.name} | refused | {outcome.refusal} | {seconds} |")
+            lines.append(f"| {name} | refused | | {outcome.refusal} | | | {seconds} |")
             continue
-        said = spoken(found.effects) or "nothing"
+        claims, slight = ([e for e in found.effects if e.role == r] for r in ("headline", "slight"))
+        said = spoken(claims) or "nothing"
         for rival in found.alternatives:
-            said += f"; or ({rival.probability:.2f}): {spoken(rival.effects)}"
-        lines.append(f"| {outcome.set.name} | {found.verdict} | {said} | {seconds} |")
+            others = " + ".join(f"{e.family} on {e.place}" for e in rival.effects)
+            said += f"; or ({rival.probability:.2f}): {others}"
+        worth = found.explained
+        share = "" if worth.rollout is None else f"{percent(worth.rollout)}, {worth.judged_on}"
+        left = found.remainder.rate or ""
+        lines.append(
+            f"| {name} | {found.verdict} | {share} | {said} | {spoken(slight)} | {left} | {seconds} |"
+        )
     return lines
 
 
+def percent(share: Share) -> str:
+    """A share with its interval."""
+    text = f"{100 * share.share:.3g} %"
+    return text if share.low is None else f"{text} [{100 * share.low:.3g}, {100 * share.high:.3g}]"
+
+
 def spoken(effects: Sequence[NamedEffect]) -> str:
-    """Effects with their numbers."""
-    return " + ".join(
-        f"{e.family} on {e.place} ({', '.join(f'{n} {number(p)}' for n, p in e.parameters.items())}){gate(e)}"
-        for e in effects
-    )
+    """Effects with their numbers, their share and whether their law holds."""
+    said = []
+    for e in effects:
+        sizes = ", ".join(f"{name} {number(p)}" for name, p in e.parameters.items())
+        share = "" if e.importance is None else f", share {100 * e.importance.share:.2g} %"
+        form = "" if e.form == "untested" else f", law: {e.form}"
+        said.append(f"{e.family} on {e.place} ({sizes}){gate(e)}{share}{form}")
+    return " + ".join(said)
 
 
 def number(estimate: Estimate) -> str:
