@@ -2,9 +2,9 @@
 
     GPSIM_RECORDINGS=... python benchmarks/real_recordings.py --out runs/real_recordings
 
-imports every set by its shipped mapping, diagnoses it, and writes OUT/summary.md: verdict, explained share, effects with
-90 % intervals, rivals, held-out errors, and seconds of processors (which do not depend on what else the machine does)
-and by the clock on all cores. The diagnoses themselves (report.html, figures) lie beside it.
+imports every set by its shipped mapping, diagnoses it, and writes OUT/summary.md: verdict, explained share, effects
+with 90 % intervals, rivals, held-out errors, and seconds of processors (which do not depend on what else the machine
+does) and by the clock on all cores. The diagnoses themselves (report.html, figures) lie beside it.
 """
 
 from __future__ import annotations
