@@ -10,6 +10,8 @@ from gpsim.reports.account_effects import claim_name, told_effects
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.quantities import percent
 
+MOST = 2  # rivals that are told, the likeliest; further ones are in diagnosis.json
+
 
 def rivals(diagnosis: Diagnosis) -> Iterator[str]:
     """Nothing where one explanation stands alone."""
@@ -24,7 +26,9 @@ def rivals(diagnosis: Diagnosis) -> Iterator[str]:
     ]
     if certain:
         yield f"certain, as all explanations share it: {_said(certain)}"
-    yield f"undecided: {', or '.join(open_)}"
+    first, further = open_[: 1 + MOST], len(open_) - 1 - MOST
+    more = f", or {further} more in diagnosis.json" if further > 0 else ""
+    yield f"undecided: {', or '.join(first)}{more}"
 
 
 def _claims(effects: Sequence[NamedEffect]) -> Claims:

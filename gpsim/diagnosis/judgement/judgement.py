@@ -47,6 +47,8 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     twins = behind_its_gates(problem, leader, fits)
     fits += [leader, *twins]
     leader = leader if settled else simplest(problem, [leader, *twins])
+    if settled:  # what was taken out of the leader makes no rival of an explanation that still has as much
+        fits = [f for f in fits if len(f.hypothesis.terms) <= len(leader.hypothesis.terms)]
     rivals, probabilities, mending = rivals_of(question, leader, fits)
     ahead = None if settled else overtaking(problem, rivals, probabilities)
     if ahead is not None:
