@@ -52,6 +52,7 @@ def named(recording: Recording):
     return diagnose(recording, simulator, parameters, np.random.default_rng(0)).diagnosis
 
 
+@pytest.mark.slow
 def test_one_in_a_hundred_gross_errors_leave_effects_and_intervals_what_they_are():
     without, with_them = named(clean()), named(gross(clean()))
     assert without.facts == ()

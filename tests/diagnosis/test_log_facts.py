@@ -273,6 +273,7 @@ def test_a_channel_that_nobody_measured_has_weights_of_one():
     assert np.argwhere(weights == 0).tolist() == [[100, 0]]
 
 
+@pytest.mark.slow
 def test_a_spoilt_log_of_friction_gets_the_verdict_of_a_sound_one():
     """Stale packets, marker swaps, missing rows: facts of the log, no physics."""
     world = World("slider", grips={0: lambda q, v, n: 2.0 + 0 * q})

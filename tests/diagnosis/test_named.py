@@ -107,7 +107,7 @@ def said_so(report):
     return report.verdict in ("unknown", "partial") or bent
 
 
-@pytest.mark.parametrize("strength", [0.6, 1.2])
+@pytest.mark.parametrize("strength", [0.6, pytest.param(1.2, marks=pytest.mark.slow)])
 def test_physics_outside_the_catalogue_is_unknown(strength):
     world = World("pendulum", forces={0: lambda q, v, t: strength * np.sin(6 * q)})
     report = run(record(world, seed=5, episodes=6, steps=155))
@@ -161,7 +161,7 @@ def test_unknown_physics_that_acts_on_reversal_only_is_located_there():
     assert 0.05 < high < 0.09
 
 
-@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("noise", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_a_sensor_that_is_seldom_read_is_no_late_one(noise):
     """Half of its period late in the mean; what comes and goes with every reading would pass for noise."""
     readings = lambda values, times: np.stack(  # noqa: E731
