@@ -7,21 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.data import rms
 from gpsim.diagnosis.report import Kind, OverBefore, Ratio, Share
 from gpsim.diagnosis.settings import BootstrapSettings
 
 MODELS: tuple[Kind, ...] = ("before", "tuned", "gp", "after", "after_gp")
-TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
-
-
-def rms(errors: FloatArray) -> float:
-    """Root mean square of errors (N,)."""
-    return float(np.sqrt(np.mean(errors**2)))
-
-
-def typical(errors: FloatArray) -> float:
-    """The same of normal errors (N,), from the median."""
-    return float(TYPICAL * np.median(np.abs(errors)))
 
 
 def over_before(

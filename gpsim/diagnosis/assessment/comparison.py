@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.artifacts import Mishaps
 from gpsim.channels import BoolArray, FloatArray, IntArray
-from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, share_explained, typical
+from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, share_explained
 from gpsim.diagnosis.assessment.remainder_gp import (
     Corrected,
     Learnt,
@@ -23,7 +23,7 @@ from gpsim.diagnosis.assessment.remainder_gp import (
     with_a_past,
 )
 from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
-from gpsim.diagnosis.data import Windows, cut, held_out_mask, since_reversal
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, Share, StepErrors

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
-from gpsim.diagnosis.assessment.bootstrap import TYPICAL
 from gpsim.diagnosis.assessment.comparison import Comparison
 from gpsim.diagnosis.assessment.concentration import concentrated
+from gpsim.diagnosis.data import TYPICAL
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Concentration, Location, Verdict
 from gpsim.diagnosis.settings import LocationSettings

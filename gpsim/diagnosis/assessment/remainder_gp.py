@@ -10,9 +10,8 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import Feature, Features
-from gpsim.diagnosis.assessment.bootstrap import rms
 from gpsim.diagnosis.assessment.rollouts import Model, rolled
-from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.data import Windows, rms
 from gpsim.diagnosis.fitting import (
     Extra,
     Hypothesis,

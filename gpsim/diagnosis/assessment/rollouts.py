@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray, difference
-from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms, typical
-from gpsim.diagnosis.data import Windows, cut, held_out_mask, stretches
+from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before
+from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, stretches, typical
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, predicted
 from gpsim.diagnosis.report import Rollout, RolloutErrors, RolloutModelErrors
 from gpsim.diagnosis.setup import Completions, Question

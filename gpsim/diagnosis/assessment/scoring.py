@@ -9,11 +9,12 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.corrected import EffectsPlant, Features, GpCorrection
-from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, rms
+from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before
 from gpsim.diagnosis.assessment.comparison import shown_rates, steps_of
 from gpsim.diagnosis.assessment.remainder_gp import measured_rates, residual_rates
 from gpsim.diagnosis.assessment.rollouts import Model, rolled, whole_windows
 from gpsim.diagnosis.attribution import explained_by
+from gpsim.diagnosis.data import rms
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit
 from gpsim.diagnosis.report import Explained, Ratio, Score, Scored
 from gpsim.diagnosis.run import Run

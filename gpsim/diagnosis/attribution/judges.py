@@ -17,7 +17,7 @@ from gpsim.diagnosis.attribution.noise import sensor_noise
 from gpsim.diagnosis.attribution.rollout_windows import RolloutWindows, rollout_windows
 from gpsim.diagnosis.attribution.shares import Mismatch, draws
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Extra, Fit, Hypothesis, Problem, fit, predicted
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.setup import Question
 
@@ -43,8 +43,8 @@ class Judge(Protocol):
         """Which data judge."""
         ...
 
-    def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
-        """(N, B, S) of N accounts, each one hypothesis for all parts or one a part; `extra` rates are added to all."""
+    def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
+        """(N, B, S) of N accounts, each one hypothesis for all parts or one a part."""
         ...
 
 
@@ -67,11 +67,9 @@ class RolloutJudge:
         """Held-out time, or all of it in turn."""
         return self.places.judged_on
 
-    def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
+    def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
         """See `Judge`; those of several accounts side by side."""
         shared = (self.problem, self.windows, self.places, self.worst)
-        if extra is not None:
-            return _rolled(*shared, accounts, extra)
         chunks = _chunks(accounts, self.problem.run.workers.count)
         return np.concatenate(self.problem.run.side_by_side(_rolled, [(*shared, chunk) for chunk in chunks]))
 
@@ -86,8 +84,8 @@ class WindowJudge:
     leaders: tuple[Hypothesis, ...]
     judged_on: JudgedOn = "fit windows"
 
-    def squares(self, accounts: Sequence[Sequence[Hypothesis]], extra: Extra | None = None) -> FloatArray:
-        """See `Judge`; `extra` rates are not looked at, nothing here is a rollout."""
+    def squares(self, accounts: Sequence[Sequence[Hypothesis]]) -> FloatArray:
+        """See `Judge`."""
         calls = [(self.problem, account[0], self.starts) for account in accounts]
         return np.array(self.problem.run.side_by_side(_fitted, calls))
 
@@ -181,7 +179,6 @@ def _rolled(
     places: RolloutWindows,
     worst: FloatArray,
     accounts: Sequence[Sequence[Hypothesis]],
-    extra: Extra | None = None,
 ) -> FloatArray:
     """(N, B, S) sums of squares of rollouts, each part's by the hypothesis that did not learn from it."""
     out = np.zeros((len(accounts), places.blocks, len(worst)))
@@ -189,7 +186,7 @@ def _rolled(
         for part in np.unique(places.fold) if len(account) > 1 else (None,):
             rows = np.flatnonzero(places.fold == part) if part is not None else np.arange(len(windows))
             own, hypothesis = windows.take(rows), account[int(part or 0)]
-            said = foretold(problem, own, places.lead, hypothesis, extra)
+            said = foretold(problem, own, places.lead, hypothesis)
             errors = difference(own.measured, said, problem.simulator.state) * _counted(own)
             squares = np.clip(errors, -worst, worst)[:, places.lead + 1 :] ** 2
             np.add.at(out[n], places.block[rows], squares.sum(axis=1))
@@ -202,15 +199,13 @@ def _counted(windows: Windows) -> BoolArray:
     return valid if windows.weights is None else valid & (windows.weights > 0)
 
 
-def foretold(
-    problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis, extra: Extra | None = None
-) -> FloatArray:
+def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis) -> FloatArray:
     """(W, L + 1, S) what the sensors would say, from where the first `lead` transitions say that each window began.
 
     Without a lead from the states that were measured there.
     """
     if not lead:
-        return predicted(problem, windows, hypothesis, extra)
+        return predicted(problem, windows, hypothesis)
     part = replace(
         windows,
         measured=windows.measured[:, : lead + 1],
@@ -225,7 +220,7 @@ def foretold(
     ).starts
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     theta = hypothesis.theta[None]
-    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta, extra)
+    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta)
     return np.asarray(said[0])
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.data import rms, typical
 from gpsim.diagnosis.fitting import Fit, traced
 from gpsim.diagnosis.setup import Question
-
-TYPICAL = 1.4826  # the median of |e| times this is the standard deviation of a normal error
 
 
 def sensor_noise(question: Question, leader: Fit) -> FloatArray:
@@ -27,14 +26,6 @@ def sensor_noise(question: Question, leader: Fit) -> FloatArray:
     sound = sound[:, 2:] & sound[:, 1:-1] & sound[:, :-2]
     columns = [second[..., i][sound[..., i]] for i in range(len(names))]
     # Of a quantised channel the median may be 0.
-    jumps = np.array([_typical(column) or _rms(column) for column in columns])
+    jumps = np.array([typical(column) or rms(column) if column.size else 0.0 for column in columns])
     hidden = np.array([name in question.hidden for name in names])
     return np.asarray(np.where(hidden, 0.0, np.where(stated > 0, stated, jumps)))
-
-
-def _rms(errors: FloatArray) -> float:
-    return float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
-
-
-def _typical(errors: FloatArray) -> float:
-    return float(TYPICAL * np.median(np.abs(errors))) if errors.size else 0.0

@@ -6,6 +6,7 @@ from gpsim.diagnosis.data.outliers import outliers
 from gpsim.diagnosis.data.quantisation import quantum
 from gpsim.diagnosis.data.repeats import held_with, repeats, whole_packets
 from gpsim.diagnosis.data.reversals import since_reversal
+from gpsim.diagnosis.data.spread import TYPICAL, rms, typical
 from gpsim.diagnosis.data.windows import (
     Windows,
     at,
@@ -17,6 +18,7 @@ from gpsim.diagnosis.data.windows import (
 )
 
 __all__ = [
+    "TYPICAL",
     "Windows",
     "at",
     "cut",
@@ -27,9 +29,11 @@ __all__ = [
     "quantum",
     "rebased",
     "repeats",
+    "rms",
     "shortest",
     "since_reversal",
     "stretches",
     "thinned",
+    "typical",
     "whole_packets",
 ]

@@ -54,13 +54,13 @@ class AttributionSettings:
         0.04,
         "1",
         "share that goes when it goes, at the least",
-        "twenty rough worlds of a tuning seed: true effects were needed by more, stand-ins for nuisances by less",
+        "by hand, on 24 rough worlds of seed 31: most stand-ins for nuisances were needed by less",
     )
     needed_of_left: float = setting(
         2.0,
         "1",
         "or times what the account leaves, if that is less: with clean sensors little is left",
-        "the same worlds, and a public benchmark whose friction is needed by 20 times what is left",
+        "by hand, on the same worlds, and EMPS, whose friction is needed by ten times what is left",
     )
     seldom: int = setting(
         5,
