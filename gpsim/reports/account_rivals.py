@@ -24,8 +24,11 @@ def rivals(diagnosis: Diagnosis) -> Iterator[str]:
         f"{_said([claim for claim in claims if claim not in certain])} ({percent(p)} %)"
         for claims, p in zip(every, chances, strict=True)
     ]
-    if certain:
-        yield f"certain, as all explanations share it: {_said(certain)}"
+    claimed = _claims([effect for effect in diagnosis.effects if effect.role == "headline"])
+    if shared := [
+        claim for claim in certain if claim in claimed
+    ]:  # what is slight is no claim, whoever shares it
+        yield f"certain, as all explanations share it: {_said(shared)}"
     first, further = open_[: 1 + MOST], len(open_) - 1 - MOST
     more = f", or {further} more in diagnosis.json" if further > 0 else ""
     yield f"undecided: {', or '.join(first)}{more}"

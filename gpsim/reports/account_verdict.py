@@ -23,7 +23,8 @@ def verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> s
         return _none(diagnosis)
     if diagnosis.verdict == "unknown":
         return _unknown(diagnosis)
-    what = f"{effect_name(headline[0])} explains" if len(headline) == 1 else "the effects below explain"
+    alone = len(headline) == 1 == len(diagnosis.effects)  # slight effects explain some of it, too
+    what = f"{effect_name(headline[0])} explains" if alone else "the effects below explain"
     said = f"{what} {_share(diagnosis)}"
     if diagnosis.verdict == "named":
         return f"{said}; no other explanation does as well."
