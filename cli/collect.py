@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from .options import ConfigDir, Out, ShowConfig, Words, run_stage
+from gpsim.errors import UsageError
+
+from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage
 from .printing import say
 
 Plan = Annotated[
@@ -22,6 +24,7 @@ def collect_command(
     show_config: ShowConfig = False,
     out: Out = None,
     plan: Plan = None,
+    dry_run: DryRun = False,
 ) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
@@ -31,8 +34,10 @@ def collect_command(
         typer.echo(as_yaml(config), nl=False)
         return
     if plan is None:
-        run_stage("collect", config, tuple(words or ()), config_dir, out)
+        run_stage("collect", config, tuple(words or ()), config_dir, out, dry_run)
         return
+    if dry_run:
+        raise UsageError("collect: --dry-run goes with a recording, not with --plan, which makes none")
     # Imported here: rosbags takes a second to load, and `--help` should not wait for it.
     from gpsim.stages.sweep import write_plan
 

@@ -11,7 +11,7 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .options import ConfigDir, ShowConfig, shown_words
+from .options import ConfigDir, DryRun, ShowConfig, show_standing, shown_words
 from .printing import say
 from .progress import caution, single_progress, warn
 
@@ -55,6 +55,7 @@ def diagnose_command(
     cores: Cores = None,
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
@@ -67,7 +68,7 @@ def diagnose_command(
         typer.echo(as_yaml(config), nl=False)
         return
     if score is not None:
-        _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores)
+        _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
     from gpsim.reports.account import account_of
@@ -84,6 +85,9 @@ def diagnose_command(
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
     stage = stage_for(task) if task else diagnose_loop.STAGE
+    if dry_run:
+        show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))
+        return
     with single_progress("diagnose") as progress:
         request = Request(
             config, shown_words(settings, config_dir), progress, out, cores=cores or os.cpu_count() or 1
@@ -116,6 +120,7 @@ def _score(
     config: dict[str, Any],
     words: tuple[str, ...],
     cores: int | None,
+    dry_run: bool,
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
     from gpsim.reports.score_text import score_lines
@@ -124,6 +129,9 @@ def _score(
 
     if recording is None:
         raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
+    if dry_run:
+        show_standing(stage_for(diagnosis, recording, simulator), Request(config, words, out=out))
+        return
     with single_progress("score") as progress:
         request = Request(config, words, progress, out, cores=cores or os.cpu_count() or 1)
         artifact, existed = stage_for(diagnosis, recording, simulator).make(request)

@@ -35,6 +35,9 @@ WriteMapping = Annotated[
 Salvage = Annotated[
     bool, typer.Option("--salvage", help="Import what is readable of a damaged log, and count it.")
 ]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Read the logs and say what the recording would be; write nothing.")
+]
 
 
 def import_command(
@@ -44,9 +47,12 @@ def import_command(
     inspect: Inspect = False,
     salvage: Salvage = False,
     write_mapping: WriteMapping = None,
+    dry_run: DryRun = False,
 ) -> None:
     """Make a recording of ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
     paths, words = _sorted(sources)
+    if inspect and dry_run:
+        raise UsageError("import: --inspect makes nothing; leave --dry-run out")
     if inspect:
         _inspect(paths, words, salvage, write_mapping)
         return
@@ -58,8 +64,12 @@ def import_command(
     from rich.console import Console
 
     from gpsim.reports.import_text import render
-    from gpsim.stages.import_log import import_log
+    from gpsim.stages.import_log import import_log, try_import
 
+    if dry_run:
+        Console(highlight=False).print(render(try_import(paths, out, mapping, words, salvage, say=_aside)))
+        say(f"import: would write {out}; nothing was written")
+        return
     made = import_log(paths, out, mapping, words, salvage, say=_aside)
     warn(out)
     Console(highlight=False).print(render(made.report))

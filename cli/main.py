@@ -25,7 +25,8 @@ from .import_ import import_command
 from .progress import INTERRUPTED, QUIET
 from .prove import prove_app
 from .quiet import add_quiet
-from .run import report_command, run_app
+from .run import report_command, run_app, status_command
+from .runs import runs_app
 from .stages import add_stages
 
 LONGEST_NAME = 80  # of a file in an error
@@ -80,6 +81,17 @@ app.add_typer(
     name="export",
     short_help="Write a recording or a policy for other programs.",
     rich_help_panel="Recordings in and out",
+)
+app.command(
+    "status",
+    short_help="Say what is there of a loop, what would be made, and why.",
+    rich_help_panel="What is there",
+)(status_command)
+app.add_typer(
+    runs_app,
+    name="runs",
+    short_help="List, show, compare and remove what is in runs/.",
+    rich_help_panel="What is there",
 )
 add_quiet(app)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -14,7 +14,7 @@ from rich.text import Text
 
 from gpsim.reports.printable import literal
 
-from .options import ConfigDir, ShowConfig, Words, shown_words
+from .options import ConfigDir, DryRun, ShowConfig, Words, show_standing, shown_words
 from .printing import say
 from .progress import Board, note, warn
 
@@ -42,6 +42,7 @@ def full_loop(
     jobs: Jobs = CORES,
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
@@ -49,6 +50,9 @@ def full_loop(
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
+        return
+    if dry_run:
+        show_status(config, shown_words(words, config_dir), seeds)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
     from gpsim.reports.tables import terminal_notes, terminal_tables
@@ -74,6 +78,30 @@ def full_loop(
     show(artifact.path, tables, notes)
 
 
+def status_command(
+    words: Words = None, seeds: Seeds = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
+) -> None:
+    """What is there of the configured loop, what would be made, and why: the setting, parent, file or code."""
+    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+
+    config = resolve(words or [], config_dir)
+    if show_config:
+        typer.echo(as_yaml(config), nl=False)
+        return
+    show_status(config, shown_words(words, config_dir), seeds)
+
+
+def show_status(config: dict[str, Any], words: tuple[str, ...], seeds: int) -> None:
+    """Print how it stands with a loop; nothing is written."""
+    from gpsim.reports.runs_sheets import status_lines
+    from gpsim.stages.stage import Request
+    from gpsim.stages.status import loop_status
+
+    request = Request(config, words)
+    for line in status_lines(loop_status(request, tuple(request.seed + i for i in range(seeds)))):
+        say(line)
+
+
 def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
     """Print the tables, then where the page and the summary lie."""
     console = Console()
@@ -89,7 +117,11 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
 
 
 def report_command(
-    words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
+    words: Words = None,
+    seeds: Reported = 1,
+    config_dir: ConfigDir = None,
+    show_config: ShowConfig = False,
+    dry_run: DryRun = False,
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
@@ -104,6 +136,9 @@ def report_command(
 
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
+    if dry_run:
+        show_standing(report.stage_for(chosen), request)
+        return
     artifact, _ = report.stage_for(chosen).make(request)
     gathered = report.gather(request, chosen)
     show(artifact.path, terminal_tables(gathered), terminal_notes(gathered))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from .collect import collect_command
-from .options import ConfigDir, Out, ShowConfig, Words, run_stage
+from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage
 
 PANEL = "Stages, in order"
 STAGES = {
@@ -42,7 +42,11 @@ def add_stages(app: typer.Typer) -> None:
 
 def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the signature of the inner function
     def command(
-        words: Words = None, config_dir: ConfigDir = None, show_config: ShowConfig = False, out: Out = None
+        words: Words = None,
+        config_dir: ConfigDir = None,
+        show_config: ShowConfig = False,
+        out: Out = None,
+        dry_run: DryRun = False,
     ) -> None:
         from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
 
@@ -50,6 +54,6 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
         if show_config:
             typer.echo(as_yaml(config), nl=False)
             return
-        run_stage(name, config, tuple(words or ()), config_dir, out)
+        run_stage(name, config, tuple(words or ()), config_dir, out, dry_run)
 
     return command

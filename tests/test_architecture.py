@@ -36,7 +36,7 @@ LEVELS = [
     {"environments"},
     {"corrected", "policies"},
     {"residuals"},
-    {"gp", "effects", "tasks", "targets", "recordings"},
+    {"gp", "effects", "tasks", "targets", "recordings", "runs"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"files"},

@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import BinaryIO
 
 from gpsim.artifacts.artifact import (
     MANIFEST,
@@ -26,15 +27,15 @@ from gpsim.artifacts.artifact import (
     read_artifact,
     read_manifest,
 )
+from gpsim.artifacts.leftovers import sweep
 from gpsim.artifacts.locks import held
 from gpsim.artifacts.provenance import git_commit, package_versions
+from gpsim.artifacts.removal import needed
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
 
 SCHEMA = "gpsim.artifact/1"
-_VERSION = re.compile(r"v(\d{4,})")
-_LOCK = re.compile(r"(\.tmp-[0-9a-f]{12})\.lock")
-_CLAIM = re.compile(r"\.making-[0-9a-f]{16}\.lock")
+VERSION = re.compile(r"v(\d{4,})")
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Store:
         if not os.path.isdir(folder):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
             return
         try:
-            found = [p for p in folder.iterdir() if _VERSION.fullmatch(p.name) and p.is_dir()]
+            found = [p for p in folder.iterdir() if VERSION.fullmatch(p.name) and p.is_dir()]
         except OSError as error:
             raise unreadable(folder, error) from error
         yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
@@ -99,8 +100,8 @@ class Store:
                 raise UsageError(
                     f"{out}: exists already; artifacts are never overwritten, choose another --out"
                 )
-            _sweep(shelf)
-            with _temporary(shelf) as temporary:
+            sweep(shelf)
+            with needed(parent.path for parent in recipe.parents.values()), _temporary(shelf) as temporary:
                 started = time.time()
                 facts = write(temporary) or {}
                 _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
@@ -147,7 +148,7 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:
 
 def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None) -> Path:
     """Rename into place; another process may take a number at the same moment, so try until one is ours."""
-    taken = [int(p.name[1:]) for p in shelf.iterdir() if _VERSION.fullmatch(p.name)]
+    taken = [int(p.name[1:]) for p in shelf.iterdir() if VERSION.fullmatch(p.name)]
     wanted = number if number is not None and number not in taken else max(taken, default=0) + 1
     # Somebody may have made `out` meanwhile: the work goes beside it rather than nowhere.
     names = _names(out.name) if out is not None else (f"v{i:04d}" for i in count(wanted))
@@ -195,15 +196,9 @@ def _temporary(shelf: Path) -> Iterator[Path]:
     The lock is the kernel's: it ends with the process, whichever container or user that lives in, and is the same for
     all who share the disk, as the number of a process is not.
     """
-    temporary = shelf / f".tmp-{uuid.uuid4().hex[:12]}"
-    lock = temporary.with_name(f"{temporary.name}.lock")
-    try:
-        stream = lock.open("xb")
-    except FileNotFoundError as error:
-        raise _removed(shelf) from error
+    lock, stream = _own_lock(shelf)
+    temporary = lock.with_suffix("")
     with stream:
-        with suppress(OSError):  # a disk without locks: nobody can take it, and nobody sweeps
-            fcntl.flock(stream, fcntl.LOCK_EX)
         try:
             temporary.mkdir()
             yield temporary
@@ -216,21 +211,20 @@ def _temporary(shelf: Path) -> Iterator[Path]:
             lock.unlink(missing_ok=True)
 
 
+def _own_lock(shelf: Path) -> tuple[Path, BinaryIO]:
+    """A new lock file, held: one that was swept between its making and its locking is made again."""
+    while True:
+        lock = shelf / f".tmp-{uuid.uuid4().hex[:12]}.lock"
+        try:
+            stream = lock.open("xb")
+        except FileNotFoundError as error:
+            raise _removed(shelf) from error
+        with suppress(OSError):  # a disk without locks: nobody can take it, and nobody sweeps
+            fcntl.flock(stream, fcntl.LOCK_EX)
+        if lock.exists():  # its name is nobody else's
+            return lock, stream
+        stream.close()
+
+
 def _removed(shelf: Path) -> UsageError:
     return UsageError(f"{shelf}: removed while something was written there; run again")
-
-
-def _sweep(shelf: Path) -> None:
-    """Remove what processes that are no more left half-made: their locks can be had."""
-    for lock in shelf.glob(".tmp-*.lock"):
-        if (made := _LOCK.fullmatch(lock.name)) is None:  # `--out` may lie among other programs' files
-            continue
-        with suppress(OSError), lock.open("rb+") as stream:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(lock.with_name(made[1]), ignore_errors=True)
-            lock.unlink()
-    for claim in shelf.glob(".making-*.lock"):
-        with suppress(OSError), claim.open("rb+") as stream:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)  # its own claim fails here, too
-            if _CLAIM.fullmatch(claim.name):
-                claim.unlink()

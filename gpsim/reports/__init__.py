@@ -18,6 +18,8 @@ __all__ = [
     "prove_page",
     "prove_record",
     "prove_sheets",
+    "runs_sheets",
+    "runs_text",
     "score_text",
     "slices",
     "tables",

@@ -16,8 +16,10 @@ __all__ = [
     "prove",
     "registry",
     "report",
+    "runs",
     "score",
     "stage",
+    "status",
     "sweep",
     "train_gp_policy",
 ]

@@ -75,8 +75,7 @@ def import_log(
     words: key=value changes of the mapping. salvage: go on past damage and count it. say: is given what the person
     should know before the logs are read, a line each.
     """
-    if out.exists():
-        raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
+    _refuse_existing(out)
     recording, report, raw = read_logs(sources, mapping, words, salvage, say)
     config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources, mapping, words)}
 
@@ -87,6 +86,24 @@ def import_log(
     store = Store(out.resolve().parent, "")
     artifact = store.publish(Recipe(STAGE_NAME, config, {}, {}), write, out=out.resolve())
     return Imported(artifact, recording, report)
+
+
+def try_import(
+    sources: Sequence[Path],
+    out: Path,
+    mapping: str | None = None,
+    words: Sequence[str] = (),
+    salvage: bool = False,
+    say: Callable[[str], None] = quiet,
+) -> ImportReport:
+    """The report of what `import_log` would make of the same; the logs are read, nothing is written."""
+    _refuse_existing(out)
+    return read_logs(sources, mapping, words, salvage, say)[1]
+
+
+def _refuse_existing(out: Path) -> None:
+    if out.exists():
+        raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
 
 
 def logs_of(given: Any, where: str) -> list[Path]:

@@ -26,6 +26,18 @@ LATER: Mapping[str, Mapping[str, Any]] = {"gp": {"noise_floor": 1e-3}}
 """Settings that came after artifacts were made, at the value that these have: so they are still found."""
 
 
+NOT_MADE = ""
+"""Key and digest of what stands in for an artifact that is not made yet."""
+
+
+class NotMadeError(UsageError):
+    """What something rests on is not made yet; stage: which stage makes it, command: the command line that does."""
+
+    def __init__(self, message: str, stage: str = "", command: str = "") -> None:
+        super().__init__(message)
+        self.stage, self.command = stage, command
+
+
 def silent(done: int, total: int, note: str) -> None:
     """A progress that says nothing."""
 
@@ -35,7 +47,8 @@ class Request:
     """A resolved configuration and where artifacts live.
 
     words: the overrides as the user typed them, for messages; number: the version to take if it is free; cores:
-    processes that one stage may use.
+    processes that one stage may use; planned: parents that are not made yet are stood in for, to see what else
+    differs: nothing can be made of such a recipe.
     """
 
     config: Mapping[str, Any]
@@ -44,6 +57,7 @@ class Request:
     out: Path | None = None
     number: int | None = None
     cores: int = 1
+    planned: bool = False
 
     @property
     def store(self) -> Store:
@@ -110,12 +124,14 @@ class Stage:
     def need(self, request: Request) -> Artifact:
         """The finished artifact; a UsageError names the command that makes it."""
         found = request.store.find(self.keyed(request))
-        if found is None:
-            shelf = request.store.root / request.store.experiment / self.name
-            raise UsageError(
-                f"{shelf}: nothing with this configuration; make it with: {self.command(request)}"
-            )
-        return found
+        if found is not None:
+            return found
+        shelf, command = request.store.root / request.store.experiment / self.name, self.command(request)
+        if request.planned:
+            return Artifact(shelf, {"stage": self.name, "key": NOT_MADE, "config": {}}, NOT_MADE)
+        raise NotMadeError(
+            f"{shelf}: nothing with this configuration; make it with: {command}", self.name, command
+        )
 
     def make(self, request: Request) -> tuple[Artifact, bool]:
         """The artifact, and whether it existed already."""

@@ -1,0 +1,166 @@
+"""`gpsim runs`: what is in runs/, what rests on what, how two differ, and removing what nothing needs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from gpsim.errors import UsageError
+
+from .printing import say
+
+if TYPE_CHECKING:
+    from gpsim.runs import Removed
+
+runs_app = typer.Typer(
+    no_args_is_help=True,
+    help="What is in runs/: list, show, compare, remove. Nothing that something else needs is removed.",
+)
+RunsDir = Annotated[
+    Path, typer.Option("--runs-dir", help="The folder of the artifacts, as runs_dir= of a stage.")
+]
+Beside = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--beside",
+        help="Look for artifacts that `--out` wrote here, too: what they need stays. May be repeated.",
+    ),
+]
+Name = Annotated[
+    str, typer.Argument(metavar="ARTIFACT", help="As cartpole/fit-gp/v0003, fit-gp/v3 or a folder.")
+]
+Names = Annotated[
+    list[str], typer.Argument(metavar="ARTIFACT...", help="As cartpole/fit-gp/v0003, fit-gp/v3 or a folder.")
+]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before.")]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Say what would go and how many bytes; remove nothing.")
+]
+WIDTH = 160  # of a table where there is no terminal that has one
+RUNS = Path("runs")
+
+
+@runs_app.callback()
+def _runs() -> None:
+    pass
+
+
+@runs_app.command("list")
+def list_command(
+    experiment: Annotated[str | None, typer.Option("--experiment", help="Only of this experiment.")] = None,
+    stage: Annotated[str | None, typer.Option("--stage", help="Only of this stage.")] = None,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Look at every byte, for what has changed.")
+    ] = False,
+    runs_dir: RunsDir = RUNS,
+) -> None:
+    """Every artifact: what it says, its state (finished, stale, broken), when it was made, its seed and its size."""
+    # Imported here: the stages take seconds to load, and `--help` should not wait for them.
+    from rich.console import Console
+
+    from gpsim.reports.runs_sheets import listing_lines, listing_sheet
+    from gpsim.reports.tables import terminal_table
+    from gpsim.stages.runs import list_runs
+
+    found = list_runs(runs_dir, experiment, stage, verify)
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    console.print(terminal_table(listing_sheet(found), {}))
+    for line in listing_lines(found):
+        say(line)
+
+
+@runs_app.command("show")
+def show_command(
+    name: Name,
+    whole: Annotated[
+        bool, typer.Option("--all", help="The configuration, package versions and files, too.")
+    ] = False,
+    runs_dir: RunsDir = RUNS,
+    beside: Beside = None,
+) -> None:
+    """One artifact, every byte verified: what it was made from, what was made of it, its figures."""
+    from gpsim.reports.runs_sheets import shown_lines
+    from gpsim.stages.runs import show_run
+
+    for line in shown_lines(show_run(runs_dir, name, beside or ()), whole):
+        say(line)
+
+
+@runs_app.command("diff")
+def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Beside = None) -> None:
+    """How two artifacts differ: configuration key by key, files, seeds, parents, code, packages, figures."""
+    from gpsim.reports.runs_sheets import compared_lines
+    from gpsim.stages.runs import compare_runs
+
+    for line in compared_lines(compare_runs(runs_dir, one, other, beside or ())):
+        say(line)
+
+
+@runs_app.command("rm")
+def rm_command(
+    names: Names,
+    with_dependents: Annotated[
+        bool, typer.Option("--with-dependents", help="Remove all that needs them as well.")
+    ] = False,
+    dry_run: DryRun = False,
+    yes: Yes = False,
+    runs_dir: RunsDir = RUNS,
+    beside: Beside = None,
+) -> None:
+    """Remove artifacts that nothing else needs; what does need them is named."""
+    from gpsim.stages.runs import do_removal, plan_removal, would_go
+
+    catalogue, removal = plan_removal(runs_dir, names, with_dependents, beside or ())
+    if _agreed(would_go(catalogue, removal, dry_run), yes):
+        do_removal(catalogue, removal, names, beside or ())
+        say("removed")
+
+
+@runs_app.command("gc")
+def gc_command(
+    keep: Annotated[
+        int | None,
+        typer.Option(
+            "--keep", min=0, help="Old versions, too, that nothing needs: all but the newest N of a stage."
+        ),
+    ] = None,
+    dry_run: DryRun = False,
+    yes: Yes = False,
+    runs_dir: RunsDir = RUNS,
+    beside: Beside = None,
+) -> None:
+    """Remove what processes left unfinished and, with --keep N, old versions that nothing needs."""
+    from gpsim.stages.runs import do_gc, plan_gc, would_go
+
+    catalogue, removal = plan_gc(runs_dir, keep, beside or ())
+    planned = would_go(catalogue, removal, dry_run)
+    if _agreed(planned, yes or not planned.artifacts):  # what is left unfinished is nobody's work
+        went = do_gc(runs_dir, keep, beside or ())
+        stayed = len(removal.entries) - len(went.entries)
+        say(f"removed{f'; {stayed} stayed: something is being made of them' if stayed > 0 else ''}")
+
+
+def _agreed(planned: Removed, yes: bool) -> bool:
+    """Print what is to go; whether to go on. Where nobody can be asked, `--yes` has to say so."""
+    from gpsim.reports.runs_sheets import removed_lines, removed_sum
+
+    for line in removed_lines(planned):
+        say(line)
+    said = removed_sum(planned)
+    if planned.dry_run:
+        say(f"{said}; nothing was removed")
+        return False
+    if not planned.artifacts and not planned.beside:
+        say(said)
+        return False
+    say(said)
+    if yes:
+        return True
+    if not sys.stdin.isatty():
+        raise UsageError("runs: nobody to ask; add --yes to remove this, --dry-run to look alone")
+    return typer.confirm("remove?")

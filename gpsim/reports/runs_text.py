@@ -1,0 +1,140 @@
+"""What is in runs/ and what stands to be made, in words: lines for the terminal."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gpsim.reports.sheets import fixed, significant
+from gpsim.runs import ABSENT, Difference
+
+Figures = Mapping[str, Any]
+LONGEST = 60
+"""Characters of a value in a line."""
+BEFORE = 12
+"""Characters before the first in which two long texts differ."""
+SHORT_HASH = 8
+SHA256 = 64
+POLICIES_TOLD = ("GP-Sample", "Effects", "Target")
+UNITS = ("B", "kB", "MB", "GB", "TB")
+
+
+def bytes_text(count: int) -> str:
+    """A size on the disk: 512 B, 12.3 kB, 1.4 GB (powers of 1000)."""
+    value, place = float(count), 0
+    while value >= 999.5 and place < len(UNITS) - 1:
+        value, place = value / 1000.0, place + 1
+    return f"{value:.0f} {UNITS[place]}" if place == 0 or value >= 99.5 else f"{value:.1f} {UNITS[place]}"
+
+
+def says(stage: str, figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
+    """What an artifact says, in a word; nothing where it has no figures."""
+    teller = TELLERS.get(stage)
+    try:
+        return teller(figures, config, timings) if teller is not None else ""
+    except (KeyError, TypeError, AttributeError):  # made otherwise, or broken
+        return ""
+
+
+def phrase(difference: Difference) -> str:
+    """One difference in a line."""
+    old, new = (_value(value) for value in (difference.old, difference.new))
+    if isinstance(difference.old, str) and isinstance(difference.new, str):
+        old, new = _apart(difference.old, difference.new)
+    elif old == new:  # they differ further behind the point
+        old, new = repr(difference.old), repr(difference.new)
+    key, gone, fresh = difference.key, difference.old == ABSENT, difference.new == ABSENT
+    if difference.kind == "file":
+        name = key.removeprefix("recording.").removeprefix("import.sources.")
+        return f"file {name}: {'not there before' if gone else 'no longer read' if fresh else 'changed'}"
+    if difference.kind == "content":
+        return f"file {key}: {'only in the second' if gone else 'only in the first' if fresh else 'differs'}"
+    if difference.kind == "parent":
+        new = "to be made" if difference.new is None else "gone" if fresh else new
+        return f"parent {key}: {'none' if gone else old} → {'none' if new == ABSENT else new}"
+    if difference.kind == "code":
+        return _code(key, str(difference.old), str(difference.new))
+    if difference.kind == "package":
+        return f"package {key}: {old} → {new}"
+    return f"{key}: {old} → {new}"
+
+
+def _code(key: str, old: str, new: str) -> str:
+    if key == "format":
+        return f"code: the stage's format {old} → {new}"
+    if key == "commit":
+        return f"code: commit {old[:SHORT_HASH]} → {new[:SHORT_HASH]}"
+    if len(old) == len(new) == SHA256:
+        return "code: gpsim's own modules have changed"
+    return f"code: {_shortened(old) or 'none'} → {_shortened(new) or 'none'}"
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return _shortened(str(value))
+
+
+def _apart(old: str, new: str) -> tuple[str, str]:
+    """Two texts, from a little before the place where they begin to differ if they are long."""
+    if max(len(old), len(new)) <= LONGEST or SHA256 in (len(old), len(new)):
+        return _shortened(old), _shortened(new)
+    start = max(len(os.path.commonprefix([old, new])) - BEFORE, 0)
+    cut = "…" if start else ""
+    return _shortened(f"{cut}{old[start:]}"), _shortened(f"{cut}{new[start:]}")
+
+
+def _shortened(text: str) -> str:
+    if len(text) == SHA256 and all(c in "0123456789abcdef" for c in text):
+        return text[:SHORT_HASH]
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
+def _policy(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
+    how = str(config.get("variant") or config["correction"])
+    how += f", {config['prediction']}" if "prediction" in config else ""
+    return f"{how}: return {fixed(figures['mean_return'])}"
+
+
+def _diagnosis(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
+    effects = figures.get("effects")
+    return f"{figures['verdict']}: {_shortened(str(effects))}" if effects else str(figures["verdict"])
+
+
+def _evaluation(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
+    if "deployed.trips" in figures:
+        return f"{figures['deployed.reached']} of {figures['deployed.trips']} reached"
+    means = {name: figures.get(f"returns_all.{name}.mean") for name in POLICIES_TOLD}
+    told = [f"{name} {fixed(mean)}" for name, mean in means.items() if mean is not None]
+    if told:
+        return f"return: {', '.join(told)}"
+    errors = [(key, value) for key, value in figures.items() if key.endswith(".mean.nrmse")]
+    return f"{errors[0][0].split('.')[1]}: NRMSE {significant(errors[0][1], 2)}" if errors else ""
+
+
+def _score(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
+    after = next(key for key in figures if key.startswith("rollout.") and key.endswith(".after"))
+    before = figures[f"{after.removesuffix('after')}before"]
+    return f"{after.split('.')[1]}: {significant(before)} → {significant(figures[after])}"
+
+
+TELLERS: Mapping[str, Callable[[Figures, Mapping[str, Any], Mapping[str, Any]], str]] = {
+    "train-source": _policy,
+    "train-gp-policy": _policy,
+    "collect": lambda figures, config, timings: f"{timings['transitions']} transitions",
+    "import": lambda figures, config, timings: str(config["mapping"].get("system", "")),
+    "build-residuals": lambda figures, config, timings: (
+        f"{figures['rows.training']} + {figures['rows.test']} transitions"
+    ),
+    "fit-gp": lambda figures, config, timings: f"{figures['rows']} rows",
+    "certify": lambda figures, config, timings: f"{figures['certified']} of {figures['starts']} starts",
+    "diagnose": _diagnosis,
+    "evaluate": _evaluation,
+    "report": _evaluation,
+    "score": _score,
+}

@@ -1,0 +1,180 @@
+"""`gpsim runs`: what is in runs/, as plain data; what has to be known of today's code to say what is stale."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from gpsim.artifacts import MANIFEST
+from gpsim.errors import UsageError
+from gpsim.reports.runs_text import says
+from gpsim.runs import (
+    ABSENT,
+    Beside,
+    Catalogue,
+    Compared,
+    Difference,
+    Entry,
+    Listed,
+    Listing,
+    Parent,
+    Removal,
+    Removed,
+    Shown,
+    children,
+    collect_garbage,
+    compared,
+    dependents,
+    figures_of,
+    garbage,
+    missing_parents,
+    named,
+    parents,
+    read_catalogue,
+    removal_of,
+    remove,
+    size_of,
+)
+from gpsim.stages import import_log, report, score
+from gpsim.stages.registry import STAGES
+
+Code = Mapping[str, tuple[int, str]]
+"""Of each stage the format and the state of the code that make its artifacts today."""
+
+
+def todays_code() -> Code:
+    """What makes each stage's artifacts today."""
+    nowhere = Path()
+    stages = [*STAGES.values(), report.stage_for((0,)), score.stage_for(nowhere, nowhere)]
+    return {stage.name: (stage.format, stage.code) for stage in stages} | {import_log.STAGE_NAME: (1, "")}
+
+
+def list_runs(
+    runs_dir: Path, experiment: str | None = None, stage: str | None = None, verify: bool = False
+) -> Listing:
+    """Every artifact, or those of an experiment or a stage; verify: every byte is looked at."""
+    catalogue, code = read_catalogue(runs_dir, verify=verify), todays_code()
+    chosen = [e for e in catalogue.entries if experiment in (None, e.experiment) and stage in (None, e.stage)]
+    order = {name: place for place, name in enumerate(code)}
+    chosen.sort(key=lambda e: (e.experiment or "~", order.get(e.stage, len(order)), e.age_key))
+    beside = _beside(catalogue) if experiment is None and stage is None else ()
+    return Listing(str(runs_dir), tuple(_listed(catalogue, entry, code) for entry in chosen), beside)
+
+
+def show_run(runs_dir: Path, word: str, beside: Sequence[Path] = ()) -> Shown:
+    """One artifact: what it is made from, by what, and what was made of it."""
+    catalogue = read_catalogue(runs_dir, _places([word], beside))
+    entry = named(catalogue, word)
+    verified = read_catalogue(entry.path, verify=True).entries[0]
+    listed = _listed(catalogue, entry, todays_code())
+    if verified.damage is not None and listed.damage is None:
+        listed = replace(listed, state="broken", damage=verified.damage)
+    names = entry.manifest.get("files", {})
+    return Shown(
+        artifact=listed,
+        sha256=entry.artifact.digest if entry.artifact is not None else None,
+        config=entry.manifest.get("config", {}),
+        parents=tuple(
+            Parent(need.role, need.stage, need.digest, parent.name if parent is not None else None)
+            for need, parent in parents(catalogue, entry)
+        ),
+        children=tuple(child.name for child in children(catalogue, entry)),
+        dependents=len(dependents(catalogue, [entry.path])),
+        figures=figures_of(entry.path),
+        packages=entry.manifest.get("packages", {}),
+        commit=entry.manifest.get("git_commit"),
+        files={name: size_of(path) for name in names if (path := entry.path / name).is_file()},
+    )
+
+
+def compare_runs(runs_dir: Path, old: str, new: str, beside: Sequence[Path] = ()) -> Compared:
+    """How two artifacts differ: configuration, files, seeds, parents, code, packages, figures, content."""
+    catalogue = read_catalogue(runs_dir, _places([old, new], beside))
+    one, other = named(catalogue, old), named(catalogue, new)
+    for entry in (one, other):
+        if entry.artifact is None:
+            raise UsageError(str(entry.damage))
+    return Compared(one.name, other.name, compared(catalogue, one, other))
+
+
+def plan_removal(
+    runs_dir: Path, words: Sequence[str], with_dependents: bool = False, beside: Sequence[Path] = ()
+) -> tuple[Catalogue, Removal]:
+    """What `rm` would remove; raises UsageError where something else needs one of them."""
+    catalogue = read_catalogue(runs_dir, _places(words, beside))
+    asked = {entry.path: entry for entry in (named(catalogue, word) for word in words)}
+    return catalogue, removal_of(catalogue, list(asked.values()), with_dependents)
+
+
+def plan_gc(
+    runs_dir: Path, keep: int | None = None, beside: Sequence[Path] = ()
+) -> tuple[Catalogue, Removal]:
+    """What `gc` would remove."""
+    catalogue = read_catalogue(runs_dir, beside)
+    return catalogue, garbage(catalogue, keep)
+
+
+def would_go(catalogue: Catalogue, removal: Removal, dry_run: bool = True) -> Removed:
+    """A removal as plain data; before it is done, as what it says is read from the disk."""
+    code = todays_code()
+    entries = tuple(_listed(catalogue, entry, code) for entry in removal.entries)
+    left = tuple(Beside(str(x.path), x.kind, size_of(x.path)) for x in removal.leftovers)
+    return Removed(entries, left, removal.bytes, dry_run)
+
+
+def do_removal(
+    catalogue: Catalogue, removal: Removal, words: Sequence[str], beside: Sequence[Path] = ()
+) -> None:
+    """Remove what `plan_removal` said; raises UsageError where something was or is being made of it."""
+    remove(catalogue, removal, _places(words, beside))
+
+
+def do_gc(runs_dir: Path, keep: int | None = None, beside: Sequence[Path] = ()) -> Removal:
+    """Remove what `plan_gc` says, without what something is being made of; returns what went."""
+    return collect_garbage(runs_dir, keep, beside)
+
+
+def _places(words: Sequence[str], beside: Sequence[Path]) -> list[Path]:
+    """Folders to look into besides: those that the user names, and artifacts elsewhere that are asked for."""
+    for folder in beside:
+        if not folder.is_dir():
+            raise UsageError(f"--beside {folder}: no such folder")
+    return [*beside, *(Path(word) for word in words if (Path(word) / MANIFEST).is_file())]
+
+
+def _beside(catalogue: Catalogue) -> tuple[Beside, ...]:
+    return tuple(Beside(str(x.path), x.kind, size_of(x.path)) for x in catalogue.leftovers)
+
+
+def _listed(catalogue: Catalogue, entry: Entry, code: Code) -> Listed:
+    why = _why_stale(catalogue, entry, code)
+    seconds = entry.timings.get("seconds")
+    return Listed(
+        name=entry.name,
+        path=str(entry.path),
+        experiment=entry.experiment,
+        stage=entry.stage,
+        state="broken" if not entry.whole else "stale" if why else "finished",
+        says=says(entry.stage, figures_of(entry.path), entry.manifest.get("config", {}), entry.timings),
+        made=entry.made,
+        seconds=float(seconds) if isinstance(seconds, int | float) else None,
+        bytes=entry.bytes,
+        seeds=entry.manifest.get("seeds", {}),
+        why=why,
+        damage=entry.damage,
+    )
+
+
+def _why_stale(catalogue: Catalogue, entry: Entry, code: Code) -> tuple[Difference, ...]:
+    """What of an artifact is not today's: code of its stage, parents that are gone."""
+    if not entry.whole:
+        return ()
+    gone = [
+        Difference("parent", need.role, need.path or f"{need.stage} {str(need.digest)[:12]}", ABSENT)
+        for need in missing_parents(catalogue, entry)
+    ]
+    made = (entry.manifest.get("format", 1), entry.manifest.get("code", ""))
+    today = code.get(entry.stage, made)
+    keys = zip(("format", "code"), made, today, strict=True)
+    return (*(Difference("code", key, old, new) for key, old, new in keys if old != new), *gone)
