@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -84,7 +83,10 @@ def _apart(old: str, new: str) -> tuple[str, str]:
     """Two texts, from a little before the place where they begin to differ if they are long."""
     if max(len(old), len(new)) <= LONGEST or SHA256 in (len(old), len(new)):
         return _shortened(old), _shortened(new)
-    start = max(len(os.path.commonprefix([old, new])) - BEFORE, 0)
+    shared = next(
+        (i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b), min(len(old), len(new))
+    )
+    start = max(shared - BEFORE, 0)
     cut = "…" if start else ""
     return _shortened(f"{cut}{old[start:]}"), _shortened(f"{cut}{new[start:]}")
 
