@@ -89,9 +89,11 @@ def differences(old: Making, new: Making) -> tuple[Difference, ...]:
     return tuple(found)
 
 
-def nearest(candidates: Iterable[Artifact], wanted: Making) -> tuple[Artifact, tuple[Difference, ...]] | None:
-    """Of the artifacts, given the newest first, the one with the fewest differing keys, and those."""
-    weighed = [(artifact, differences(Making.of(artifact), wanted)) for artifact in candidates]
+def nearest(
+    candidates: Iterable[tuple[Artifact, Making]], wanted: Making
+) -> tuple[Artifact, tuple[Difference, ...]] | None:
+    """Of the artifacts, given with their recipes and the newest first, the one with the fewest differing keys."""
+    weighed = [(artifact, differences(making, wanted)) for artifact, making in candidates]
     return min(weighed, key=lambda pair: len(pair[1]), default=None)
 
 

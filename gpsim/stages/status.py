@@ -10,7 +10,7 @@ from gpsim.errors import UsageError
 from gpsim.runs import Difference, LoopStatus, Making, Standing, entry_at, nearest
 from gpsim.stages import full_loop, report
 from gpsim.stages.registry import STAGES
-from gpsim.stages.stage import NOT_MADE, NotMadeError, Request, Stage, quoted
+from gpsim.stages.stage import LATER, NOT_MADE, NotMadeError, Request, Stage, quoted
 
 
 def loop_status(request: Request, seeds: tuple[int, ...]) -> LoopStatus:
@@ -74,12 +74,19 @@ def _planned(stage: Stage, request: Request, known: Standing) -> Standing:
 
 
 def _beside_nearest(request: Request, recipe: Recipe, known: Standing) -> Standing:
-    found = nearest(_newest_first(request, recipe.stage), Making.asked(recipe))
+    made = [(artifact, _completed(Making.of(artifact))) for artifact in _newest_first(request, recipe.stage)]
+    found = nearest(made, _completed(Making.asked(recipe)))
     if found is None:
         return known
     artifact, differing = found
     told = tuple(_with_places(d, artifact, recipe) if d.kind == "parent" else d for d in differing)
     return replace(known, nearest=str(artifact.path), differences=told)
+
+
+def _completed(making: Making) -> Making:
+    """With the settings that recipes leave out at the value that they had before they were settings."""
+    config = {key: {**LATER[key], **part} if key in LATER else part for key, part in making.config.items()}
+    return replace(making, config=config)
 
 
 def _newest_first(request: Request, stage: str) -> list[Artifact]:
