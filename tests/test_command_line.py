@@ -11,7 +11,8 @@ from gpsim.errors import UsageError
 
 COMMANDS = [
     "", "diagnose", "run", "run full-loop", "report", "collect", "fit-gp", "import", "export", "export policy",
-    "export recording", "prove", "prove conceal", "prove diagnose", "prove reveal", "prove answers",
+    "export recording", "prove", "prove conceal", "prove diagnose", "prove reveal", "prove answers", "status", "runs",
+    "runs list", "runs show", "runs diff", "runs rm", "runs gc",
 ]  # fmt: skip
 
 

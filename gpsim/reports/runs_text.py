@@ -24,7 +24,7 @@ def bytes_text(count: int) -> str:
     value, place = float(count), 0
     while value >= 999.5 and place < len(UNITS) - 1:
         value, place = value / 1000.0, place + 1
-    return f"{value:.0f} {UNITS[place]}" if place == 0 or value >= 99.5 else f"{value:.1f} {UNITS[place]}"
+    return f"{value:.0f} {UNITS[place]}" if place == 0 or value >= 99.95 else f"{value:.1f} {UNITS[place]}"
 
 
 def says(stage: str, figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
@@ -50,13 +50,17 @@ def phrase(difference: Difference) -> str:
     if difference.kind == "content":
         return f"file {key}: {'only in the second' if gone else 'only in the first' if fresh else 'differs'}"
     if difference.kind == "parent":
-        new = "to be made" if difference.new is None else "gone" if fresh else new
-        return f"parent {key}: {'none' if gone else old} → {'none' if new == ABSENT else new}"
+        return f"parent {key}: {'none' if gone else difference.old} → {_became(difference)}"
     if difference.kind == "code":
-        return _code(key, str(difference.old), str(difference.new))
+        return _code(key, *(str(v) if v is not None else "unknown" for v in (difference.old, difference.new)))
     if difference.kind == "package":
         return f"package {key}: {old} → {new}"
     return f"{key}: {old} → {new}"
+
+
+def _became(parent: Difference) -> str:
+    """Where a parent is now, whole: a path that is cut short is of no use."""
+    return "to be made" if parent.new is None else "gone" if parent.new == ABSENT else str(parent.new)
 
 
 def _code(key: str, old: str, new: str) -> str:
@@ -120,7 +124,9 @@ def _evaluation(figures: Figures, config: Mapping[str, Any], timings: Mapping[st
 
 
 def _score(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
-    after = next(key for key in figures if key.startswith("rollout.") and key.endswith(".after"))
+    after = next((key for key in figures if key.startswith("rollout.") and key.endswith(".after")), None)
+    if after is None:
+        return ""
     before = figures[f"{after.removesuffix('after')}before"]
     return f"{after.split('.')[1]}: {significant(before)} → {significant(figures[after])}"
 
