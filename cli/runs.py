@@ -151,14 +151,10 @@ def _agreed(planned: Removed, yes: bool) -> bool:
 
     for line in removed_lines(planned):
         say(line)
-    said = removed_sum(planned)
-    if planned.dry_run:
-        say(f"{said}; nothing was removed")
+    nothing = not planned.artifacts and not planned.beside
+    say(f"{removed_sum(planned)}{'; nothing was removed' if planned.dry_run and not nothing else ''}")
+    if planned.dry_run or nothing:
         return False
-    if not planned.artifacts and not planned.beside:
-        say(said)
-        return False
-    say(said)
     if yes:
         return True
     if not sys.stdin.isatty():

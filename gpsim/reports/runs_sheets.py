@@ -59,7 +59,7 @@ def listing_lines(listing: Listing) -> list[str]:
     broken = [f"broken: {a.damage}" for a in listing.artifacts if a.damage is not None]
     by_reason = sorted((_reasons(a.why), a.name) for a in listing.artifacts if a.why)
     stale = [
-        f"stale: {', '.join(name for _, name in group)}: {reason}"
+        f"stale: {_some([name for _, name in group])}: {reason}"
         for reason, group in groupby(by_reason, key=lambda pair: pair[0])
     ]
     return [*broken, *stale, *beside_lines(listing.beside)]

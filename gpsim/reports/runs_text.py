@@ -16,6 +16,8 @@ BEFORE = 12
 SHORT_HASH = 8
 SHA256 = 64
 POLICIES_TOLD = ("GP-Sample", "Effects", "Target")
+EMPTY = ("none", "unknown")
+"""Verdicts that name nothing, though files of before may list what was tried."""
 UNITS = ("B", "kB", "MB", "GB", "TB")
 
 
@@ -108,8 +110,8 @@ def _policy(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, A
 
 
 def _diagnosis(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:
-    effects = figures.get("effects")
-    return f"{figures['verdict']}: {_shortened(str(effects))}" if effects else str(figures["verdict"])
+    verdict, effects = str(figures["verdict"]), figures.get("effects")
+    return f"{verdict}: {_shortened(str(effects))}" if effects and verdict not in EMPTY else verdict
 
 
 def _evaluation(figures: Figures, config: Mapping[str, Any], timings: Mapping[str, Any]) -> str:

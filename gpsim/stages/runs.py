@@ -26,6 +26,7 @@ from gpsim.runs import (
     collect_garbage,
     compared,
     dependents,
+    entry_at,
     figures_of,
     garbage,
     missing_parents,
@@ -66,7 +67,7 @@ def show_run(runs_dir: Path, word: str, beside: Sequence[Path] = ()) -> Shown:
     """One artifact: what it is made from, by what, and what was made of it."""
     catalogue = read_catalogue(runs_dir, _places([word], beside))
     entry = named(catalogue, word)
-    verified = read_catalogue(entry.path, verify=True).entries[0]
+    verified = entry_at(entry.path, runs_dir, verify=True)
     listed = _listed(catalogue, entry, todays_code())
     if verified.damage is not None and listed.damage is None:
         listed = replace(listed, state="broken", damage=verified.damage)

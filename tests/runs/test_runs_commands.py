@@ -150,6 +150,21 @@ def test_show_says_what_rests_on_what(said, tmp_path):
     assert said("runs", "show", str(child.path))[1] == said("runs", "show", "runs/cartpole/fit-gp/v0001")[1]
 
 
+def test_a_version_without_a_manifest_is_broken_and_can_be_looked_at_and_removed(said, tmp_path):
+    path = made(tmp_path / "runs", "collect", 1).path
+    (path / "manifest.json").unlink()
+    code, out, _ = said("runs", "show", "collect/v1")
+    assert code == 0
+    assert out.startswith(
+        "cartpole/collect/v0001: broken\n  broken: runs/cartpole/collect/v0001: not an artifact"
+    )
+    code, _, err = said("runs", "diff", "collect/v1", "collect/v1")
+    assert code == 2
+    assert "not an artifact" in err
+    assert said("runs", "rm", "collect/v1", "--yes")[0] == 0
+    assert not path.exists()
+
+
 def test_diff_goes_key_by_key(said, tmp_path, monkeypatch):
     root = tmp_path / "runs"
     evaluated(root, 1.5, gp={"n_train": 250, "file": "a" * 64})

@@ -206,8 +206,13 @@ def test_nothing_of_which_something_is_being_made_goes(root):
             UsageError, match="cartpole/collect/v0001: something is being made of it right now"
         ):
             take_away(root, "collect/v1")
+        dead = folder.with_name(".tmp-0123456789ab")
+        dead.mkdir()
         seen.extend(entry.name for entry in collect_garbage(root, keep=0).entries)
+        assert not dead.exists()
         assert folder.is_dir()
+        kinds = sorted(left.kind for left in read_catalogue(root).leftovers)
+        assert kinds == ["claimed", "making"]
 
     store = Store(root, "cartpole")
     recipe = Recipe("fit-gp", {}, {"recording": parent}, {})
