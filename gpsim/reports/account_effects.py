@@ -14,7 +14,10 @@ from gpsim.reports.lettering import shortened
 from gpsim.reports.quantities import odds_text, percent, size_text
 from gpsim.reports.sheets import MISSING
 
-LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "approximately", "untested": "not tested"}
+SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
+"""Of a gain by the command's direction, short enough for a table."""
+LARGE = 0.1  # of the mismatch: what is no claim and yet as much has others in its place
+LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "roughly", "untested": "not tested"}
 
 
 @dataclass(frozen=True)
@@ -79,8 +82,15 @@ def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
 
 
 def slight_text(effects: Sequence[NamedEffect]) -> str:
-    """Small corrections in a line: what, how large, how much of the mismatch."""
-    return "; ".join(_slight(effect) for effect in effects)
+    """What is no claim, in a line: what, how large, how much of the mismatch.
+
+    One that makes much of the mismatch is not small: others do as well in its place.
+    """
+    if not effects:
+        return ""
+    small = all(_weight(effect) < LARGE for effect in effects)
+    head = "small corrections, not claims" if small else "not claims, as other effects could stand for them"
+    return f"{head}: {'; '.join(_slight(effect) for effect in effects)}"
 
 
 def _slight(effect: NamedEffect) -> str:
@@ -94,7 +104,7 @@ def _sizes(effect: NamedEffect) -> tuple[tuple[str, str], ...]:
     """A size a parameter, by its name where there are several."""
     several = len(effect.parameters) > 1
     return tuple(
-        (name.replace("_", " ") if several else "", size_text(name, p))
+        (SIGNED.get(name, name.replace("_", " ")) if several else "", size_text(name, p))
         for name, p in effect.parameters.items()
     )
 

@@ -116,7 +116,7 @@ def _what(account: Account, limits: Limits) -> list[str]:
     lines = _table(account.rows, limits)
     width = COLUMNS - INDENT
     if account.slight:
-        lines += wrapped(f"small corrections, not claims: {account.slight}", width, limits.slight)
+        lines += wrapped(account.slight, width, limits.slight)
     for rival in account.rivals:
         lines += wrapped(rival, width, limits.rival)
     return _named("What", lines)

@@ -16,6 +16,7 @@ from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.diagnosis_text import ranking
 from gpsim.reports.html import page_of
+from gpsim.reports.not_asked_text import not_asked_lines
 from gpsim.reports.palette import FAINT, SEGMENTS
 from gpsim.reports.quantities import in_percent, number
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics
@@ -69,6 +70,7 @@ def page(
         missing=list(missing),
         sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
         statistics=statistics(diagnosis),
+        not_asked=not_asked_lines(diagnosis.not_asked),
         ranking="\n".join(ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps(short, indent=2),

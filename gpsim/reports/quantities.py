@@ -7,7 +7,7 @@ import math
 from gpsim.diagnosis.report import Estimate, Odds, Share
 from gpsim.reports.sheets import MISSING, significant, unit
 
-MANY = 1e6  # odds beyond which nobody counts
+MANY = 1e4  # odds beyond which nobody counts
 TIMES = frozenset({"ratio", "gain", "gain_positive", "gain_negative", "scale"})
 """Parameters that multiply what the simulator believes."""
 PLAIN = (1e-4, 1e6)  # between these a number is written without an exponent
@@ -56,11 +56,11 @@ def share_text(share: Share) -> str:
 
 
 def odds_text(odds: Odds | None) -> str:
-    """`120:1`, `>1e6` where nobody counts; MISSING where no explanation without the effect was fitted."""
+    """`120:1`, `>1e4` where nobody counts; MISSING where no explanation without the effect was fitted."""
     if odds is None or odds.nats is None or not math.isfinite(odds.nats):
         return MISSING
     if odds.nats >= math.log(MANY):
-        return ">1e6"
+        return ">1e4"
     times = math.exp(odds.nats)
     return f"{float(f'{times:.2g}'):.0f}:1" if times >= 9.5 else f"{times:.2g}:1"
 

@@ -93,7 +93,7 @@ def _with_reason(remainder: Remainder) -> Remainder:
 def _separation(found: Separation) -> str:
     return (
         f"record {excitation_text(found.excitation)}: {_both(found.explanations)} then differ by up to "
-        f"{found.difference:.1f} standard deviations of the noise in {found.channel}"
+        f"{found.difference:.3g} standard deviations of the noise in {found.channel}"
     )
 
 
@@ -103,6 +103,11 @@ def excitation_text(excitation: Excitation) -> str:
 
 
 def _both(explanations: Sequence[Claims]) -> str:
-    return " and ".join(
-        " with ".join(f"{noun(family)} on {on}" for family, on in claims) for claims in explanations
-    )
+    """What each says beyond what all of them say."""
+    shared = [claim for claim in explanations[0] if all(claim in claims for claims in explanations)]
+    return " and ".join(_own(claims, shared) for claims in explanations)
+
+
+def _own(claims: Claims, shared: Sequence[tuple[str, str]]) -> str:
+    own = [f"{noun(family)} on {on}" for family, on in claims if (family, on) not in shared]
+    return " with ".join(own) or "neither of them"

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,9 +18,10 @@ from gpsim.diagnosis.form import (
     groups_of,
     missing_curve,
 )
+from gpsim.diagnosis.judgement.laws import _stand_ins
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import LackOfFit
-from gpsim.diagnosis.settings import FormSettings
+from gpsim.diagnosis.settings import FormSettings, Settings
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
 
@@ -408,3 +410,25 @@ def test_what_has_no_curve_is_untested_unless_a_tenth_more_is_missing_beside_it(
 def test_what_is_only_approximate_is_a_setting(settings, form):
     gains = [Share(0.06, 0.051, 0.07)]
     assert forms([SPEED], gains, [NEAR], IMPORTANCE, FormSettings(**settings))[0] == form
+
+
+@pytest.mark.parametrize(
+    ("share", "region", "bent"),
+    [
+        (Share(0.95, 0.92, 0.97), {}, set()),
+        (Share(0.70, 0.60, 0.91), {}, set()),  # not surely much without a name
+        (Share(0.70, 0.60, 0.80), {}, {1}),
+        (Share(0.95, 0.92, 0.97), {"x": (0.0, 1.0)}, {1}),
+    ],
+)
+def test_a_parameter_beside_much_without_a_name_or_in_a_region_only_stands_in(share, region, bent):
+    account = said(
+        term("viscous_friction", "theta", damping=1.0),
+        term("parameter_offset", "cart_mass", Gate(region=region), ratio=1.2),
+    )
+    question = SimpleNamespace(run=SimpleNamespace(settings=Settings()))
+    judgement = SimpleNamespace(leader=SimpleNamespace(hypothesis=account))
+    assert _stand_ins(question, judgement, SimpleNamespace(share=share), groups_of(account)) == bent
+    assert (
+        _stand_ins(question, judgement, SimpleNamespace(share=share), groups_of(account, among=[0])) == set()
+    )

@@ -18,6 +18,7 @@ FRICTION = Term("coulomb_friction", "x", {"force": 1.0})
 SPRING = Term("spring", "x", {"stiffness": 1.0, "rest_position": 0.0})
 DRAG = Term("quadratic_drag", "x", {"drag": 1.0})
 A, B, C = (("a", "x"),), (("b", "x"),), (("c", "x"), ("d", "y"))
+SHARED = (("c", "y"), ("d", "x"))
 VISIBLE = 1.0  # standard deviations
 SLOW, FAST = Excitation("u", "slow wave", 2.0), Excitation("u", "fast wave", 2.0)
 
@@ -68,10 +69,18 @@ def test_three_rivals_of_which_two_are_one():
     first, second = said.split("; ", 1)
     assert first == (
         "record a fast wave of u with amplitude 2: a on x and b on x and c on x with d on y then differ by up to "
-        "4.0 standard deviations of the noise in q"
+        "4 standard deviations of the noise in q"
     )
     assert second.startswith(
         "b on x and c on x with d on y predict the same for every excitation that was tried: "
+    )
+
+
+def test_what_all_rivals_share_is_not_said():
+    first, second = (*SHARED, ("a", "x")), (*SHARED, ("b", "x"))
+    found = Discrimination((Separation(SLOW, (first, second, SHARED), "q", 78.81),), ())
+    assert tell_apart_text(found).endswith(
+        ": a on x and b on x and neither of them then differ by up to 78.8 standard deviations of the noise in q"
     )
 
 

@@ -14,7 +14,7 @@ from rich_diagnoses import RICH, curve, friction, gain, named, partial, share, u
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
-from gpsim.diagnosis.report import Explained, Share
+from gpsim.diagnosis.report import Explained, NotAsked, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.account_figures import account_figures, parts
 from gpsim.reports.diagnosis_page import page
@@ -36,6 +36,17 @@ def told(diagnosis, **given):
 
 def first_screen(text):
     return text.partition('<div class="folded">')[0]
+
+
+def test_what_was_not_asked_is_folded_below():
+    held = NotAsked(
+        because="constant command", channel="force", value=2.0, unit="N", families=("actuator_gain",)
+    )
+    text = told(replace(named(), not_asked=(held,)))
+    line = "force never changes (2 N); not asked: actuator gain"
+    assert line in text
+    assert line not in first_screen(text)
+    assert "could not be asked" not in told(named())
 
 
 @pytest.mark.parametrize("verdict", RICH)

@@ -138,7 +138,7 @@ def test_a_diagnosis_gets_all_of_its_words_and_keeps_those_that_it_has():
     assert found.alternatives[0].effects[0].sentence
     assert found.tell_apart == tell_apart_text(advice)
     assert found.tell_apart.endswith(
-        "spring on q and drag on q then differ by up to 3.0 standard deviations of the noise in q"
+        "spring on q and drag on q then differ by up to 3.04 standard deviations of the noise in q"
     )
     assert found.remainder.gp.why_not == "it has no structure"
     assert worded(found) == found

@@ -64,6 +64,9 @@ def _unsupported(
     mends = [i for i in free if structured and _mends(leader, found, i, settings)]
     if mends:
         return least(mends, "behind a gate it mends what is left")
+    spare = [i for i in free if structured and _spare(found, i, settings)]
+    if spare:
+        return least(spare, "others explain what it explains")
     doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]
     answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
@@ -75,6 +78,16 @@ def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> b
     gated = bool(leader.hypothesis.terms[index].gate)
     left = 1.0 - found.share.share
     return gated and not matters(found.needed[index], left, settings.attribution)
+
+
+def _spare(found: Attribution, index: int, settings: Settings) -> bool:
+    """Whether a term explains much and is not needed: others do the same, and share with it what is one's.
+
+    Beside physics that nobody names two laws are nearer to it than one.
+    """
+    left = 1.0 - found.share.share
+    much = found.importance[index].share >= settings.attribution.headline
+    return much and not matters(found.needed[index], left, settings.attribution)
 
 
 def _doubtful(hypothesis: Hypothesis, found: Attribution, index: int) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from gpsim.diagnosis.attribution import Attribution
 from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
 from gpsim.diagnosis.judgement.judgement import Judgement
+from gpsim.diagnosis.judgement.verdict import surely_below
 from gpsim.diagnosis.report import Curve, Form, Share
 from gpsim.diagnosis.setup import Question
 
@@ -46,7 +47,9 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     every = tuple(found.get(i, "untested") for i in range(len(leader.hypothesis.terms)))
     shown = tuple(replace(c.curve, gain=gains[id(c)]) for c in curves if c is not None)
     beside = None if missing is None else replace(missing.curve, gain=gains[id(missing)])
-    return Laws(_stand_ins(question, judgement, groups, every), shown, beside)
+    bent = _stand_ins(question, judgement, attribution, groups)
+    told: tuple[Form, ...] = tuple("approximate" if i in bent else form for i, form in enumerate(every))
+    return Laws(told, shown, beside)
 
 
 def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> list[Share]:
@@ -60,13 +63,17 @@ def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurv
 
 
 def _stand_ins(
-    question: Question, judgement: Judgement, groups: list[Group], found: tuple[Form, ...]
-) -> tuple[Form, ...]:
-    """A claim that is put together of several laws' pieces is one of which none is known.
+    question: Question, judgement: Judgement, attribution: Attribution, groups: list[Group]
+) -> set[int]:
+    """Claims that can only stand in for what is there, whatever their curves say.
 
-    And a parameter is one number: one that differs in a region only stands in for a law of that place.
+    A claim that is put together of several laws' pieces is one of which none is known. And a parameter is one number:
+    one that differs in a region stands in for a law of that place, one beside much that surely has no name for some
+    of that.
     """
     claims, terms = {i for group in groups for i in group.terms}, judgement.leader.hypothesis.terms
-    if not judgement.leader.hypothesis.is_patchwork(question.run.settings.patchwork):
-        claims = {i for i in claims if terms[i].effect.site == "parameter" and terms[i].gate.region}
-    return tuple("approximate" if i in claims else form for i, form in enumerate(found))
+    settings = question.run.settings
+    if judgement.leader.hypothesis.is_patchwork(settings.patchwork):
+        return claims
+    nameless = surely_below(attribution.share, settings.verdict.nearly_all)
+    return {i for i in claims if terms[i].effect.site == "parameter" and (nameless or terms[i].gate.region)}

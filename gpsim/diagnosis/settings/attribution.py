@@ -57,7 +57,7 @@ class AttributionSettings:
         "by hand, on 24 rough worlds of seed 31: most stand-ins for nuisances were needed by less",
     )
     needed_of_left: float = setting(
-        2.0,
+        5.0,
         "1",
         "or times what the account leaves, if that is less: with clean sensors little is left",
         "by hand, on the same worlds, and EMPS, whose friction is needed by ten times what is left",
