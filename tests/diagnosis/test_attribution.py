@@ -1,14 +1,18 @@
 """What an account is worth: on rollouts it did not learn from, beyond noise, effect by effect, half by half."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, supported
 from gpsim.diagnosis.attribution.rollout_windows import rollout_windows
-from gpsim.diagnosis.attribution.support import holds_in_halves
+from gpsim.diagnosis.attribution.support import _spare, holds_in_halves
+from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Hypothesis, fit
+from gpsim.diagnosis.report import Share
+from gpsim.diagnosis.settings import Settings
 from gpsim.effects import Gate
 from gpsim.recordings import HeldOut
 
@@ -64,6 +68,30 @@ def test_laws_that_explain_the_same_share_it_and_neither_is_needed_alone():
     found = attribute(question, leader, null_of(question))
     assert found.share.share > 0.99
     assert all(part.share == pytest.approx(0.0, abs=0.01) for part in found.needed)
+
+
+@pytest.mark.parametrize(
+    ("importance", "needed", "spare"),
+    [(0.3, 0.001, True), (0.3, 0.1, False), (0.02, 0.001, False)],
+)
+def test_what_explains_much_and_is_not_needed_is_spare(importance, needed, spare):
+    found = SimpleNamespace(
+        importance=(Share(importance, importance, importance),),
+        needed=(Share(needed, needed, needed),),
+        share=Share(0.95, 0.93, 0.97),
+    )
+    assert _spare(found, 0, Settings()) == spare
+
+
+def test_of_two_that_share_what_they_explain_one_goes_where_more_is_left_than_chance_makes():
+    question, leader = laws.explained_by(
+        World("slider", forces={0: lambda q, v, t: 1.5 + 0.0 * v}),
+        ("constant_force", "q"),
+        ("actuator_bias", "force"),
+    )
+    left = supported(question, leader, null_of(question), structured=True).hypothesis
+    assert len(left.terms) == 1
+    assert left.theta == pytest.approx([1.5], rel=0.02)
 
 
 def test_with_few_blocks_held_out_all_of_it_is_judged_in_turn(braked):
@@ -125,6 +153,32 @@ def test_a_push_in_a_region_holds_in_both_halves():
     question, leader = pushed(lambda t: 0.8)
     assert halves(question, leader)
     assert supported(question, leader, null_of(question), structured=False) is leader
+
+
+def test_a_push_in_a_region_needs_its_gate():
+    question, leader = pushed(lambda t: 0.8)
+    assert ungated(question.everything, leader, attribute(question, leader, null_of(question))) is None
+
+
+def test_a_region_that_hides_nothing_is_no_part_of_a_law():
+    world = World("slider", forces={0: lambda q, v, t: -1.2 * v - 0.6 * q + 0.5})
+    nearly_all = Gate(region={"q": (-0.9, 0.9)})
+    question, leader = laws.explained_by(
+        world, *LAWS, ("constant_force", "q"), gates=(None, None, nearly_all)
+    )
+    wider = ungated(question.everything, leader, attribute(question, leader, null_of(question)))
+    assert not any(term.gate for term in wider.hypothesis.terms)
+    assert supported(question, leader, null_of(question), structured=True).hypothesis.terms[-1].gate == Gate()
+
+
+def test_a_gate_beside_the_same_law_everywhere_is_kept():
+    question, leader = laws.explained_by(
+        World("slider", forces={0: lambda q, v, t: 0.5 + 0.0 * v}),
+        ("constant_force", "q"),
+        ("constant_force", "q"),
+        gates=(None, REGION),
+    )
+    assert ungated(question.everything, leader, attribute(question, leader, null_of(question))) is None
 
 
 def test_a_push_of_one_half_alone_does_not_hold():

@@ -16,6 +16,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
 from gpsim.diagnosis.attribution.less import fits_without
 from gpsim.diagnosis.attribution.roles import matters
+from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.selection import required_in
 from gpsim.diagnosis.settings import Settings
@@ -25,14 +26,21 @@ TINY = 1e-300  # guards a division by what windows do not know
 
 
 def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> Fit:
-    """The leader without terms that do harm, or that a part of the recording alone supports.
+    """The leader without terms that do harm, or that a part of the recording alone supports, or gates without need.
 
     structured: whether the leader leaves something that chance would not; then a region or an onset is easily found
     that mends some of it.
     """
     problem = question.everything
     while leader.hypothesis.terms:
-        found, less = attribute(question, leader, null), fits_without(problem, leader, null)
+        found = attribute(question, leader, null)
+        wider = ungated(problem, leader, found) if structured else None
+        if wider is not None:
+            names = (leader.hypothesis.names, wider.hypothesis.names)
+            problem.run.trace.note(*names, False, "its gate does not matter")
+            leader = wider
+            continue
+        less = fits_without(problem, leader, null)
         free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]
         said = _unsupported(problem, leader, found, less, free, structured)
         if said is None:
