@@ -35,7 +35,7 @@ LEVELS = [
     {"evaluation", "policies.training"},
     {"environments"},
     {"corrected", "policies"},
-    {"residuals"},
+    {"residuals", "mjcf"},
     {"gp", "effects", "tasks", "targets", "recordings", "runs"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},

@@ -1,6 +1,7 @@
 """Effects: what may be missing. One small file a family, found through one explicit registry."""
 
 from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
+from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
     Effect,
@@ -28,6 +29,7 @@ __all__ = [
     "TO",
     "ActuatorEffect",
     "Chain",
+    "ClosedStep",
     "Effect",
     "EffectParameter",
     "ForceEffect",
@@ -44,6 +46,7 @@ __all__ = [
     "Values",
     "VehicleEffect",
     "changed",
+    "closed",
     "effect_of",
     "even",
     "from_json",

@@ -60,7 +60,8 @@ class Place:
     unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
-    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed.
+    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
+    a difference from it where that is what counts (`additive`).
     """
 
     on: str
@@ -73,6 +74,7 @@ class Place:
     loaded: bool = False
     bounds: tuple[float, float] = (0.0, np.inf)
     length: str = ""
+    additive: bool = False
 
     @property
     def longest_delay(self) -> float:

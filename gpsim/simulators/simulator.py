@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Literal
@@ -27,13 +27,18 @@ SMALLEST = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Parameter:
-    """One physical parameter: unit, default, and the bounds it makes sense in, closed."""
+    """One physical parameter: unit, default, and the bounds it makes sense in, closed.
+
+    additive: the size that a difference from what is believed may have, where a ratio says nothing (of a place, which
+    may be 0); 0 where it is a ratio.
+    """
 
     unit: str
     default: float
     low: float
     high: float
     text: str
+    additive: float = 0.0
 
     @property
     def range(self) -> str:
@@ -70,6 +75,7 @@ class Simulator(ABC):
     start: Mapping[str, float] = MappingProxyType(
         {}
     )  # a guess for every state channel that may go unmeasured
+    guesses_speeds: bool = False  # may velocities go unmeasured without one?
 
     @property
     def kinematic(self) -> bool:
@@ -92,6 +98,14 @@ class Simulator(ABC):
 
     def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray | None:
         """(B, R) by how much a unit force on a coordinate changes the rates; None where only `rates` tells."""
+        return None
+
+    def with_state(self, state: Channels) -> Simulator | None:
+        """The same with channels of which others wrap, from a simulator that makes it itself; else None."""
+        return None
+
+    def without(self, fixed: Mapping[str, float], held: Collection[str]) -> Simulator | None:
+        """The same without the states `fixed`, from a simulator that makes it itself; else None (see `reduced`)."""
         return None
 
     def normal_force(

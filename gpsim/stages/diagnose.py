@@ -16,9 +16,10 @@ from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, re
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
+from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.recordings import Recording, read_bare_table, read_recording
 from gpsim.residuals import check_rates, holding_out
-from gpsim.simulators import SIMULATORS, Simulator, make_simulator, source_file, wrapping
+from gpsim.simulators import SIMULATORS, Simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosis_files import write_diagnosis
 from gpsim.stages.policy_files import read_gp
@@ -84,7 +85,7 @@ def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
     artifact = read_artifact(folder, "diagnose")
     data: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
     _check_file(artifact, str(data["simulator"]))
-    simulator = make_simulator(str(data["simulator"]))
+    simulator = open_simulator(str(data["simulator"]))
     simulator = wrapping(simulator, _wrapped(simulator.state, data.get("wraps", ())))
     correction = None
     if gp and data["gp"]:
@@ -102,11 +103,12 @@ def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
 def _check_file(artifact: Artifact, simulator: str) -> None:
     """A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's."""
     source, diagnosed = source_file(simulator), artifact.manifest["config"].get("simulator_file")
-    if source is None or diagnosed is None or not source.is_file():  # which make_simulator refuses
+    if diagnosed is None or (source is not None and not source.is_file()):  # which open_simulator refuses
         return
-    if file_digest(source) != diagnosed:
+    if files_digest(simulator) != diagnosed:
+        changed = source or f"{simulator}, or what it includes,"
         raise UsageError(
-            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {source} has changed since: "
+            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {changed} has changed since: "
             "diagnose the recording again, or bring that file back"
         )
 
@@ -121,22 +123,29 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     folder = path if path.is_dir() else path.parent
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
         recording = read_recording(folder)
-        return _first(recording, task.episodes), make_simulator(task.simulator or recording.system)
+        simulator = open_simulator(simulator_name(task.simulator, recording, folder))
+        return _first(in_its_columns(recording, simulator), task.episodes), simulator
     if path.is_dir():
         raise UsageError(f"{path}: no recording.yaml; make a recording of raw logs with `gpsim import`")
     if task.simulator is None:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
-    simulator = make_simulator(task.simulator)
+    simulator = open_simulator(task.simulator)
     recording = read_bare_table(
         path,
         simulator.name,
         simulator.state,
         simulator.action,
         simulator.defaults(),
-        optional=simulator.state.names if simulator.name in SIMULATORS else tuple(simulator.start),
+        optional=simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
         integrator=simulator.integrator,
     )
-    return _first(recording, task.episodes), simulator
+    return _first(in_its_columns(recording, simulator), task.episodes), simulator
+
+
+def _optional(simulator: Simulator) -> tuple[str, ...]:
+    """States that a bare table need not have: those with a guess, and the velocities of a MuJoCo model."""
+    speeds = tuple(c.velocity for c in simulator.coordinates) if simulator.guesses_speeds else ()
+    return (*simulator.start, *speeds)
 
 
 def _held_apart(recording: Recording, task: Task) -> Recording:
@@ -165,12 +174,11 @@ def _recipe(request: Request, task: Task) -> Recipe:
     recording, _ = open_recording(task)
     apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
-    name = task.simulator or recording.system
-    source = source_file(name)
+    name = simulator_name(task.simulator, recording, folder)
     config: Json = {
         "recording": digests_of(task, folder),
         "simulator": name,
-        "simulator_file": file_digest(source) if source else None,
+        "simulator_file": files_digest(name),
         "episodes": task.episodes,
         "settings": settings_of(request),
     }

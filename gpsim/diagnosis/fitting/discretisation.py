@@ -10,6 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
+from gpsim.effects import closed
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
@@ -33,6 +34,8 @@ def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     vehicle that turns no tighter than so. With the fit on the last grid.
     """
     settings = problem.run.settings.discretisation
+    if closed(problem.simulator) is not None:  # its step is a part of what is believed
+        return problem.substeps, best
     substeps, at = problem.substeps, best
     while at.hypothesis.scheme == "fine" and substeps < settings.most_finer * problem.substeps:
         grid = replace(problem, substeps=2 * substeps)

@@ -123,7 +123,12 @@ class _Sizes:
             return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
         if effect.site == "sensor" and on in self._deviations:
             return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
-        if effect.site == "parameter":
+        if effect.site == "parameter" and on in self._simulator.parameters:
+            declared = self._simulator.parameters[on]
+            if declared.additive:
+                believed = self._parameters[on]
+                ends = (declared.low - believed, declared.high - believed)
+                return Place(on, declared.unit, span=declared.additive, dt=self._dt, bounds=ends, additive=True)
             return Place(on, "1", dt=self._dt, bounds=self._shares(on))
         return Place(on, "1", dt=self._dt)
 

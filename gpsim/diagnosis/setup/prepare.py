@@ -26,6 +26,7 @@ from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
+from gpsim.effects import closed
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
@@ -182,6 +183,8 @@ def _problem(
     rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
+    if (system := closed(simulator)) is not None:
+        usual = system.steps_of(recording.dt)
     nothing = np.zeros(len(names))
     return Problem(
         simulator,
@@ -201,6 +204,8 @@ def _problem(
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
     settings, sample = problem.run.settings.discretisation, _sample(problem)
+    if closed(problem.simulator) is not None:  # it is what its own step makes it: the step's error is noise
+        return replace(problem, floor=np.hypot(problem.floor, numerical_error(sample)))
     stands = (
         any(problem.simulator.coordinates) and problem.dt <= settings.slow
     )  # friction may hold something at rest
