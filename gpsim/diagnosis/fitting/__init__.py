@@ -2,6 +2,7 @@
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
 from gpsim.diagnosis.fitting.discretisation import (
+    coarse_enough,
     enough_substeps,
     numerical_error,
     rescored,
@@ -41,6 +42,7 @@ __all__ = [
     "correlation_time",
     "curvature",
     "damped_step",
+    "coarse_enough",
     "enough_substeps",
     "fit",
     "fit_all",

@@ -27,6 +27,23 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     return np.asarray(settings.margin * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
+def coarse_enough(problem: Problem) -> int:
+    """The fewest steps of a transition, by a simulator that owns its integration, that tell slopes as well as its own.
+
+    0: no fewer than its own do.
+    """
+    settings, starts = problem.run.settings.closed_step, problem.windows.measured[None, :, 0]
+    nothing, own = Hypothesis(), problem.substeps
+    exact = problem.residuals(nothing, nothing.theta[None], starts)[0]
+    for steps in sorted({-(-own // times) for times in settings.coarser} - {own}):
+        longer = replace(problem, substeps=steps)
+        change = longer.residuals(nothing, nothing.theta[None], starts)[0] - exact
+        spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
+        if (spread <= settings.tolerated * problem.scale)[problem.observed].all():
+            return steps
+    return 0
+
+
 def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     """As many substeps as the best hypothesis needs, at most so many times more than the base simulator does.
 

@@ -74,13 +74,17 @@ def fit(
     patience = settings.patience if theta.size else settings.patience_of_starts
     per_window = np.full(len(starts), damping)
     converged, still, seen_from, moved = False, 0, None, True
+    by_state = by_theta = np.empty(0)
     for round_ in range(iterations):
         if not near and round_ in settings.pattern_rounds and any(p.step for p in hypothesis.parameters):
             first = round_ == settings.pattern_rounds[0]
             pattern = np.array(settings.first_pattern if first else settings.pattern)
             at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
         if seen_from is not at.residual:  # after a rejected step it stands where it stood
-            by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+            known = by_state if round_ % problem.every_slope and moved else None
+            by_state, by_theta = jacobians(
+                problem, hypothesis, at.theta, at.starts, at.residual, by_state=known
+            )
             seen_from = at.residual
         variance = variance_of(problem, at.residual)
         step = damped_step(
@@ -205,11 +209,15 @@ def _searched_pattern(
     parameters following, too; the best of either is taken if it holds.
     """
     rows = evenly(len(at.starts), problem.run.settings.shooting.pattern_windows)
-    some, damped = problem.on(problem.windows.take(rows)), per_window[rows]
+    own, damped = problem.on(problem.windows.take(rows)), per_window[rows]
+    some = own.slopes
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:
             continue
-        here = _point(some, at.theta, at.starts[rows], at.residual[rows])
+        there = at.residual[rows]
+        if some is not own:
+            there = some.residuals(hypothesis, at.theta[None], at.starts[None, rows])[0]
+        here = _point(some, at.theta, at.starts[rows], there)
         reaches = parameter.step * np.concatenate([-pattern, pattern])
         thetas = np.tile(at.theta, (len(reaches), 1))
         thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])

@@ -26,7 +26,8 @@ class Problem:
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
     scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
     substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
-    was thinned). run: what the diagnosis carries along.
+    was thinned). run: what the diagnosis carries along. slope_steps: of a transition where only differences count, of a
+    simulator that owns its integration; 0: as many as always.
     """
 
     simulator: Simulator
@@ -41,6 +42,7 @@ class Problem:
     substeps: int
     base_steps: int = 1
     run: Run = field(default_factory=Run)
+    slope_steps: int = 0
 
     @cached_property
     def counts(self) -> FloatArray:
@@ -63,6 +65,16 @@ class Problem:
         """
         weights = self.windows.weights
         return self.counted if weights is None else np.sqrt(weights) * self.counted
+
+    @property
+    def every_slope(self) -> int:
+        """In how many steps of a fit once the slopes of start states are found anew; dear ones serve several times."""
+        return self.run.settings.closed_step.slopes_serve if self.slope_steps else 1
+
+    @property
+    def slopes(self) -> Problem:
+        """The same question where only differences between simulations count, which coarser steps tell as well."""
+        return replace(self, substeps=self.slope_steps, slope_steps=0) if self.slope_steps else self
 
     def on(self, windows: Windows) -> Problem:
         """The same question to other windows."""

@@ -13,6 +13,7 @@ from gpsim.diagnosis.fitting import (
     Fit,
     Hypothesis,
     Problem,
+    coarse_enough,
     enough_substeps,
     fit,
     numerical_error,
@@ -105,6 +106,8 @@ def prepare(
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
+    if closed(simulator) is not None:
+        searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
     problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
         seen,
@@ -186,7 +189,7 @@ def _problem(
     if (system := closed(simulator)) is not None:
         usual = system.steps_of(recording.dt)
     nothing = np.zeros(len(names))
-    return Problem(
+    problem = Problem(
         simulator,
         parameters,
         recording.dt,
@@ -199,6 +202,9 @@ def _problem(
         usual,
         run=run,
     )
+    if closed(simulator) is None:
+        return problem
+    return replace(problem, slope_steps=coarse_enough(_sample(problem)))
 
 
 def _fine_enough(problem: Problem) -> Problem:
