@@ -56,7 +56,7 @@ class Chain:
         t: FloatArray,
         extra: FloatArray | None = None,
     ) -> FloatArray:
-        """(B, K, S): the states after each of K substeps of `step` (B,) s under commands (B, K, A), see `ClosedStep`."""
+        """(B, K, S): the states after each of K substeps of `step` (B,) s, commands (B, K, A); see `ClosedStep`."""
         return closed_step.rolled(self.terms, self.parameters, values, state, commands, step, t, extra)
 
     @cached_property

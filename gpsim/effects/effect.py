@@ -61,7 +61,8 @@ class Place:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
     recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
-    a difference from it where that is what counts (`additive`).
+    a difference from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction:
+    what the simulator itself has of a coordinate's, which may be less in truth.
     """
 
     on: str
@@ -75,6 +76,9 @@ class Place:
     bounds: tuple[float, float] = (0.0, np.inf)
     length: str = ""
     additive: bool = False
+    centre: tuple[float, ...] = ()
+    damping: float = 0.0
+    friction: float = 0.0
 
     @property
     def longest_delay(self) -> float:
@@ -215,6 +219,16 @@ class ParameterEffect(Effect):
     @abstractmethod
     def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
         """(B,) the parameter's value."""
+
+
+class ModelEffect(Effect):
+    """A change of a model that is none of its declared parameters: the simulator itself knows how to make it."""
+
+    site: ClassVar[Site] = "parameter"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Where the simulator says that it can."""
+        return tuple(simulator.model_places.get(self.family, ()))
 
 
 class VehicleEffect(Effect):

@@ -87,7 +87,7 @@ def _copied(model: Any) -> Any:
 def _check(model: Any, where: str) -> None:
     if int(model.na):
         raise UsageError(
-            f"{where}: {int(model.na)} of its actuators have an activation of their own (filter, integrator or muscle), "
+            f"{where}: {int(model.na)} of its actuators have an activation (filter, integrator or muscle), "
             "which no recording holds; leave it out of the model: a lag is what gpsim finds"
         )
     if int(getattr(model, "nhistory", 0)):
@@ -212,17 +212,21 @@ def _carries(model: Any, ancestor: int, body: int) -> bool:
 
 
 def _set(name: str, *at: int) -> Knob:
+    where: tuple[slice | int, ...] = (slice(None), *at)
+
     def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
-        fields[name][(slice(None), *at)] = value
+        fields[name][where] = value
 
     return Knob((name,), write)
 
 
 def _scaled(names: tuple[str, ...], at: tuple[int, ...], believed: float) -> Knob:
+    where: tuple[slice | int, ...] = (slice(None), *at)
+
     def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
         for name in names:
-            part = fields[name][(slice(None), *at)]
-            fields[name][(slice(None), *at)] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))
+            part = np.asarray(fields[name][where])
+            fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))
 
     return Knob(names, write)
 

@@ -1,4 +1,4 @@
-"""A recording in the columns of a MuJoCo model: every joint and actuator there, in the model's order, commands clamped."""
+"""A recording in the columns of a MuJoCo model: every joint and actuator, in the model's order, commands clamped."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from gpsim.channels import Channel, Channels, FloatArray
 from gpsim.errors import UsageError
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.recordings import Episode, Recording
-
-UNIT = 1e-3  # how far a measured quaternion's length may be from 1
 
 
 def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:

@@ -53,19 +53,22 @@ def names_of(model: Any, where: str) -> Names:
         q, v = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
         if kind == mj.mjtJoint.mjJNT_BALL:
             raise UsageError(
-                f"{where}: {name} is a ball joint, which gpsim does not diagnose; put three hinges in its place, or weld it"
+                f"{where}: {name} is a ball joint, which gpsim does not diagnose; put three "
+                "hinges in its place, or weld it"
             )
         if kind == mj.mjtJoint.mjJNT_FREE:
             free.append(name)
             state += [
-                (Channel(f"{name}.{p}", u), q + i, -1) for i, (p, u) in enumerate(zip(POSE, POSE_UNITS))
+                (Channel(f"{name}.{p}", u), q + i, -1)
+                for i, (p, u) in enumerate(zip(POSE, POSE_UNITS, strict=True))
             ]
             state += [
-                (Channel(f"{name}.{p}", u), -1, v + i) for i, (p, u) in enumerate(zip(TWIST, TWIST_UNITS))
+                (Channel(f"{name}.{p}", u), -1, v + i)
+                for i, (p, u) in enumerate(zip(TWIST, TWIST_UNITS, strict=True))
             ]
             rate += [
                 Channel(f"{name}.a{p[1:]}" if p[0] == "v" else f"{name}.{p}_rate", u)
-                for p, u in zip(TWIST, ACC_UNITS)
+                for p, u in zip(TWIST, ACC_UNITS, strict=True)
             ]
             continue
         hinge = kind == mj.mjtJoint.mjJNT_HINGE
@@ -73,12 +76,13 @@ def names_of(model: Any, where: str) -> Names:
         state.append((Channel(name, unit, _turns(model, j, hinge)), q, -1))
         state.append((Channel(f"{name}_dot", f"{unit}/s"), -1, v))
         rate.append(Channel(f"{name}_acc", f"{unit}/s^2"))
-        coordinates.append(Coordinate(name, f"{name}_dot", f"{name}_acc", force))
+        damped, grips = float(model.dof_damping[v]), float(model.dof_frictionloss[v])
+        coordinates.append(Coordinate(name, f"{name}_dot", f"{name}_acc", force, damped, grips))
         dofs.append(v)
         joints.append(j)
     if not coordinates:
         raise UsageError(
-            f"{where}: it has no hinge and no slide joint, so there is nothing whose physics could be missing"
+            f"{where}: it has no hinge and no slide joint: nothing whose physics could be missing"
         )
     actions = [Channel(_called(model, "actuator", i), _command_unit(model, i)) for i in range(model.nu)]
     both = {c.name for c in actions} & {c.name for c, _, _ in state}
@@ -107,17 +111,17 @@ def _called(model: Any, kind: str, index: int) -> str:
 def _turns(model: Any, joint: int, hinge: bool) -> bool:
     """Whether an angle is known modulo a turn only: nothing in the model tells one turn from the next."""
     held = bool(model.jnt_limited[joint]) or float(model.jnt_stiffness[joint]) != 0.0
-    return hinge and not held and not _servoed(model, joint)
+    return hinge and not held and not servoed(model, joint)
 
 
-def _servoed(model: Any, joint: int) -> bool:
+def servoed(model: Any, joint: int) -> bool:
     """Whether an actuator's force depends on where the joint is."""
     own = [i for i in range(model.nu) if int(model.actuator_trnid[i, 0]) == joint]
     return any(float(model.actuator_biasprm[i, 1]) != 0.0 for i in own)
 
 
 def _command_unit(model: Any, index: int) -> str:
-    """Of a position or velocity servo the joint's own; of a motor its force, where its gear is 1; else the command's."""
+    """Of a servo the joint's own, or its speed's; of a motor of gear 1 its force; else a number."""
     mj = mujoco()
     kind, joint = int(model.actuator_trntype[index]), int(model.actuator_trnid[index, 0])
     on_joint = kind in (mj.mjtTrn.mjTRN_JOINT, mj.mjtTrn.mjTRN_JOINTINPARENT)

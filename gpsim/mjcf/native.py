@@ -6,7 +6,7 @@ implicit and masses move with everything that follows from them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,19 +22,19 @@ STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """Dry friction that holds: by MuJoCo's defaults a body under a load of 80 % creeps 4 mm/s."""
 
 
-@dataclass
-class Fields:
+@dataclass(eq=False)
+class Fields(Mapping[str, FloatArray]):
     """Model fields (B, ...) of a batch, made from the model's when they are first asked for."""
 
     body: Body
     count: int
     step: FloatArray
-    values: dict[str, FloatArray]
+    own: dict[str, FloatArray]
 
     def __getitem__(self, name: str) -> FloatArray:
-        if name not in self.values:
-            self.values[name] = self._begun(name)
-        return self.values[name]
+        if name not in self.own:
+            self.own[name] = self._begun(name)
+        return self.own[name]
 
     def _begun(self, name: str) -> FloatArray:
         model = self.body.model
@@ -44,12 +44,21 @@ class Fields:
         return np.tile(np.asarray(believed, dtype=np.float64), (self.count, *(1,) * np.ndim(believed)))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.values
+        return name in self.own
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.own)
+
+    def __len__(self) -> int:
+        return len(self.own)
 
 
 @dataclass(frozen=True)
 class Native:
-    """How a family is written: the fields it needs, and the writer (fields, body, place, values, share of the substep)."""
+    """How a family is written: the fields that it needs, and the writer.
+
+    It is given fields, body, place, values, and which share of the substep it acts.
+    """
 
     fields: tuple[str, ...]
     write: Callable[[Fields, Body, str, Values, FloatArray], None]
@@ -175,7 +184,7 @@ def rotation(quat: FloatArray) -> FloatArray:
 
 
 def quaternion(axes: FloatArray) -> FloatArray:
-    """(B, 4) unit quaternions, real part first, of rotations (B, 3, 3): of Bar-Itzhack (2000) the largest eigenvector."""
+    """(B, 4) unit quaternions, real part first, of rotations (B, 3, 3); Bar-Itzhack (2000), the largest eigenvector."""
     m = axes
     k = np.zeros((len(m), 4, 4))
     k[:, 0, 0] = m[:, 0, 0] - m[:, 1, 1] - m[:, 2, 2]

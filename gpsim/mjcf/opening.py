@@ -21,7 +21,7 @@ def open_simulator(name: str) -> Simulator:
     """The simulator of a name; raises UsageError."""
     if name == SYSTEM:
         raise UsageError(
-            "system: mjcf says that a MuJoCo model simulates it; say which: --simulator robot.xml, or model: in recording.yaml"
+            "system: mjcf: a MuJoCo model simulates it; say which by --simulator robot.xml, or model: in recording.yaml"
         )
     return load_mjcf(name) if is_mujoco(name) else make_simulator(name)
 
@@ -45,7 +45,7 @@ def in_its_columns(recording: Recording, simulator: Simulator) -> Recording:
 
 
 def files_digest(name: str) -> str | Mapping[str, str] | None:
-    """What a simulator's files are: one hash of a user's own, one a file of a MuJoCo model, None of a registered one."""
+    """Hashes of a simulator's files: one of a user's own, one a file of a MuJoCo model; None of a registered one."""
     if is_mujoco(name):
         return dict(source_of(name).files)
     source = source_file(name)

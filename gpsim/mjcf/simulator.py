@@ -16,6 +16,7 @@ from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.native import FORCE, Fields
 from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.places import places_of
 from gpsim.mjcf.stepping import Moment, Plan, shares_of, write_laws
 from gpsim.simulators import Integrator, Parameters, Simulator
 
@@ -53,6 +54,7 @@ class MjcfSimulator(Simulator):
         self.coordinates = tuple(names.coordinates[i] for i in own)  # type: ignore[misc]
         self.own_step = self._body.own_step
         self._dofs = [names.dofs[i] for i in own]
+        self.model_places = places_of(self._body, [self.state.names, [c.name for c in self.coordinates]])
         self._places()
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
@@ -68,14 +70,6 @@ class MjcfSimulator(Simulator):
     def control_step(self) -> float | None:
         """The control step [s] of the environment that the model came from; None of a file."""
         return self._loaded.control_step
-
-    def joint_damping(self, on: str) -> float:
-        """What the model itself has of a joint's damping [force per speed]."""
-        return float(self._body.model.dof_damping[self._dof(on)])
-
-    def joint_friction(self, on: str) -> float:
-        """What the model itself has of a joint's dry friction [force]."""
-        return float(self._body.model.dof_frictionloss[self._dof(on)])
 
     def with_state(self, state: Channels) -> MjcfSimulator:
         """The same with channels of the same names, of which others wrap."""
@@ -162,11 +156,11 @@ class MjcfSimulator(Simulator):
 
     @property
     def tolerated_penetration(self) -> float:
-        """How deep [m] bodies may touch in a first state: soft contacts do, and joints are read to a few milliradians."""
+        """How deep [m] bodies may touch in a first state: soft contacts do, and joints are read inexactly."""
         return max(0.02 * max(self._body.lengths().values(), default=0.0), 0.002)
 
     def penetration(self, state: FloatArray) -> tuple[FloatArray, list[str]]:
-        """(B,) m: the least distance of what touches in each state, negative inside, 0 where nothing does; and which."""
+        """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
         mj, model = mujoco(), self._body.base
         data, deepest, pairs = mj.MjData(model), np.zeros(len(state)), [""] * len(state)
         qpos, _ = self._full(state)
@@ -188,7 +182,7 @@ class MjcfSimulator(Simulator):
         dt: FloatArray,
         integrator: Integrator,
     ) -> FloatArray:
-        """(B, S): the state after dt (B,) s, in steps of the model's own or a little shorter; `integrator` is its own."""
+        """(B, S): the state after dt (B,) s, in steps of the model's own or a little shorter."""
         count = self.steps_of(float(np.max(dt, initial=self.own_step)))
         held = np.repeat(action[:, None], count, axis=1)
         said = {n: float(np.ravel(v)[0]) for n, v in parameters.items()}
@@ -248,7 +242,7 @@ class MjcfSimulator(Simulator):
         pool = self._body.pools.of(plan.fields)
         qpos, qvel = self._full(state)
         pool.begin(qpos, qvel, step)
-        pool.write(fields.values, count)
+        pool.write(fields.own, count)
         if plan.passing or extra is not None:
             return self._stepwise(plan, values, pool, fields, commands, step, t, extra)
         if FORCE in fields:
@@ -279,7 +273,7 @@ class MjcfSimulator(Simulator):
         count, ids, b = len(step), np.arange(len(step)), pool.simulations
         qpos, qvel, force = (b.bind(name)[:count] for name in ("qpos", "qvel", FORCE))
         out = np.empty((*commands.shape[:2], len(self.state)))
-        lasting = {name: np.array(v) for name, v in fields.values.items()}
+        lasting = {name: np.array(v) for name, v in fields.own.items()}
         gone = np.zeros(count, dtype=np.bool_)
         for k in range(commands.shape[1]):
             state = self._state(qpos, qvel)
@@ -376,12 +370,12 @@ class MjcfSimulator(Simulator):
     ) -> tuple[FloatArray, Pool]:
         """(B, R) accelerations, and the batch in which they were found."""
         count = len(state)
-        pool = self._body.pools.of(plan.fields | frozenset(fields.values) - {FORCE})
+        pool = self._body.pools.of(plan.fields | frozenset(fields.own) - {FORCE})
         qpos, qvel = self._full(state)
         b = pool.simulations
         acc = b.bind("qacc")
         pool.begin(qpos, qvel, np.full(count, self.own_step))
-        pool.write(fields.values, count)
+        pool.write(fields.own, count)
         b.bind("ctrl")[:count] = action
         if FORCE in fields:
             b.bind(FORCE)[:count] = fields[FORCE]

@@ -108,7 +108,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a batch is at the start of a substep: state (B, S), command (B, A), clock (B,) s, length of the substep (B,) s."""
+    """Where a batch is when a substep begins: state (B, S), command (B, A), clock and length of the substep (B,) s."""
 
     state: FloatArray
     command: FloatArray

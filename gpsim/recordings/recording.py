@@ -91,8 +91,9 @@ class Recording:
     """What happened: episodes of measured states and commanded actions on one clock.
 
     `system`, `parameters`, `integrator` and `dt` describe the base simulator that the recording is to be
-    compared with, `model` is the file of one that is a MuJoCo model; `noise` is the known measurement noise (standard deviation by channel), if any;
-    `provenance` is free-form metadata (how it was collected, imported, smoothed) and is kept as it is.
+    compared with (`model`: the file of one that is a MuJoCo model); `noise` is the known measurement noise (standard
+    deviation by channel), if any; `provenance` is free-form metadata (how it was collected, imported, smoothed) and is
+    kept as it is.
     """
 
     system: str

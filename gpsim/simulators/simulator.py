@@ -49,13 +49,33 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class ModelPlace:
+    """Where a family acts that only some simulators know: unit and typical size of what it changes, a length there [m].
+
+    least: by how much less than believed it may be; centre: of a body, in its frame; steers: does a servo go by it?
+    """
+
+    unit: str
+    size: float
+    reach: float = 1.0
+    least: float = 0.0
+    centre: tuple[float, ...] = ()
+    steers: bool = False
+
+
+@dataclass(frozen=True)
 class Coordinate:
-    """A generalised coordinate: its position, velocity and rate channels and the unit of its force."""
+    """A generalised coordinate: its position, velocity and rate channels and the unit of its force.
+
+    damping [force per speed], friction [force]: what a simulator has of them there that may be less in truth.
+    """
 
     name: str
     velocity: str
     rate: str
     force_unit: str
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 class Simulator(ABC):
@@ -76,6 +96,9 @@ class Simulator(ABC):
         {}
     )  # a guess for every state channel that may go unmeasured
     guesses_speeds: bool = False  # may velocities go unmeasured without one?
+    model_places: Mapping[str, Mapping[str, ModelPlace]] = MappingProxyType(
+        {}
+    )  # of families that few simulators know
 
     @property
     def kinematic(self) -> bool:

@@ -29,7 +29,7 @@ from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Completions, Question, filters, undone
-from gpsim.effects import effect_of
+from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
 
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
@@ -219,8 +219,9 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     """What a system identification tool would do: the base simulator's own parameters fitted, nothing added."""
     tuned = base
     for candidate in offers:
-        if effect_of(candidate.family).site == "parameter":
-            tuned = tuned.plus(candidate.term([1.0]), candidate.declared)
+        if isinstance(effect_of(candidate.family), ParameterEffect):
+            believed = candidate.term([p.none for p in candidate.declared])
+            tuned = tuned.plus(believed, candidate.declared)
     if not tuned.terms:
         return base
     problem, settings = question.searched, question.searched.run.settings

@@ -22,8 +22,8 @@ from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
+from gpsim.diagnosis.fitting.rollout import Extra
 from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
-from gpsim.diagnosis.fitting.simulate import Extra
 
 __all__ = [
     "Candidate",
@@ -39,10 +39,10 @@ __all__ = [
     "autocorrelation",
     "channel_objectives",
     "child_of",
+    "coarse_enough",
     "correlation_time",
     "curvature",
     "damped_step",
-    "coarse_enough",
     "enough_substeps",
     "fit",
     "fit_all",

@@ -12,7 +12,8 @@ from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Spread
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.fitting.rollout import Extra
+from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
 from gpsim.effects import Chain
 from gpsim.simulators import Simulator

@@ -26,7 +26,7 @@ def tamed(state: FloatArray) -> FloatArray:
 
 
 def looks_of(n: int) -> int:
-    """Moments of a transition of n substeps at which sensors look: as many as divide them, all of them if they are few."""
+    """Moments of a transition of n substeps at which sensors look: a divisor of n, n itself where that is few."""
     return n if n <= SEEN else max((m for m in range(2, SEEN + 1) if n % m == 0), default=n)
 
 
@@ -86,7 +86,7 @@ def _rolled(
     t: FloatArray,
     added: FloatArray | None = None,
 ) -> FloatArray:
-    """(B, K n, S): the states after every substep of some transitions; commands that look at states are asked in turn."""
+    """(B, K n, S): the states after every substep of some transitions; what looks at states is asked in turn."""
     if not chain.looks:
         commands = np.stack([drive(k, j, state) for k in transitions for j in range(n)], axis=1)
         return tamed(chain.rolled(system, state, commands, values, step, t, added))
@@ -108,7 +108,7 @@ def _history(
     setting: Setting,
     drive: Drive,
 ) -> tuple[FloatArray, FloatArray | None]:
-    """(B, K, S): the states before the windows at the moments that sensors look at; an episode stood still before it began.
+    """(B, K, S): the states before the windows when sensors look; an episode stood still before it began.
 
     And how long after the one before each of them is, (B, K) s, where the clock is uneven.
     """

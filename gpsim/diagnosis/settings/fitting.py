@@ -197,7 +197,7 @@ class SensorInversionSettings:
 
 @dataclass(frozen=True)
 class ClosedStepSettings:
-    """Simulators that own their integration (MuJoCo models): steps are dear, and their length is a part of the model."""
+    """Simulators that own their integration (MuJoCo models): steps are dear, their length is a part of the model."""
 
     fitted: int = setting(
         160,
@@ -208,7 +208,9 @@ class ClosedStepSettings:
     )
     searched: int = setting(56, "windows", "that the search looks at, at most", least=1)
     coarser: tuple[int, ...] = setting(
-        (4, 3, 2), "1", "times as long as its own the steps may be in which slopes are found, the first that will do"
+        (4, 3, 2),
+        "1",
+        "times as long as its own the steps may be in which slopes are found, the first that will do",
     )
     tolerated: float = setting(
         0.05, "1", "of a channel's spread: what these longer steps may change in a window, root mean square"

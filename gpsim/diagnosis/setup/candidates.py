@@ -117,6 +117,8 @@ class _Sizes:
                 speed=self._spans[coordinate.velocity],
                 dt=self._dt,
                 loaded=on in self._loaded,
+                damping=coordinate.damping,
+                friction=coordinate.friction,
             )
         if effect.site == "actuator":
             unit = self._simulator.action.units[on]
@@ -128,8 +130,15 @@ class _Sizes:
             if declared.additive:
                 believed = self._parameters[on]
                 ends = (declared.low - believed, declared.high - believed)
-                return Place(on, declared.unit, span=declared.additive, dt=self._dt, bounds=ends, additive=True)
+                return Place(
+                    on, declared.unit, span=declared.additive, dt=self._dt, bounds=ends, additive=True
+                )
             return Place(on, "1", dt=self._dt, bounds=self._shares(on))
+        if (there := self._simulator.model_places.get(effect.family, {}).get(on)) is not None:
+            less = (-there.least, np.inf)
+            return Place(
+                on, there.unit, there.size, reach=there.reach, dt=self._dt, bounds=less, centre=there.centre
+            )
         return Place(on, "1", dt=self._dt)
 
     def _shares(self, on: str) -> tuple[float, float]:
