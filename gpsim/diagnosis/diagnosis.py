@@ -131,12 +131,15 @@ def _scheme(recording: Recording, simulator: Simulator) -> Scheme:
 def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPlant:
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
+    substeps = math.ceil(problem.substeps / question.thinned)  # those are of a thinned transition
+    if (system := closed(question.whole)) is not None:  # which goes by its own
+        substeps = system.steps_of(dt)
     return EffectsPlant(
         question.whole,  # in which the recording's angles wrap
         dict(problem.parameters),
         leader.terms,
         leader.scheme if leader.terms else _scheme(question.recording, question.whole),
-        math.ceil(problem.substeps / question.thinned),  # those are of a thinned transition
+        substeps,
         dt,
     )
 

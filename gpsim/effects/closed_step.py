@@ -18,8 +18,17 @@ class ClosedStep(Protocol):
     Effects on commands and on sensors stay the chain's; all others the simulator takes as terms.
     """
 
+    @property
+    def own_grid(self) -> bool:
+        """Whether it steps as its model says, so that its step is a part of what is believed."""
+        ...
+
     def steps_of(self, dt: float) -> int:
         """How many of its own steps a transition of dt [s] takes."""
+        ...
+
+    def exact(self) -> Simulator:
+        """The same by a method of higher order, which is nearer to what happens in longer steps."""
         ...
 
     def rolled(

@@ -60,14 +60,19 @@ class Body:
         return {self.names.bodies[b]: _length(self.base, b) for b in _moving(self.base)}
 
 
-def body_of(loaded: Loaded, held: tuple[str, ...] = ()) -> Body:
-    """What gpsim diagnoses of a model, its joints `held` in a mount; raises UsageError for what it cannot."""
+def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) -> Body:
+    """What gpsim diagnoses of a model, its joints `held` in a mount; raises UsageError for what it cannot.
+
+    exact: by the classical Runge-Kutta scheme, whatever the model says.
+    """
     mj, base = mujoco(), loaded.model
     where = loaded.source.reference
     names = names_of(base, where)
     _check(base, where)
     model = _copied(base)
     model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    if exact:
+        model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
     model.body_sameframe[:] = mj.mjtSameFrame.mjSAMEFRAME_NONE
     for coordinate, dof in zip(names.coordinates, names.dofs, strict=True):
         if coordinate.name in held:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -32,3 +35,23 @@ def batch() -> Any:
     from mujoco import batch as package
 
     return package
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Within it MuJoCo's warnings are counted, not printed nor written to a file: a fit tries unstable values, too."""
+    mj = mujoco()
+    before = mj.get_mju_user_warning()
+    mj.set_mju_user_warning(_nothing())
+    try:
+        yield
+    finally:
+        mj.set_mju_user_warning(before)
+
+
+@lru_cache(maxsize=1)
+def _nothing() -> Any:
+    """A C function of a text that does nothing of note: Python's own cannot be called from MuJoCo's threads."""
+    length = ctypes.cast(ctypes.CDLL(None).strlen, ctypes.c_void_p).value
+    assert length is not None
+    return ctypes.CFUNCTYPE(None, ctypes.c_char_p)(length)

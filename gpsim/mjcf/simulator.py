@@ -15,7 +15,7 @@ from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.loading import Loaded, load
 from gpsim.mjcf.native import FORCE, Fields
-from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.places import places_of
 from gpsim.mjcf.stepping import Moment, Plan, shares_of, write_laws
 from gpsim.simulators import Integrator, Parameters, Simulator
@@ -40,9 +40,11 @@ class MjcfSimulator(Simulator):
         state: Channels | None = None,
         fixed: Mapping[str, float] | None = None,
         held: Collection[str] = (),
+        exact: bool = False,
     ) -> None:
+        self._exact = exact
         self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
-        self._body = _body(loaded.source.reference, loaded.source.digest, self._held)
+        self._body = _body(loaded.source.reference, loaded.source.digest, self._held, exact)
         names = self._body.names
         every = state or names.state
         self.state = Channels(tuple(c for c in every if c.name not in self._fixed))  # type: ignore[misc]
@@ -59,7 +61,12 @@ class MjcfSimulator(Simulator):
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         source = self._loaded.source
-        return _again, (source.reference, source.digest, self.state, self._fixed, self._held)
+        return _again, (source.reference, source.digest, self.state, self._fixed, self._held, self._exact)
+
+    @property
+    def own_grid(self) -> bool:
+        """Whether it steps as the model says, not by a method of higher order."""
+        return not self._exact
 
     @property
     def body(self) -> Body:
@@ -73,11 +80,17 @@ class MjcfSimulator(Simulator):
 
     def with_state(self, state: Channels) -> MjcfSimulator:
         """The same with channels of the same names, of which others wrap."""
-        return MjcfSimulator(self._loaded, state, self._fixed, self._held)
+        return MjcfSimulator(self._loaded, state, self._fixed, self._held, self._exact)
 
     def without(self, fixed: Mapping[str, float], held: Collection[str]) -> MjcfSimulator:
         """The same without the states `fixed`; joints `held` among them stand in a mount."""
-        return MjcfSimulator(self._loaded, self.state, {**self._fixed, **fixed}, {*self._held, *held})
+        return MjcfSimulator(
+            self._loaded, self.state, {**self._fixed, **fixed}, {*self._held, *held}, self._exact
+        )
+
+    def exact(self) -> MjcfSimulator:
+        """The same by the classical Runge-Kutta scheme, whatever the model says."""
+        return MjcfSimulator(self._loaded, self.state, self._fixed, self._held, exact=True)
 
     def steps_of(self, dt: float) -> int:
         """How many of the model's own steps a transition of dt [s] takes."""
@@ -247,9 +260,10 @@ class MjcfSimulator(Simulator):
             return self._stepwise(plan, values, pool, fields, commands, step, t, extra)
         if FORCE in fields:
             pool.simulations.bind(FORCE)[:count] = fields[FORCE]
-        made = pool.simulations.rollout(
-            commands.shape[1], commands, record=("qpos", "qvel"), ids=np.arange(count)
-        )
+        with quiet():
+            made = pool.simulations.rollout(
+                commands.shape[1], commands, record=("qpos", "qvel"), ids=np.arange(count)
+            )
         out = self._state(made["qpos"], made["qvel"])
         (gone,) = np.nonzero(_gave_up(pool, count))
         for row in gone:
@@ -283,7 +297,8 @@ class MjcfSimulator(Simulator):
             if added is not None:
                 qvel += step[:, None] * added
             b.bind("ctrl")[:count] = commands[:, k]
-            b.step(ids)
+            with quiet():
+                b.step(ids)
             gone |= _gave_up(pool, count)
             out[:, k] = self._state(qpos, qvel)
             out[gone, k] = FAR
@@ -381,7 +396,8 @@ class MjcfSimulator(Simulator):
             b.bind(FORCE)[:count] = fields[FORCE]
         for name in ("M", "ncon", "nl"):
             b.bind(name)
-        b.forward(np.arange(count))
+        with quiet():
+            b.forward(np.arange(count))
         return np.array(acc[:count]), pool
 
     def _believe(self, fields: Fields, parameters: Parameters, rows: slice) -> None:
@@ -471,8 +487,8 @@ def _dense(model: Any, packed: FloatArray) -> FloatArray:
 
 
 @lru_cache(maxsize=8)
-def _body(reference: str, digest: str, held: tuple[str, ...]) -> Body:
-    return body_of(load(reference), held)
+def _body(reference: str, digest: str, held: tuple[str, ...], exact: bool) -> Body:
+    return body_of(load(reference), held, exact=exact)
 
 
 def load_mjcf(reference: str) -> MjcfSimulator:
@@ -481,11 +497,16 @@ def load_mjcf(reference: str) -> MjcfSimulator:
 
 
 def _again(
-    reference: str, digest: str, state: Channels, fixed: Mapping[str, float], held: tuple[str, ...]
+    reference: str,
+    digest: str,
+    state: Channels,
+    fixed: Mapping[str, float],
+    held: tuple[str, ...],
+    exact: bool,
 ) -> MjcfSimulator:
     """The same simulator in another process; raises UsageError where its files have changed meanwhile."""
     loaded = load(reference)
     if loaded.source.digest != digest:
         raise UsageError(f"{reference}: changed while it was being diagnosed; start again")
-    made = MjcfSimulator(loaded, None, fixed, held)
+    made = MjcfSimulator(loaded, None, fixed, held, exact)
     return made if made.state == state else made.with_state(state)

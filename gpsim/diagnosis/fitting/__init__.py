@@ -2,11 +2,11 @@
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
 from gpsim.diagnosis.fitting.discretisation import (
-    coarse_enough,
     enough_substeps,
     numerical_error,
     rescored,
     settled,
+    stepped,
 )
 from gpsim.diagnosis.fitting.evidence import (
     autocorrelation,
@@ -39,7 +39,6 @@ __all__ = [
     "autocorrelation",
     "channel_objectives",
     "child_of",
-    "coarse_enough",
     "correlation_time",
     "curvature",
     "damped_step",
@@ -61,6 +60,7 @@ __all__ = [
     "screened",
     "settled",
     "starts_of",
+    "stepped",
     "stretched",
     "stronger",
     "traced",

@@ -15,7 +15,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.rollout import Extra
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.effects import Chain
+from gpsim.effects import Chain, closed
 from gpsim.simulators import Simulator
 
 
@@ -70,7 +70,7 @@ class Problem:
     @property
     def every_slope(self) -> int:
         """In how many steps of a fit once the slopes of start states are found anew; dear ones serve several times."""
-        return self.run.settings.closed_step.slopes_serve if self.slope_steps else 1
+        return 1 if closed(self.simulator) is None else self.run.settings.closed_step.slopes_serve
 
     @property
     def slopes(self) -> Problem:
@@ -83,6 +83,8 @@ class Problem:
 
     def steps(self, chain: Chain) -> int:
         """Steps of a transition."""
+        if chain.closed is not None:
+            return self.substeps
         return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
 
     def as_finely(self, hypothesis: Hypothesis, other: Hypothesis) -> Problem:

@@ -215,9 +215,18 @@ class ClosedStepSettings:
     tolerated: float = setting(
         0.05, "1", "of a channel's spread: what these longer steps may change in a window, root mean square"
     )
+    tolerated_error: float = setting(
+        3e-4, "1", "of a channel's spread: what halving the steps may change, if it is more than noise hides"
+    )
+    coarser_exact: tuple[int, ...] = setting(
+        (8, 5, 4, 3, 2, 1), "1", "times as long as its own, steps of a method of higher order that are tried"
+    )
+    cost_of_exact: float = setting(
+        4.0, "1", "steps of its own that such a step costs", "Runge and Kutta's four stages"
+    )
     slopes_serve: int = setting(
         3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
     )
 
     def __post_init__(self) -> None:
-        check(self, lists=("coarser",))
+        check(self, lists=("coarser", "coarser_exact"))

@@ -13,12 +13,12 @@ from gpsim.diagnosis.fitting import (
     Fit,
     Hypothesis,
     Problem,
-    coarse_enough,
     enough_substeps,
     fit,
     numerical_error,
     rescored,
     settled,
+    stepped,
 )
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
@@ -102,7 +102,8 @@ def prepare(
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
-        problem = _problem(seen, simulator, parameters, training, hidden, log, run)
+        before = problem
+        problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=before)
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
@@ -173,8 +174,12 @@ def _problem(
     hidden: tuple[str, ...],
     log: LogLook,
     run: Run,
+    like: Problem | None = None,
 ) -> Problem:
-    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
+    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones.
+
+    like: one whose steps were chosen before, of a simulator that owns its integration.
+    """
     names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
     share, spread = run.settings.prepare.hidden_scale, training.measured[training.valid].std(axis=0)
@@ -186,8 +191,6 @@ def _problem(
     rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
-    if (system := closed(simulator)) is not None:
-        usual = system.steps_of(recording.dt)
     nothing = np.zeros(len(names))
     problem = Problem(
         simulator,
@@ -204,13 +207,17 @@ def _problem(
     )
     if closed(simulator) is None:
         return problem
-    return replace(problem, slope_steps=coarse_enough(_sample(problem)))
+    return _in_steps_of(problem, like or stepped(_sample(problem)))
+
+
+def _in_steps_of(problem: Problem, other: Problem) -> Problem:
+    return replace(problem, simulator=other.simulator, substeps=other.substeps, slope_steps=other.slope_steps)
 
 
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
     settings, sample = problem.run.settings.discretisation, _sample(problem)
-    if closed(problem.simulator) is not None:  # it is what its own step makes it: the step's error is noise
+    if closed(problem.simulator) is not None:  # its steps are chosen, what they are off by is noise
         return replace(problem, floor=np.hypot(problem.floor, numerical_error(sample)))
     stands = (
         any(problem.simulator.coordinates) and problem.dt <= settings.slow
@@ -247,7 +254,12 @@ def settled_question(question: Question, best: Fit) -> Question:
     problem = replace(question.searched, substeps=substeps)
     floor = np.maximum(question.everything.floor, settled(problem, best).floor)
     problems = (question.everything, question.searched, question.held_out)
-    everything, searched, held_out = (replace(p, floor=floor, substeps=substeps) for p in problems)
+    slopes = question.everything.slope_steps
+    if closed(problem.simulator) is not None and substeps > question.everything.substeps:
+        slopes = slopes or question.everything.substeps  # what was exact enough to search in
+    everything, searched, held_out = (
+        replace(p, floor=floor, substeps=substeps, slope_steps=slopes) for p in problems
+    )
     return replace(question, everything=everything, searched=searched, held_out=held_out)
 
 
