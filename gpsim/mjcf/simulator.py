@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
-from gpsim.channels import BoolArray, Channels, FloatArray, difference
+from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, difference
 from gpsim.effects import Term, Values
 from gpsim.errors import UsageError
 from gpsim.mjcf.batches import Pool, parts
@@ -232,11 +232,35 @@ class MjcfSimulator(Simulator):
         """(B, K, S): see `gpsim.effects.ClosedStep`."""
         plan = self._plan(tuple(terms), parameters)
         out = np.empty((*commands.shape[:2], state.shape[1]))
-        for rows in parts(len(state)):
+        for rows, lasting in self._alike(plan, values, state, commands, step, t, extra is None):
             part = [{name: value[rows] for name, value in v.items()} for v in values]
             more = None if extra is None else extra[rows]
-            out[rows] = self._rolled(plan, part, state[rows], commands[rows], step[rows], t[rows], more)
+            shares = {i: share[rows] for i, share in lasting.items()}
+            out[rows] = self._rolled(
+                plan, part, state[rows], commands[rows], step[rows], t[rows], more, shares
+            )
         return out
+
+    def _alike(
+        self,
+        plan: Plan,
+        values: Sequence[Values],
+        state: FloatArray,
+        commands: FloatArray,
+        step: FloatArray,
+        t: FloatArray,
+        alone: bool,
+    ) -> Iterator[tuple[IntArray, dict[int, FloatArray]]]:
+        """Rows that are simulated together, and the shares of gated terms that stay the same in them throughout."""
+        rows = np.arange(len(state))
+        if not (alone and plan.timed):
+            yield from ((rows[part], {}) for part in parts(len(rows)))
+            return
+        whole = Moment(state, commands[:, 0], t, commands.shape[1] * step)
+        shares = shares_of(plan, self.state + self.action, whole, state, values)
+        same = np.all([(share == 0.0) | (share == 1.0) for share in shares.values()], axis=0)
+        for some, lasting in ((rows[same], shares), (rows[~same], {})):
+            yield from ((some[part], lasting) for part in parts(len(some)))
 
     def _rolled(
         self,
@@ -247,16 +271,18 @@ class MjcfSimulator(Simulator):
         step: FloatArray,
         t: FloatArray,
         extra: FloatArray | None,
+        shares: Mapping[int, FloatArray],
     ) -> FloatArray:
         if len(step) and step[0] < 0.0:
             return self._backwards(plan, values, state, commands, step, t)
         count = len(state)
         fields = self._lasting(plan, values, count, step)
+        plan.write(list(shares), fields, values, shares)
         pool = self._body.pools.of(plan.fields)
         qpos, qvel = self._full(state)
         pool.begin(qpos, qvel, step)
         pool.write(fields.own, count)
-        if plan.passing or extra is not None:
+        if (plan.passing and not shares) or extra is not None:
             return self._stepwise(plan, values, pool, fields, commands, step, t, extra)
         if FORCE in fields:
             pool.simulations.bind(FORCE)[:count] = fields[FORCE]

@@ -73,6 +73,12 @@ class Plan:
         for name in self._other:
             self.body.knobs[name].write(fields, np.full(fields.count, self.parameters[name]))
 
+    @cached_property
+    def timed(self) -> bool:
+        """Whether all that passes is written and waits for a moment only: most windows are before or after it."""
+        passing = [self.terms[i] for i in self.passing]
+        return bool(passing) and all(self._written(t) and not t.gate.region for t in passing)
+
     def acts_on_state(self, i: int) -> bool:
         """Whether a term's force has to be worked out from where the system is."""
         return native_of(self.terms[i]) is None and isinstance(self.terms[i].effect, ForceEffect)
