@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -69,7 +70,7 @@ def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) 
     where = loaded.source.reference
     names = names_of(base, where)
     _check(base, where)
-    model = _copied(base)
+    model = copy.copy(base)
     model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
     if exact:
         model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
@@ -81,12 +82,6 @@ def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) 
             model.dof_frictionloss[dof] = 0.0
     parameters, knobs = _parameters(base, names)
     return Body(loaded, base, model, names, parameters, knobs)
-
-
-def _copied(model: Any) -> Any:
-    import copy
-
-    return copy.copy(model)
 
 
 def _check(model: Any, where: str) -> None:

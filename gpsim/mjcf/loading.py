@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import importlib.util
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -18,6 +20,7 @@ from gpsim.files import file_digest
 from gpsim.mjcf.optional import mujoco
 
 GYM = "gym:"
+FILMS = "imageio"
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
@@ -183,11 +186,25 @@ def _environment(reference: str) -> Any:
     import gymnasium
 
     try:
-        return gymnasium.make(reference.removeprefix(GYM)).unwrapped
+        with _without_pictures():
+            return gymnasium.make(reference.removeprefix(GYM)).unwrapped
     except Terminated:
         raise
     except Exception as error:  # an unknown id, or an environment whose packages are missing
         raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {_said(error)}") from error
+
+
+@contextmanager
+def _without_pictures() -> Iterator[None]:
+    """Within it Gymnasium's MuJoCo environments are imported without the package that writes their films."""
+    if importlib.util.find_spec(FILMS) is not None:
+        yield
+        return
+    sys.modules[FILMS] = ModuleType(FILMS)
+    try:
+        yield
+    finally:
+        del sys.modules[FILMS]
 
 
 def _is_function(path: Path, name: str) -> bool:

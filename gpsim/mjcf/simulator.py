@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -72,6 +73,19 @@ class MjcfSimulator(Simulator):
     def body(self) -> Body:
         """The model, its names and its knobs."""
         return self._body
+
+    @property
+    def rest_state(self) -> FloatArray:
+        """(S,): the model's own reference, standing still."""
+        return self._state(self._qpos0, self._qvel0)
+
+    def free_model(self) -> Any:
+        """A copy of the model that keeps its energy: without damping, friction, motors, contacts and limits."""
+        mj, model = mujoco(), copy.copy(self._body.base)
+        bits = ("DAMPER", "ACTUATION", "CONTACT", "LIMIT", "FRICTIONLOSS")
+        for bit in bits:
+            model.opt.disableflags |= int(getattr(mj.mjtDisableBit, f"mjDSBL_{bit}"))
+        return model
 
     @property
     def control_step(self) -> float | None:
