@@ -27,6 +27,10 @@ class ClosedStep(Protocol):
         """How many of its own steps a transition of dt [s] takes."""
         ...
 
+    def as_modelled(self) -> Simulator:
+        """The same by the model's own method."""
+        ...
+
     def exact(self) -> Simulator:
         """The same by a method of higher order, which is nearer to what happens in longer steps."""
         ...

@@ -102,6 +102,10 @@ class MjcfSimulator(Simulator):
             self._loaded, self.state, {**self._fixed, **fixed}, {*self._held, *held}, self._exact
         )
 
+    def as_modelled(self) -> MjcfSimulator:
+        """The same by the model's own method."""
+        return MjcfSimulator(self._loaded, self.state, self._fixed, self._held)
+
     def exact(self) -> MjcfSimulator:
         """The same by the classical Runge-Kutta scheme, whatever the model says."""
         return MjcfSimulator(self._loaded, self.state, self._fixed, self._held, exact=True)

@@ -10,7 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
-from gpsim.effects import closed
+from gpsim.effects import ClosedStep, closed
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
@@ -52,24 +52,26 @@ def stepped(problem: Problem) -> Problem:
             best, least = tried, off
         if off <= 1.0:
             break
-    return replace(best, slope_steps=coarse_enough(best))
+    return _with_slopes(best, system)
 
 
-def coarse_enough(problem: Problem) -> int:
-    """The fewest steps of a transition, by a simulator that owns its integration, that tell slopes as well as its own.
+def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
+    """The question with the fewest steps of a transition that tell slopes as well as those it is simulated in.
 
-    0: no fewer than its own do.
+    By the model's own method, which costs least; as always where no fewer will do.
     """
     settings, starts = problem.run.settings.closed_step, problem.windows.measured[None, :, 0]
-    nothing, own = Hypothesis(), problem.substeps
-    exact = problem.residuals(nothing, nothing.theta[None], starts)[0]
-    for steps in sorted({-(-own // times) for times in settings.coarser} - {own}):
-        longer = replace(problem, substeps=steps)
-        change = longer.residuals(nothing, nothing.theta[None], starts)[0] - exact
+    nothing, own = Hypothesis(), system.steps_of(problem.dt)
+    theta = nothing.theta[None]
+    exact = problem.residuals(nothing, theta, starts)[0]
+    plain = system.as_modelled()
+    for steps in sorted({-(-own // times) for times in settings.coarser}):
+        longer = replace(problem, slope_steps=steps, slope_simulator=plain)
+        change = longer.slopes.residuals(nothing, theta, starts)[0] - exact
         spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
         if (spread <= settings.tolerated * problem.scale)[problem.observed].all():
-            return steps
-    return 0
+            return longer
+    return problem
 
 
 def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:

@@ -28,7 +28,7 @@ class Problem:
     scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
     substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
     was thinned). run: what the diagnosis carries along. slope_steps: of a transition where only differences count, of a
-    simulator that owns its integration; 0: as many as always.
+    simulator that owns its integration (then by `slope_simulator`); 0: as many as always.
     """
 
     simulator: Simulator
@@ -44,6 +44,7 @@ class Problem:
     base_steps: int = 1
     run: Run = field(default_factory=Run)
     slope_steps: int = 0
+    slope_simulator: Simulator | None = None
 
     @cached_property
     def counts(self) -> FloatArray:
@@ -75,7 +76,10 @@ class Problem:
     @property
     def slopes(self) -> Problem:
         """The same question where only differences between simulations count, which coarser steps tell as well."""
-        return replace(self, substeps=self.slope_steps, slope_steps=0) if self.slope_steps else self
+        if not self.slope_steps:
+            return self
+        by = self.slope_simulator or self.simulator
+        return replace(self, simulator=by, substeps=self.slope_steps, slope_steps=0, slope_simulator=None)
 
     def on(self, windows: Windows) -> Problem:
         """The same question to other windows."""

@@ -200,7 +200,7 @@ class ClosedStepSettings:
     """Simulators that own their integration (MuJoCo models): steps are dear, their length is a part of the model."""
 
     fitted: int = setting(
-        160,
+        100,
         "windows",
         "that the final fits use, and that are held out, at most",
         "a step costs ten times that of closed equations",
@@ -208,12 +208,12 @@ class ClosedStepSettings:
     )
     searched: int = setting(56, "windows", "that the search looks at, at most", least=1)
     coarser: tuple[int, ...] = setting(
-        (4, 3, 2),
+        (20, 10, 5, 4, 3, 2),
         "1",
         "times as long as its own the steps may be in which slopes are found, the first that will do",
     )
     tolerated: float = setting(
-        0.05, "1", "of a channel's spread: what these longer steps may change in a window, root mean square"
+        0.03, "1", "of a channel's spread: what these longer steps may change in a window, root mean square"
     )
     tolerated_error: float = setting(
         3e-4, "1", "of a channel's spread: what halving the steps may change, if it is more than noise hides"

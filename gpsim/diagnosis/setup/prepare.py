@@ -211,7 +211,13 @@ def _problem(
 
 
 def _in_steps_of(problem: Problem, other: Problem) -> Problem:
-    return replace(problem, simulator=other.simulator, substeps=other.substeps, slope_steps=other.slope_steps)
+    return replace(
+        problem,
+        simulator=other.simulator,
+        substeps=other.substeps,
+        slope_steps=other.slope_steps,
+        slope_simulator=other.slope_simulator,
+    )
 
 
 def _fine_enough(problem: Problem) -> Problem:
@@ -254,12 +260,7 @@ def settled_question(question: Question, best: Fit) -> Question:
     problem = replace(question.searched, substeps=substeps)
     floor = np.maximum(question.everything.floor, settled(problem, best).floor)
     problems = (question.everything, question.searched, question.held_out)
-    slopes = question.everything.slope_steps
-    if closed(problem.simulator) is not None and substeps > question.everything.substeps:
-        slopes = slopes or question.everything.substeps  # what was exact enough to search in
-    everything, searched, held_out = (
-        replace(p, floor=floor, substeps=substeps, slope_steps=slopes) for p in problems
-    )
+    everything, searched, held_out = (replace(p, floor=floor, substeps=substeps) for p in problems)
     return replace(question, everything=everything, searched=searched, held_out=held_out)
 
 
