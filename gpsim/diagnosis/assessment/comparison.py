@@ -119,7 +119,7 @@ def compare(
         _one_step(question, rates, measured_rates(problem, steps["after"].test), rng),
         _step_shares(question, rates, rng),
         rollouts(question, models, noise, rng, completions),
-        {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
+        {t.on: float(t.values["ratio"]) for t in hypotheses["tuned"].terms if "ratio" in t.values},
         both,
         why,
         inputs(steps["before"].train),
