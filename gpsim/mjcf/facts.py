@@ -10,6 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects import FAMILIES
+from gpsim.mjcf.looking import free_model
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.simulators import Simulator
@@ -84,7 +85,7 @@ def _speed(simulator: MjcfSimulator, rng: np.random.Generator) -> float:
 
 def _energy_drift(simulator: MjcfSimulator) -> float | None:
     """Free motion without damping, friction, motors and contacts keeps its energy; a coarse step does not."""
-    mj, model = mujoco(), simulator.free_model()
+    mj, model = mujoco(), free_model(simulator.body)
     data = mj.MjData(model)
     model.opt.enableflags |= int(mj.mjtEnableBit.mjENBL_ENERGY)
     data.qvel[:] = 1.0
