@@ -9,6 +9,7 @@ from gpsim.residuals.residuals import (
     to_table,
 )
 from gpsim.residuals.split import first_held_out, held_out_names, holding_out
+from gpsim.residuals.tables import read_table, table_recording
 
 __all__ = [
     "Residuals",
@@ -22,5 +23,7 @@ __all__ = [
     "from_table",
     "held_out_names",
     "holding_out",
+    "read_table",
+    "table_recording",
     "to_table",
 ]

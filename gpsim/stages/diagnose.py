@@ -16,9 +16,9 @@ from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, re
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
-from gpsim.recordings import Recording, read_bare_table, read_recording
-from gpsim.residuals import check_rates, holding_out
-from gpsim.simulators import SIMULATORS, Simulator, make_simulator, source_file, wrapping
+from gpsim.recordings import Recording, read_recording
+from gpsim.residuals import check_rates, holding_out, read_table
+from gpsim.simulators import Simulator, make_simulator, source_file, wrapping
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosis_files import write_diagnosis
 from gpsim.stages.policy_files import read_gp
@@ -127,16 +127,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     if task.simulator is None:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
     simulator = make_simulator(task.simulator)
-    recording = read_bare_table(
-        path,
-        simulator.name,
-        simulator.state,
-        simulator.action,
-        simulator.defaults(),
-        optional=simulator.state.names if simulator.name in SIMULATORS else tuple(simulator.start),
-        integrator=simulator.integrator,
-    )
-    return _first(recording, task.episodes), simulator
+    return _first(read_table(path, simulator), task.episodes), simulator
 
 
 def _held_apart(recording: Recording, task: Task) -> Recording:
