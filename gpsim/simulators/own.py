@@ -59,14 +59,15 @@ def own_simulator(what: Any, declared: Mapping[str, Any]) -> Simulator:
         return adapted(_made(what, name) if isinstance(what, type) else what, name)
     if not callable(what):
         raise UsageError(
-            "load_simulator: expected a name, FILE.py:ClassName, a class with `rates`, or a function rates(state, action, "
-            f"parameters), got {type(what).__name__}"
+            "load_simulator: expected a name, FILE.py:ClassName, a class with `rates`, or a function rates(state, "
+            f"action, parameters), got {type(what).__name__}"
         )
     name = f"{getattr(what, '__name__', type(what).__name__)}{HERE}"
     lacking = [key for key in ("state", "action") if key not in declared]
     if lacking:
         raise UsageError(
-            f'load_simulator: {name} needs {" and ".join(lacking)}, channel: unit, as state={{"q": "m", "q_dot": "m/s"}}'
+            f"load_simulator: {name} needs {' and '.join(lacking)}, channel: unit, as "
+            'state={"q": "m", "q_dot": "m/s"}'
         )
     return adapted(RatesFunction(what, declared, _arguments(what, name, declared)), name)
 
@@ -81,8 +82,8 @@ def _made(cls: type[Any], name: str) -> Any:
         return cls()
     except Exception as error:  # a user's code may raise anything
         raise UsageError(
-            f"load_simulator: {name} raised {type(error).__name__}: {' '.join(str(error).split())[:160]}; it must be made "
-            "without arguments"
+            f"load_simulator: {name} raised {type(error).__name__}: {' '.join(str(error).split())[:160]}; it must be "
+            "made without arguments"
         ) from error
 
 
@@ -96,5 +97,7 @@ def _arguments(function: Callable[..., Any], name: str, declared: Mapping[str, A
     if count not in allowed:
         more = " or (state, action, parameters, forces)" if 4 in allowed else ""
         why = "" if 4 in allowed or count != 4 else "; forces need coordinates={position: velocity}"
-        raise UsageError(f"load_simulator: {name} must take (state, action, parameters){more}, it takes {count}{why}")
+        raise UsageError(
+            f"load_simulator: {name} must take (state, action, parameters){more}, it takes {count}{why}"
+        )
     return count

@@ -6,6 +6,7 @@ __all__ = [
     "collect",
     "diagnose",
     "diagnose_loop",
+    "diagnosing",
     "diagnosis_files",
     "export_policy",
     "export_recording",

@@ -9,8 +9,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from gpsim.artifacts import Mishaps
-from gpsim.channels import Channels
-from gpsim.corrected import EffectsPlant, ages_of, describe
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
@@ -21,6 +19,7 @@ from gpsim.reports.diagnosis_figures import Picture, figures
 from gpsim.reports.diagnosis_page import page
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
+from gpsim.stages.diagnosing import described
 from gpsim.stages.policy_files import write_gp
 
 TRACE = "trace.jsonl"
@@ -51,12 +50,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
 
 def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
     write_json(folder / "diagnosis.json", diagnosis.to_dict())
-    plant = replace(found.plant, ages=ages_of(found.question.recording))
-    gp = diagnosis.remainder.gp
-    described = _described(plant, simulator.state, gp=gp is not None and gp.used)
-    if gp is not None and gp.beside == "base":
-        described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
-    write_json(folder / "corrected.json", described)
+    write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
 
 
 def _write_trace(folder: Path, decisions: Sequence[Decision]) -> None:
@@ -74,12 +68,6 @@ def read_trace(folder: Path) -> list[Decision]:
     return [
         Decision(**row | {"candidate": tuple(row["candidate"]), "over": tuple(row["over"])}) for row in rows
     ]
-
-
-def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
-    """corrected.json, and which channels wrap though the simulator's own state channels do not."""
-    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
-    return describe(plant, gp=gp) | ({"wraps": wraps} if wraps else {})
 
 
 def _write_process(folder: Path, found: Outcome) -> None:
