@@ -22,7 +22,7 @@ from gpsim.simulators import Simulator
 from gpsim.stages.diagnosing import described
 from gpsim.stages.policy_files import write_gp
 
-TRACE = "trace.jsonl"
+TRACE, FIGURES = "trace.jsonl", "figures"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
@@ -78,6 +78,15 @@ def _write_process(folder: Path, found: Outcome) -> None:
 
 def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
     """Those that can be drawn, also below figures/."""
+    pictures = drawn(diagnosis, found, mishaps)
+    (folder / FIGURES).mkdir()
+    for name, picture in pictures.items():
+        (folder / FIGURES / f"{name}.png").write_bytes(picture.png)
+    return pictures
+
+
+def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
+    """Name -> picture, of those that can be drawn."""
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
     shown: Traces | None = None
     past: Course | None = None
@@ -93,7 +102,4 @@ def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Misha
     with mishaps.contained("figures are left out"):
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
         pictures |= figures(found, shown, past, contained)
-    (folder / "figures").mkdir()
-    for name, picture in pictures.items():
-        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
     return pictures
