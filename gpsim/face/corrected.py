@@ -35,7 +35,7 @@ class CorrectedSimulator:
         >>> import numpy as np
         >>> import gpsim
         >>> corrected = gpsim.Diagnosis.load("found").corrected()
-        >>> corrected.state, corrected.action, corrected.dt
+        >>> corrected.state, corrected.action, round(corrected.dt, 6)
         ({'q': 'm', 'q_dot': 'm/s'}, {'force': 'N'}, 0.02)
         >>> corrected.step([0.0, 1.0], [0.0]).shape
         (2,)

@@ -44,7 +44,8 @@ def diagnose(
 ) -> Diagnosis:
     """Say where recording and simulator differ, which physics is missing, how much of it, and how sure that is.
 
-    It takes 5 to 100 s. The same recording, simulator, settings and seed give the same answer, as on the command line.
+    It takes 5 to 100 s, half as long with one thread a process (`OMP_NUM_THREADS=1` in the environment) where several
+    things run at once. The same recording, simulator, settings and seed give the same answer, as on the command line.
 
     Args:
         recording: a recording, or the path of one as for `read_recording`.

@@ -56,7 +56,7 @@ def read_recording(
     Example:
         >>> import gpsim
         >>> recording = gpsim.read_recording("slider.csv", "slider")
-        >>> recording.transition_count, recording.dt
+        >>> recording.transition_count, round(recording.dt, 6)
         (299, 0.02)
     """
     if mapping is not None:

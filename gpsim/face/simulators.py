@@ -27,7 +27,7 @@ def load_simulator(
     Args:
         simulator: one of
             a name: `cartpole`, `unicycle`, `ackermann`, `slider` or `pendulum`;
-            a file: `"my_system.py:Tank"`, a class as docs/own_simulator.md describes;
+            a file: `"my_system.py:Tank"`, a class with `state`, `action`, `parameters` and `rates`;
             a class of that kind, or an object of one;
             a function `rates(state, action, parameters)`, which the arguments below describe.
             `state` and `action` are mappings of channel to (B,) numbers, `parameters` of name to number; it returns

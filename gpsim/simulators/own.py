@@ -17,6 +17,16 @@ from gpsim.simulators.user import adapted
 HERE = "()"
 """The end of a name that means nothing outside of this process."""
 
+MAPPINGS = {
+    "state": '{"q": "m"}',
+    "action": '{"force": "N"}',
+    "parameters": '{"mass": ("kg", 1.0, 0.1, 10.0)}',
+    "coordinates": '{"q": "q_dot"}',
+    "force_units": '{"q": "N"}',
+    "start": '{"q_dot": 0.0}',
+}
+"""What is declared as a mapping, and how."""
+
 
 class RatesFunction:
     """A function rates(state, action, parameters[, forces]) with what it does not say itself, as a plain class.
@@ -30,7 +40,7 @@ class RatesFunction:
         pairs: Mapping[str, str] = declared.get("coordinates", {})
         self._velocities = {} if arguments == 4 else pairs
         if self._velocities and "force_units" not in declared:
-            self.force_units = {q: f"{declared['state'].get(v, 1)}/s" for q, v in pairs.items()}
+            self.force_units = {q: _per_second(str(declared["state"].get(v))) for q, v in pairs.items()}
         # The adapter counts the arguments of `rates`: four where there are coordinates.
         self.rates: Callable[..., Any] = self._with_forces if pairs else function
 
@@ -69,6 +79,9 @@ def own_simulator(what: Any, declared: Mapping[str, Any]) -> Simulator:
             f"load_simulator: {name} needs {' and '.join(lacking)}, channel: unit, as "
             'state={"q": "m", "q_dot": "m/s"}'
         )
+    for key, value in declared.items():
+        if key in MAPPINGS and not isinstance(value, Mapping):
+            raise UsageError(f"load_simulator: {key}: expected a mapping, as {MAPPINGS[key]}, got {value!r}")
     return adapted(RatesFunction(what, declared, _arguments(what, name, declared)), name)
 
 
@@ -101,3 +114,8 @@ def _arguments(function: Callable[..., Any], name: str, declared: Mapping[str, A
             f"load_simulator: {name} must take (state, action, parameters){more}, it takes {count}{why}"
         )
     return count
+
+
+def _per_second(unit: str) -> str:
+    """The unit of what changes a velocity in this unit."""
+    return f"{unit}^2" if unit.endswith("/s") else f"{unit}/s"
