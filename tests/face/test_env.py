@@ -224,7 +224,7 @@ def test_a_task_by_name_in_what_corrects_its_simulator():
 
     simulator = make_simulator("cartpole")
     friction = Term("coulomb_friction", "x", {"force": 9.0}, Gate())
-    plant = EffectsPlant(simulator, simulator.defaults(), (friction,), "euler", 1, 0.02)
+    plant = EffectsPlant(simulator, simulator.defaults(), (friction,), "fine", 4, 0.02)
     env = gpsim.make_env(gpsim.CorrectedSimulator(plant), "balance", max_steps=3, force=8.0)
     assert env.action_space.n == 2
     env.reset(seed=0, options={"states": np.zeros(4)})

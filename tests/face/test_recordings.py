@@ -39,6 +39,12 @@ def test_a_frame_is_the_table_that_a_file_would_hold(log, here):
     assert frame.dt == pytest.approx(0.02)
 
 
+def test_shown_it_is_a_line(log):
+    assert repr(from_frame(log)) == (
+        "<Recording of slider: 299 transitions of 0.02 s in 1 episode(s); state (q [m], q_dot [m/s]), action (force [N])>"
+    )
+
+
 def test_columns_may_be_called_otherwise_and_others_are_passed_over(log):
     frame = log.rename(columns={"t": "stamp"}).assign(run=np.repeat(["a", "b", "c"], 100), note="x")
     recording = from_frame(frame, time="stamp", episode="run", dt=0.02)
