@@ -14,7 +14,7 @@ from gpsim.reports.html import fragment_of
 STYLE = """
 .gpsim-account { max-width: 62rem; }
 .gpsim-account .gpsim-verdict { font-size: 1.1em; border-left: 6px solid #6b7280; padding: .3em .8em; }
-.gpsim-account th, .gpsim-account td { text-align: left; vertical-align: top; }
+.gpsim-account th, .gpsim-account td { text-align: left; vertical-align: top; padding: .1em .9em .1em 0; }
 .gpsim-account p { margin: 0 0 .15em; }
 .gpsim-account img { max-width: 30rem; width: 49%; }
 """

@@ -3,6 +3,7 @@
 __all__ = [
     "build_residuals",
     "building",
+    "code",
     "collect",
     "diagnose",
     "diagnose_loop",
