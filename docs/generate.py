@@ -1,6 +1,8 @@
-"""Write what is generated from the code: docs/reference/settings.md and conf/diagnose/default.yaml."""
+"""Write what is generated from the code: docs/reference/*.md and conf/diagnose/default.yaml."""
 
 from pathlib import Path
+
+import python_page
 
 from gpsim.diagnosis.settings import Settings, as_page, as_yaml
 
@@ -13,6 +15,7 @@ def main() -> None:
         path = ROOT / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(made(Settings()), encoding="utf-8")
+    (ROOT / "docs/reference/python.md").write_text(python_page.page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

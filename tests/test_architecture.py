@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 LEVELS = [
     {"cli"},
+    {"face"},
     {"stages"},
     {"reports"},
     {"trials"},
@@ -191,6 +192,16 @@ def test_only_stages_and_cli_know_configs_and_only_policies_know_stable_baseline
         if room != "policies.training":
             assert "stable_baselines3" not in roots, path
         assert not roots & {"pickle", "cPickle", "dill", "joblib", "cloudpickle"}, path
+
+
+def test_nothing_inside_imports_the_face():
+    """`import gpsim` is for those outside: inside, a name is taken from the room that has it."""
+    for path in FILES:
+        if path == ROOT / "gpsim" / "__init__.py" or room_of(module_of(path)) == "face":
+            continue
+        for name, taken in imported(path).items():
+            assert room_of(name) != "face", path
+            assert name != "gpsim" or taken <= {"__version__"}, path
 
 
 def test_every_package_is_listed():

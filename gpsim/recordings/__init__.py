@@ -1,6 +1,6 @@
 """Recordings: what really happened, in episodes on one clock."""
 
-from gpsim.recordings.bare_table import read_bare_table
+from gpsim.recordings.bare_table import read_bare_table, recording_of
 from gpsim.recordings.export import Predictions, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
 from gpsim.recordings.fitting import finds_all
@@ -16,7 +16,7 @@ from gpsim.recordings.names import one_line
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
-from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions
+from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions, Velocities
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, Opener, find_logs
 from gpsim.recordings.subsample import evenly
@@ -41,6 +41,7 @@ __all__ = [
     "Topic",
     "TopicCount",
     "Transitions",
+    "Velocities",
     "bag_writing",
     "bare_mapping",
     "changes_of_words",
@@ -60,6 +61,7 @@ __all__ = [
     "read_bare_table",
     "read_recording",
     "read_yaml",
+    "recording_of",
     "steps_to_next",
     "write_mcap",
     "write_recording",

@@ -4,6 +4,7 @@ __all__ = [
     "account",
     "account_effects",
     "account_figures",
+    "account_fragment",
     "account_lines",
     "canvas",
     "diagnosis_figures",

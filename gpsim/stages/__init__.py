@@ -3,9 +3,11 @@
 __all__ = [
     "build_residuals",
     "building",
+    "code",
     "collect",
     "diagnose",
     "diagnose_loop",
+    "diagnosing",
     "diagnosis_files",
     "export_policy",
     "export_recording",

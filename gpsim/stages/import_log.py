@@ -126,12 +126,15 @@ def salvages(section: Mapping[str, Any]) -> bool:
 
 def read_logs(
     sources: Sequence[Path],
-    mapping: str | None = None,
+    mapping: str | Mapping[str, Any] | None = None,
     words: Sequence[str] = (),
     salvage: bool = False,
     say: Callable[[str], None] = quiet,
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
-    """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too."""
+    """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too.
+
+    mapping: a name, a file, or what such a file holds.
+    """
     opener = partial(open_log, salvage=salvage)
     changes = changes_of_words(words)
     if mapping is None:
@@ -140,7 +143,8 @@ def read_logs(
         raw = _merged(bare_mapping(first, str(changes.get("system", "")), systems), changes)
         where = "mapping (from the column names)"
     else:
-        raw, where = resolved_mapping(mapping, words), f"mapping {mapping}"
+        raw = resolved_mapping(mapping, words)
+        where = f"mapping {mapping}" if isinstance(mapping, str) else "mapping"
     plan = parse_mapping(raw, where)
     if not plan.action:
         say(f"{where}: {NO_COMMANDS}")
@@ -238,9 +242,9 @@ def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return merged(raw, changes)
 
 
-def resolved_mapping(name_or_file: str, words: Sequence[str]) -> dict[str, Any]:
-    """A mapping with the changes that `words` (key=value) make to it."""
-    return _merged(read_mapping(name_or_file), changes_of_words(words))
+def resolved_mapping(given: str | Mapping[str, Any], words: Sequence[str]) -> dict[str, Any]:
+    """A mapping, or that of a name or a file, with the changes that `words` (key=value) make to it."""
+    return _merged(read_mapping(given) if isinstance(given, str) else given, changes_of_words(words))
 
 
 def source_digests(

@@ -46,7 +46,7 @@ def test_it_prints_the_account_its_parts_in_order(diagnosed):
     heads = [line.split()[0] for line in account.splitlines() if line[:1].strip()]
     assert heads == ["Verdict", "Where", "What", "Left", "Fit", "Next"]
     assert account.startswith("Verdict  ambiguous: ")
-    assert f"gpsim.stages.diagnose.read_corrected(Path({str(out)!r}))" in account or "'DIR'" in account
+    assert f"gpsim.Diagnosis.load({str(out)!r}).corrected()" in account or "'DIR'" in account
     assert "nats" not in account
     assert "nats behind the best" in ranked
     assert len(account.splitlines()) <= 25
