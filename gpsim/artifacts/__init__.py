@@ -1,6 +1,6 @@
 """Artifacts: versioned folders with a manifest, written whole or not at all, verified when read."""
 
-from gpsim.artifacts.artifact import MANIFEST, Artifact, Recipe, read_artifact, read_manifest
+from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Artifact, Recipe, read_artifact, read_manifest
 from gpsim.artifacts.locks import held
 from gpsim.artifacts.mishaps import Mishaps, read_warnings
 from gpsim.artifacts.provenance import git_commit, package_versions
@@ -8,6 +8,7 @@ from gpsim.artifacts.store import Store
 
 __all__ = [
     "MANIFEST",
+    "TIMINGS",
     "Artifact",
     "Mishaps",
     "Recipe",

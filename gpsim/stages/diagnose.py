@@ -27,6 +27,8 @@ from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
+RECORDING = "recording"
+"""In timings.json: where the recording lay. It is no part of what the diagnosis is, and may have moved since."""
 
 
 @dataclass(frozen=True)
@@ -243,4 +245,4 @@ def _diagnosed(
     with cores(request.cores) as workers:
         found = diagnose(recording, simulator, parameters, rng, request.progress, run(workers))
     write_diagnosis(folder, found, simulator, _title(recording))
-    return {}
+    return {RECORDING: str(task.recording.resolve())}  # for whoever shows it; outside every hash
