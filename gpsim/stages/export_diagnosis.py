@@ -121,7 +121,7 @@ def _notes(
         f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
     ]
     if along.every > 1:
-        notes.append(f"simulated at every {along.every}th sample, as the diagnosis looked at them")
+        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
     if not found.effects:
         notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
     if not drawn:
