@@ -200,7 +200,7 @@ def test_a_vehicle_is_a_pose_and_its_path_a_line(made):
     said = table(found, "/base/state", ["yaw"])
     assert (np.abs(said) <= np.pi).all()
     assert np.allclose(table(found, "/base/residual", ["x", "y", "yaw"]), 0.0, atol=1e-9)
-    (first, second) = found["/scene"][1]
+    _, second = found["/scene"][1]
     path = next(e for e in second.entities if e.id == "real/path").lines[0].points
     assert np.array_equal([[p.x, p.y] for p in path], recording.episodes[1].states[:, :2])
     times = found["/real/state"][0]
