@@ -64,7 +64,7 @@ def test_soft_actor_critic_and_expert_iteration_are_tracked_too(tmp_path):
     rounds = ("policy=expert", "policy.expert_rounds=1", "task.max_steps=30")
     trained((*TINY, *rounds, "track=tensorboard"), tmp_path / "runs")
     (place,) = (tmp_path / "runs/cartpole/tracking").iterdir()
-    assert [step for step, _ in scalars(place / "expert")["training/score"]][0] == 0
+    assert next(step for step, _ in scalars(place / "expert")["training/score"]) == 0
 
 
 def test_a_training_that_is_made_anew_has_the_events_of_the_last_try_alone(tmp_path):
