@@ -34,7 +34,8 @@ def export_diagnosis(
     that was diagnosed. horizon: s of every rollout, that of the diagnosis without one. Raises UsageError.
     """
     artifact = read_artifact(folder, "diagnose")
-    out = out or artifact.path.resolve().with_name(f"{artifact.path.resolve().name}.mcap")
+    place = artifact.path if artifact.path.name not in ("", "..") else artifact.path.resolve()
+    out = out or place.with_name(f"{place.name}.mcap")
     _check_place(out, artifact.path)
     if horizon is not None and not 0 < horizon < np.inf:
         raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
