@@ -108,7 +108,10 @@ def report_command(
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
 ) -> None:
-    """Tables, figures and one HTML page of a finished loop; with --site an index over all runs."""
+    """Tables, figures and one HTML page of a finished loop.
+
+    With --site a folder of pages instead: an index over all runs, and every report.
+    """
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
