@@ -79,7 +79,7 @@ app.command("import", short_help="Make a recording of raw logs.", rich_help_pane
 app.add_typer(
     export_app,
     name="export",
-    short_help="Write a recording or a policy for other programs.",
+    short_help="Write a recording, diagnosis or policy for other programs.",
     rich_help_panel="Recordings in and out",
 )
 app.command(

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
 from .options import ConfigDir, DryRun, ShowConfig, Words, show_standing, shown_words
@@ -116,20 +117,45 @@ def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
     say(folder / "summary.json")  # the path alone on the last line, for programs
 
 
+Site = Annotated[
+    bool, typer.Option("--site", help="A folder of pages instead: an index over all runs, and every report.")
+]
+SiteOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", help="With --site: the folder to make, <runs_dir>/site by default; a site there is replaced."
+    ),
+]
+
+
 def report_command(
     words: Words = None,
     seeds: Reported = 1,
+    site: Site = False,
+    out: SiteOut = None,
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
 ) -> None:
-    """Tables, figures and one HTML page of a finished loop."""
+    """Tables, figures and one HTML page of a finished loop.
+
+    With --site a folder of pages instead: an index over all runs, and every report.
+    """
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
         return
+    if site and dry_run:
+        raise UsageError("report: --dry-run says what would be made in runs/; a site is a copy of what is there")
+    if site:
+        _site(Path(str(config["runs_dir"])), out)
+        return
+    if out is not None:
+        raise UsageError(
+            "report: --out goes with --site; a report is an artifact and lies where runs_dir= says"
+        )
     from gpsim.reports.tables import terminal_notes, terminal_tables
     from gpsim.stages import report
     from gpsim.stages.stage import Request
@@ -142,3 +168,12 @@ def report_command(
     artifact, _ = report.stage_for(chosen).make(request)
     gathered = report.gather(request, chosen)
     show(artifact.path, terminal_tables(gathered), terminal_notes(gathered))
+
+
+def _site(runs: Path, out: Path | None) -> None:
+    from gpsim.stages.site import write_site
+
+    index, notes = write_site(runs, out)
+    say(f"site: {index}")
+    for line in notes:
+        say(f"  {line}")

@@ -1,7 +1,7 @@
 """Recordings: what really happened, in episodes on one clock."""
 
 from gpsim.recordings.bare_table import read_bare_table, recording_of
-from gpsim.recordings.export import Predictions, write_mcap, write_table
+from gpsim.recordings.export import Predictions, start_times, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
 from gpsim.recordings.fitting import finds_all
 from gpsim.recordings.gaps import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
@@ -62,6 +62,7 @@ __all__ = [
     "read_recording",
     "read_yaml",
     "recording_of",
+    "start_times",
     "steps_to_next",
     "write_mcap",
     "write_recording",

@@ -24,6 +24,8 @@ from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
+RECORDING = "recording"
+"""In timings.json: where the recording lay. It is no part of what the diagnosis is, and may have moved since."""
 
 
 @dataclass(frozen=True)
@@ -204,4 +206,4 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     found = answer(recording, simulator, question)
     with blamed(simulator.name):  # what draws it asks the simulator, too
         write_diagnosis(folder, found, simulator, title_of(recording))
-    return {}
+    return {RECORDING: str(task.recording.resolve())}  # for whoever shows it; outside every hash

@@ -53,6 +53,14 @@ def test_it_prints_the_account_its_parts_in_order(diagnosed):
     assert max(map(len, account.splitlines())) <= 100
 
 
+def test_it_is_exported_without_a_word_about_where_its_recording_lies(diagnosed):
+    out, _ = diagnosed
+    result = CliRunner().invoke(app, ["export", "diagnosis", str(out), "--mcap"])
+    assert result.exit_code == 0, result.output
+    assert f"export: {out}.mcap" in result.output
+    assert "/real beside /base, /corrected" in result.output
+
+
 def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagnosed):
     out, said = diagnosed
     report = json.loads((out / "diagnosis.json").read_text())
