@@ -13,8 +13,8 @@ from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.simulators import make_simulator
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "data" / "README.md", *ROOT.glob("docs/*.md")]
-FILES = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "data" / "README.md", *ROOT.glob("docs/**/*.md")]
+FILES = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
 
 
 def rows(text):
@@ -29,7 +29,10 @@ def words(cell):
 
 
 def test_the_catalogue_is_told_with_every_familys_parameters():
-    told = {words(row[0])[0]: words(row[3]) for row in rows((ROOT / "docs" / "effects.md").read_text())[1:]}
+    told = {
+        words(row[0])[0]: words(row[3])
+        for row in rows((ROOT / "docs" / "reference" / "effects.md").read_text())[1:]
+    }
     assert list(told) == list(FAMILIES)
     place = Place("q", "N", loaded=True)
     for family, effect in FAMILIES.items():
@@ -66,9 +69,9 @@ def test_the_systems_in_the_docs_have_these_channels():
 
 
 def test_the_mapping_in_the_docs_is_taken():
-    text = (ROOT / "docs" / "import.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "how-to" / "import.md").read_text(encoding="utf-8")
     example = next(block for block in blocks(text) if "quaternion" in block)
-    mapping = parse_mapping(yaml.safe_load(example), "docs/import.md")
+    mapping = parse_mapping(yaml.safe_load(example), "docs/how-to/import.md")
     assert mapping.system == "unicycle"
 
 
