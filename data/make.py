@@ -12,7 +12,7 @@ import numpy as np
 GRAVITY, CART, POLE, HALF = 9.8, 1.0, 0.1, 0.5  # m/s^2, kg, kg, m: what the simulator believes, too
 FRICTION, DELAY = 2.5, 0.03  # N, s: what it does not know
 DT, STEP = 0.02, 1e-4  # s: of the log, of the integration
-EPISODES, SECONDS = 6, 6.0
+EPISODES, SECONDS = 10, 6.0
 NOISE = {"x": 2e-4, "x_dot": 5e-3, "theta": 5e-4, "theta_dot": 1e-2}
 LATE = round(DELAY / STEP)
 

@@ -3,7 +3,6 @@
 from typing import Any
 
 import typer
-
 from gpsim.cli.main import app
 
 from . import MADE
@@ -47,7 +46,9 @@ def _command(name: str, command: Any, depth: int) -> list[str]:
 
 def _usage(name: str, command: Any) -> str:
     arguments = [_shown(p) for p in command.params if p.param_type_name == "argument"]
-    group = ["COMMAND" if command.no_args_is_help else "[COMMAND]"] if getattr(command, "commands", {}) else []
+    group = (
+        ["COMMAND" if command.no_args_is_help else "[COMMAND]"] if getattr(command, "commands", {}) else []
+    )
     return " ".join([name, "[OPTIONS]", *arguments, *group])
 
 

@@ -22,22 +22,24 @@ ACTS_ON = {
 HEAD = f"""# The catalogue of effects
 
 {MADE.format(source="`gpsim/effects/registry.py`")}
-It is what `gpsim diagnose` may name. Names of families and parameters are a contract of [diagnosis.json](files.md#diagnosisjson).
+It is what `gpsim diagnose` may name. Names of families and parameters are a contract of
+[diagnosis.json](files.md#diagnosisjson).
 
-In a law q is a coordinate, q' its velocity, u a command, y what a sensor says, v and w a vehicle's speed and turn rate;
-the names of the other [symbols](../method/notation.md) are those of the parameters. In a unit, U is the unit of what the
-effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
+In a law q is a coordinate, q' its velocity, u a command, y what a sensor says, v and w a vehicle's speed and
+turn rate; the names of the other [symbols](../method/notation.md) are those of the parameters. In a unit, U is
+the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
 COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
-TAIL = """*May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a moment
-(`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a function of*: what
-a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be drawn, because the effect
-remembers, ages, is a number, or moves a whole pose. `coefficient` stands in the place of `force` where the simulator
-knows the normal force.
+TAIL = """\
+*May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
+moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
+function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be
+drawn, because the effect remembers, ages, is a number, or moves a whole pose. `coefficient` stands in the place
+of `force` where the simulator knows the normal force.
 
-Up to seven effects are named together. Several on one action, twist or sensor act in a fixed order, the physical one,
-whatever order they were found in. A family applies to every simulator that has such a place: coordinates, actions,
-parameters and channels are what [a simulator declares](../how-to/simulator.md). A family of your own:
-[bring an effect](../how-to/effect.md). Which of them a recording may be unable to tell apart:
+Up to seven effects are named together. Several on one action, twist or sensor act in a fixed order, the
+physical one, whatever order they were found in. A family applies to every simulator that has such a place:
+coordinates, actions, parameters and channels are what [a simulator declares](../how-to/simulator.md). A family
+of your own: [bring an effect](../how-to/effect.md). Which of them a recording may be unable to tell apart:
 [limits](../method/limits.md#what-looks-alike)."""
 
 

@@ -17,12 +17,13 @@ HEAD = f"""# Blind tests, seed by seed
 What is concealed and what counts is on [the page of the blind test](blind_test.md). How a record comes here:
 [repeat a proof](../how-to/prove.md#publish-a-record).
 
-Each seed was run once, with worlds that nothing had been tuned on. Its answers were hashed before the first diagnosis
-and opened after the last. The worlds of a seed that was opened serve for tuning, and the next one is new. So the columns
-are of different worlds, and their rules differ a little: each seed says in what."""
-NOTE = """`!`: that seed's own goal was missed. Up to seed 2031 a figure itself had to reach its goal, and the goals were 95, 88
-and 75 % of worlds with one, two and three effects, and 90 % outside the catalogue. The interval of a share, with every
-other table and every miss, is below. Seconds are of one core, beside another trial."""
+Each seed was run once, with worlds that nothing had been tuned on. Its answers were hashed before the first
+diagnosis and opened after the last. The worlds of a seed that was opened serve for tuning, and the next one is
+new. So the columns are of different worlds, and their rules differ a little: each seed says in what."""
+NOTE = """\
+`!`: that seed's own goal was missed. Up to seed 2031 a figure itself had to reach its goal, and the goals were
+95, 88 and 75 % of worlds with one, two and three effects, and 90 % outside the catalogue. The interval of a
+share, with every other table and every miss, is below. Seconds are of one core, beside another trial."""
 
 
 def proofs_page() -> str:
@@ -59,7 +60,8 @@ def _cells(record) -> dict[str, str]:
         numbers = [cells[-1].text for cells in goals_sheet(record).rows]
         counts = dict(zip(record["goals"], numbers, strict=True))
     return {
-        key: _reached(key, goal["got"], goal.get("count", counts.get(key, ""))) + (" !" if goal["reached"] is False else "")
+        key: _reached(key, goal["got"], goal.get("count", counts.get(key, "")))
+        + (" !" if goal["reached"] is False else "")
         for key, goal in record["goals"].items()
         if goal["got"] is not None
     }
@@ -77,7 +79,9 @@ def _reached(key: str, got: float, count: str) -> str:
 
 def _proof(record) -> str:
     """One seed: what is to be said of it, and its tables, folded away."""
-    about = record.get("about") or [f"{record['n']} visible worlds of 2 000 to 12 000 transitions count in the headline."]
+    about = record.get("about") or [
+        f"{record['n']} visible worlds of 2 000 to 12 000 transitions count in the headline."
+    ]
     command = record.get("command", f"gpsim prove --seed {record['seed']} --out DIR")
     sheets = record_sheets(record)
     misses = [sheet for sheet in sheets if sheet.title == "Every miss"]

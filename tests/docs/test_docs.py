@@ -12,7 +12,7 @@ from gpsim.recordings.files import _KNOWN
 from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.simulators import make_simulator
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "data" / "README.md", *ROOT.glob("docs/**/*.md")]
 FILES = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
 
