@@ -1,8 +1,8 @@
 """Make data/cart.csv: a cart on a track with a hanging pole, as a rig would log it.
 
 Nothing of gpsim is used: the equations are written down once more and stepped at a tenth of a millisecond. What the rig
-has and gpsim's simulator `cartpole` has not: dry friction of 2.5 N between cart and track, which holds the cart while it
-rests, and a motor that acts 0.03 s late. Sensors are noisy. Run it again and the same bytes come out.
+has and gpsim's simulator `cartpole` has not: dry friction of 2.5 N between cart and track, which holds the cart
+while it rests, and a motor that acts 0.03 s late. Sensors are noisy. Run it again and the same bytes come out.
 """
 
 from pathlib import Path

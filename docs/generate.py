@@ -5,6 +5,7 @@ from pathlib import Path
 
 from generators.cli import cli_page
 from generators.effects import effects_page
+from generators.index import index_page
 from generators.proofs import proofs_page
 
 from gpsim.diagnosis.settings import Settings, as_page, as_yaml
@@ -15,6 +16,7 @@ PAGES: Mapping[str, Callable[[], str]] = {
     "docs/reference/cli.md": cli_page,
     "docs/reference/effects.md": effects_page,
     "docs/method/proofs.md": proofs_page,
+    "docs/index.md": index_page,
     "conf/diagnose/default.yaml": lambda: as_yaml(Settings()),
 }
 

@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
 import yaml
 
 from gpsim.effects.effect import Place
@@ -13,7 +12,6 @@ from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.simulators import make_simulator
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "data" / "README.md", *ROOT.glob("docs/**/*.md")]
 FILES = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
 
 
@@ -73,20 +71,3 @@ def test_the_mapping_in_the_docs_is_taken():
     example = next(block for block in blocks(text) if "quaternion" in block)
     mapping = parse_mapping(yaml.safe_load(example), "docs/how-to/import.md")
     assert mapping.system == "unicycle"
-
-
-def anchors(page):
-    """What GitHub makes of the headings of a page."""
-    heads = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_no_link_leads_nowhere(page):
-    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
-        if "://" in target:
-            continue
-        path, _, anchor = target.partition("#")
-        other = page.parent / path if path else page
-        assert other.exists(), target
-        assert not anchor or anchor in anchors(other), target

@@ -17,9 +17,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIAL = ROOT / "docs" / "tutorial"
 PAGES = ("first_diagnosis", "cartpole", "limo")
+QUICK = "diagnose.stepwise.total_budget=1e7 diagnose.search.budget=1e7 diagnose.form.rounds=1 diagnose.form.windows=40"
 SMALL = {  # what a command of the beginning on the left gets on a smoke budget
-    "gpsim diagnose data/": "diagnose.episodes=2 diagnose.search.depth=1",
-    "gpsim diagnose runs/": "diagnose.search.depth=1",
+    "gpsim diagnose data/": f"diagnose.episodes=2 'diagnose.families.only=[coulomb_friction,actuator_delay]' {QUICK}",
+    "gpsim diagnose runs/": f"'diagnose.families.only=[minimum_turning_radius,actuator_lag]' {QUICK}",
     "gpsim diagnose --score": "",
     "gpsim import": "",
     "gpsim export": "",
