@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from generators.cli import cli_page
+from generators.configuration import configuration_page
 from generators.effects import effects_page
 from generators.index import index_page
 from generators.proofs import proofs_page
@@ -14,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES: Mapping[str, Callable[[], str]] = {
     "docs/reference/settings.md": lambda: as_page(Settings()),
     "docs/reference/cli.md": cli_page,
+    "docs/reference/configuration.md": configuration_page,
     "docs/reference/effects.md": effects_page,
     "docs/method/proofs.md": proofs_page,
     "docs/index.md": index_page,

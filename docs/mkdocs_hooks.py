@@ -24,6 +24,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "how-to/export_diagnosis.md",
     "how-to/prove.md",
     "reference/cli.md",
+    "reference/configuration.md",
     "reference/settings.md",
     "reference/effects.md",
     "reference/files.md",

@@ -71,7 +71,7 @@ PICTURES: Mapping[str, Picture] = {
     "diagnosis": Picture(
         f"diagnose {ROOT / 'data' / 'cart.csv'} --simulator cartpole --out found",
         "found/report.html",
-        page(612),
+        page(592),
     ),
     "loop": Picture("run full-loop experiment=cartpole", LOOP, page(900)),
     "evaluation": Picture("run full-loop experiment=cartpole", LOOP, figure(0)),

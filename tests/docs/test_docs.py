@@ -1,12 +1,17 @@
 """What docs/ say of files and names is what the code does."""
 
 import re
+import textwrap
 from pathlib import Path
+from typing import ClassVar
 
+import numpy as np
 import yaml
 
+from gpsim.channels import FloatArray
+from gpsim.effects import effect as effect_module
 from gpsim.effects.effect import Place
-from gpsim.effects.registry import FAMILIES
+from gpsim.effects.registry import FAMILIES, register
 from gpsim.recordings.files import _KNOWN
 from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.simulators import make_simulator
@@ -71,3 +76,25 @@ def test_the_mapping_in_the_docs_is_taken():
     example = next(block for block in blocks(text) if "quaternion" in block)
     mapping = parse_mapping(yaml.safe_load(example), "docs/how-to/import.md")
     assert mapping.system == "unicycle"
+
+
+def test_the_effect_in_the_docs_is_one():
+    text = (ROOT / "docs" / "how-to" / "effect.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^    ```python\n(.*?)^    ```$", text, flags=re.MULTILINE | re.DOTALL)
+    names = dict(vars(effect_module)) | {"ClassVar": ClassVar, "FloatArray": FloatArray}
+    exec(textwrap.dedent(block), names)
+    spring = names["CubicSpring"]()
+    assert "cubic_spring" in register([*FAMILIES.values(), spring])
+    (stiffness,) = spring.parameters(Place("q", "N", span=2.0, reach=0.5))
+    assert (stiffness.name, stiffness.unit, stiffness.starts) == ("stiffness", "N/m^3", (16.0,))
+    force = spring.force(np.array([0.5]), np.zeros(1), {"stiffness": np.array([16.0])})
+    np.testing.assert_allclose(force, [-2.0])
+
+
+def test_every_group_of_choices_is_told():
+    text = (ROOT / "docs" / "reference" / "configuration.md").read_text(encoding="utf-8")
+    told = re.findall(r"^### (\w+)=([\w/]+)$", text, flags=re.MULTILINE)
+    there = {(path.relative_to(ROOT / "conf").parts[0], path) for path in (ROOT / "conf").glob("*/**/*.yaml")}
+    groups = {group for group, _ in there} - {"diagnose"}  # whose settings have a page of their own
+    assert {group for group, _ in told} == groups
+    assert len(told) == len([group for group, _ in there if group in groups])
