@@ -5,7 +5,6 @@ pictures, all without one. Nothing but data/ and gpsim's own worlds is used. It 
 a Chromium (CHROMIUM=/path/to/it, else the one on the path).
 """
 
-import base64
 import io
 import os
 import re
@@ -17,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, ImageChops
 
 ROOT = Path(__file__).resolve().parents[1]
 IMAGES = ROOT / "docs" / "images"
@@ -56,8 +55,13 @@ def figure(number: int) -> Callable[[Path], Image.Image]:
     """A figure of a page, counted from 0: pages hold theirs in themselves."""
 
     def taken(path: Path) -> Image.Image:
-        found = re.findall(r'src="data:image/png;base64,([^"]+)"', path.read_text(encoding="utf-8"))
-        return Image.open(io.BytesIO(base64.b64decode(found[number])))
+        found = re.findall(r'src="(data:image/[^"]+)"', path.read_text(encoding="utf-8"))
+        with tempfile.TemporaryDirectory() as folder:
+            alone = Path(folder) / "figure.html"
+            alone.write_text(f'<body style="margin:0"><img width="{SCREEN}" src="{found[number]}">')
+            shot = page(SCREEN)(alone).convert("RGB")
+        inside = ImageChops.difference(shot, Image.new("RGB", shot.size, "white")).getbbox()
+        return shot.crop((0, 0, SCREEN, inside[3] + 8 if inside else SCREEN))
 
     return taken
 

@@ -11,7 +11,7 @@ HASH = re.compile(r"(?<![\w.+-])(?=[0-9a-f]*[a-f])(?=[0-9a-f]*[0-9])[0-9a-f]{7,4
 MONTHS = "January|February|March|April|May|June|July|August|September|October|November|December"
 DATE = re.compile(rf"\b(?:\d{{1,2}} (?:{MONTHS})\b|(?:{MONTHS}) (?:\d{{1,2}}\b|\d{{4}}\b)|\d{{4}}-\d\d-\d\d)")
 SEEDS = re.compile(  # a seed may look like a year: where the seed itself is meant, and says so
-    r"(?:[sS]eeds?[`*]*|--seed|since[`]* =|proofs/) ?[`]*\d+(?:(?:,| and| to|, and) (?:seeds? )?\d+)*"
+    r"(?:[sS]eeds?[`*]*|--seed|since[`]* =|proofs/)\s*[`]*\d+(?:(?:,| and| to|, and)\s+(?:seeds? )?\d+)*"
 )
 YEAR = re.compile(r"(?<![\w.])20(?:2[6-9]|[3-9]\d)\b")  # of the project's own time; the literature is older
 
@@ -35,7 +35,10 @@ def test_pages_cite_no_commit_and_no_date(page):
         ("on 2026-11-22", ["2026-11-22", "2026"]),
         ("in June 2021", ["June 2021"]),
         ("as measured in 2027", ["2027"]),
-        ("seed 2031, seeds 2026 to 2028, `--seed 2040`, `since = 2030`, benchmarks/proofs/2040.json", []),
+        (
+            "seed 2031, up to seed\n  2031, seeds 2026 to 2028, `--seed 2040`, `since = 2030`, benchmarks/proofs/2040.json",
+            [],
+        ),
         ("Garancini (2025), GPML (2006), 2.9e-7 m, 1e-10, 0.0002 defaced, trials 100001 to 100004", []),
     ],
 )
