@@ -1,7 +1,7 @@
 """Make the pictures of docs/images from real reports: python docs/pictures.py WORK [NAME]...
 
 WORK is a folder in which the reports are made, by the commands below, unless they lie there already; NAME one of the
-pictures, all without one. Nothing but data/ and gpsim's own worlds is used. It takes some half an hour of one core, and
+pictures, all without one. Nothing but data/ and gpsim's own worlds is used. It takes some ten minutes of one core, and
 a Chromium (CHROMIUM=/path/to/it, else the one on the path).
 """
 
@@ -84,7 +84,7 @@ PICTURES: Mapping[str, Picture] = {
         "drive/figures/channels.png",
         whole,
     ),
-    "prove": Picture("prove --trials 16 --rough 4 --seed 1 --out proof", "proof/report.html", page(900)),
+    "prove": Picture("prove --trials 0 --rough 2 --seed 7 --out proof", "proof/report.html", page(900)),
 }
 BEFORE = {"import": Picture("collect experiment=limo", "runs/limo/collect/v0001/bags/drive.bag", whole)}
 
