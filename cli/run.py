@@ -148,7 +148,9 @@ def report_command(
         typer.echo(as_yaml(config), nl=False)
         return
     if site and dry_run:
-        raise UsageError("report: --dry-run says what would be made in runs/; a site is a copy of what is there")
+        raise UsageError(
+            "report: --dry-run says what would be made in runs/; a site is a copy of what is there"
+        )
     if site:
         _site(Path(str(config["runs_dir"])), out)
         return

@@ -221,8 +221,8 @@ def test_nothing_loads_pickles_and_no_local_path_is_written_down():
 
 def test_dependencies_are_explained():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    explained = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    explained = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8")
     every = [*project["dependencies"], *chain.from_iterable(project["optional-dependencies"].values())]
     for requirement in every:
         name = re.split(r"[<>=!\[ ]", requirement)[0]
-        assert f"**{name}**" in explained, f"docs/dependencies.md does not say why {name} is there"
+        assert f"**{name}**" in explained, f"docs/reference/dependencies.md does not say why {name} is there"

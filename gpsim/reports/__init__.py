@@ -18,6 +18,7 @@ __all__ = [
     "not_asked_text",
     "page",
     "printable",
+    "prove_misses",
     "prove_page",
     "prove_record",
     "prove_sheets",

@@ -162,7 +162,7 @@ def test_white_noise_gets_no_gaussian_process(diagnosed):
 def test_every_key_is_told_in_the_docs(diagnosed):
     out, _ = diagnosed
     report = json.loads((out / "diagnosis.json").read_text())
-    told = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+    told = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
     part = report["fit"]["one_step"]["q_acc"]
     (effect,) = report["effects"]
     (parameter,) = effect["parameters"].values()

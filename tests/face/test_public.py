@@ -100,7 +100,9 @@ def check_documented(function, example=True):
 
 
 def test_the_page_is_current():
-    spec = importlib.util.spec_from_file_location("python_page", ROOT / "docs" / "python_page.py")
+    spec = importlib.util.spec_from_file_location(
+        "python_page", ROOT / "docs" / "generators" / "python_page.py"
+    )
     page = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(page)
     assert (ROOT / "docs/reference/python.md").read_text(encoding="utf-8") == page.page()
