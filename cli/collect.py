@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .options import ConfigDir, Out, ShowConfig, Words, run_stage
+from .answers import answer
+from .options import ConfigDir, Out, ShowConfig, Words, run_stage, show
 from .printing import say
 
 Plan = Annotated[
@@ -24,11 +25,11 @@ def collect_command(
     plan: Plan = None,
 ) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     if plan is None:
         run_stage("collect", config, tuple(words or ()), config_dir, out)
@@ -38,3 +39,4 @@ def collect_command(
 
     rows = write_plan(config, plan)
     say(f"collect: {plan}, {rows} commands, one a control step")
+    answer({"plan": plan}, rows=rows)

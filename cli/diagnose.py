@@ -11,7 +11,8 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .options import ConfigDir, ShowConfig, shown_words
+from .answers import answer
+from .options import ConfigDir, ShowConfig, show, shown_words
 from .printing import say
 from .progress import caution, single_progress, warn
 
@@ -57,14 +58,14 @@ def diagnose_command(
     show_config: ShowConfig = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     recording, settings = _split(words or [])
     if recording is not None:
         _refuse(settings)
     config = resolve(settings, config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     if score is not None:
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores)
@@ -78,6 +79,7 @@ def diagnose_command(
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.diagnosis_files import read_trace
+    from gpsim.stages.figures import diagnosis_figures, paths_of
     from gpsim.stages.stage import Request
 
     if recording is None and simulator is not None:
@@ -106,6 +108,7 @@ def diagnose_command(
         for line in trace_lines(read_trace(artifact.path)):
             say(line)
     say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+    answer(paths_of("diagnose", artifact.path), made=not existed, simulator=name, **diagnosis_figures(found))
 
 
 def _score(
@@ -119,6 +122,7 @@ def _score(
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
     from gpsim.reports.score_text import score_lines
+    from gpsim.stages.figures import paths_of, score_figures
     from gpsim.stages.score import read_score, stage_for
     from gpsim.stages.stage import Request
 
@@ -127,9 +131,12 @@ def _score(
     with single_progress("score") as progress:
         request = Request(config, words, progress, out, cores=cores or os.cpu_count() or 1)
         artifact, existed = stage_for(diagnosis, recording, simulator).make(request)
-    for line in score_lines(read_score(artifact.path)):
+    found = read_score(artifact.path)
+    for line in score_lines(found):
         say(line)
     say(f"score: {artifact.path}{' (already there)' if existed else ''}")
+    made = paths_of("score", artifact.path) | {"diagnosis": diagnosis, "recording": recording}
+    answer(made, made=not existed, score=score_figures(found))
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir")

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from .answers import answer
 from .printing import say
 
 export_app = typer.Typer(
@@ -35,6 +36,7 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")
+    answer({"recording": path, "export": out}, format=form, notes=notes)
 
 
 Policy = Annotated[
@@ -52,3 +54,4 @@ def policy_command(path: Policy, out: OutFolder) -> None:
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")
+    answer({"policy": path, "export": out}, notes=notes)

@@ -10,7 +10,8 @@ import typer
 from gpsim.errors import UsageError
 from gpsim.reports.printable import printable
 
-from .printing import say
+from .answers import answer, asked, warned
+from .printing import console, say
 from .progress import warn
 
 Sources = Annotated[
@@ -55,15 +56,17 @@ def import_command(
     if out is None:
         raise UsageError(_what_is_missing(paths, mapping, words))
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
-    from rich.console import Console
-
     from gpsim.reports.import_text import render
+    from gpsim.stages.figures import paths_of, recording_figures
     from gpsim.stages.import_log import import_log
 
     made = import_log(paths, out, mapping, words, salvage, say=_aside)
     warn(out)
-    Console(highlight=False).print(render(made.report))
+    console(highlight=False).print(render(made.report))
     say(f"import: {out}")
+    for line in made.report.warnings:
+        warned(line)
+    answer(paths_of("import", out), notes=list(made.report.notes), figures=recording_figures(made.recording))
 
 
 def _sorted(words: list[str]) -> tuple[list[Path], list[str]]:
@@ -101,6 +104,7 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
     from rich.console import Console
 
     from gpsim.reports.import_text import render_inspection
+    from gpsim.stages.figures import inspection_figures
     from gpsim.stages.import_log import inspect_source, write_mapping
 
     if words:
@@ -112,10 +116,12 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
     found = [inspect_source(path, salvage) for path in paths]
     for one in found:
         Console(highlight=False, stderr=True).print(render_inspection(one))
+    answer({"mapping": write_to}, logs=[inspection_figures(one) for one in found], mapping=found[0].proposal)
     if len(found) > 1:
         _aside(f"the proposed mapping is for {found[0].name}; one mapping imports all sources")
     if write_to is None:
-        typer.echo(found[0].proposal, nl=False)
+        if not asked():
+            typer.echo(found[0].proposal, nl=False)
     else:
         write_mapping(found[0].proposal, write_to)
         _aside(

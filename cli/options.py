@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from .answers import answer, asked, warned
 from .printing import say
 from .progress import single_progress, warn
 
@@ -29,12 +30,36 @@ def shown_words(words: Sequence[str] | None, config_dir: Path | None) -> tuple[s
     return (*(words or ()), *((f"--config-dir={config_dir}",) if config_dir else ()))
 
 
+def show(config: Mapping[str, Any]) -> None:
+    """Print the resolved configuration."""
+    from .configuration import as_yaml, plain  # Hydra is no part of `--help`
+
+    answer(config=plain(config))
+    if not asked():
+        typer.echo(as_yaml(config), nl=False)
+
+
+def told(lines: Iterable[str]) -> list[str]:
+    """The lines that are no warnings, for `--json`; the others are warned of."""
+    kept = []
+    for line in lines:
+        if line.startswith(WARNING):
+            warned(line.removeprefix(WARNING))
+        else:
+            kept.append(line)
+    return kept
+
+
+WARNING = "warning: "  # begins a note that is one
+
+
 def run_stage(
     name: str, config: dict[str, object], words: tuple[str, ...], config_dir: Path | None, out: Path | None
 ) -> None:
     """Make a stage's artifact and print where it lies."""
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
     from gpsim.stages import registry
+    from gpsim.stages.figures import figures_of, paths_of
     from gpsim.stages.stage import Request
 
     with single_progress(name) as progress:
@@ -42,5 +67,8 @@ def run_stage(
         artifact, existed = registry.STAGES[name].make(request)
     warn(artifact.path)
     say(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
-    for line in registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact):
+    notes = registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact)
+    for line in notes:
         say(f"  {line}")
+    figures = figures_of(artifact) if asked() else {}
+    answer(paths_of(name, artifact.path), made=not existed, notes=told(notes), figures=figures)

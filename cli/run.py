@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from gpsim.reports.printable import literal
 
-from .options import ConfigDir, ShowConfig, Words, shown_words
-from .printing import say
+from .answers import answer, asked
+from .options import ConfigDir, ShowConfig, Words, show, shown_words, told
+from .printing import console, say
 from .progress import Board, note, warn
 
 if TYPE_CHECKING:
@@ -44,11 +44,11 @@ def full_loop(
     show_config: ShowConfig = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
     from gpsim.reports.tables import terminal_notes, terminal_tables
@@ -59,44 +59,52 @@ def full_loop(
     started = time.monotonic()
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
+    jobs_done: list[dict[str, object]] = []
     with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
             mark = Text("kept", "dim") if existed else Text("made", "green")
             board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
             warn(artifact.path)
+            jobs_done.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
 
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
         tables, notes = terminal_tables(gathered), terminal_notes(gathered)
     note(f"finished in {time.monotonic() - started:.0f} s")
-    show(artifact.path, tables, notes)
+    answer(jobs=jobs_done)
+    show_report(artifact.path, chosen, tables, notes)
 
 
-def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
+def show_report(folder: Path, seeds: tuple[int, ...], tables: list[Table], notes: list[str]) -> None:
     """Print the tables, then where the page and the summary lie."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=120)  # a log has no width of its own
+    printer = console()
+    if not printer.is_terminal:
+        printer = console(width=120)  # a log has no width of its own
     for table in tables:
-        console.print(table)
-        console.print()
+        printer.print(table)
+        printer.print()
     for line in notes:
         say(line)
     say(f"report: {folder / 'report.html'}")
     say(folder / "summary.json")  # the path alone on the last line, for programs
+    if asked():
+        from gpsim.stages.figures import evaluation_figures, paths_of
+
+        figures = evaluation_figures(folder / "summary.json")
+        answer(paths_of("report", folder), seeds=list(seeds), notes=told(notes), figures=figures)
 
 
 def report_command(
     words: Words = None, seeds: Reported = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """Tables, figures and one HTML page of a finished loop."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     from gpsim.reports.tables import terminal_notes, terminal_tables
     from gpsim.stages import report
@@ -106,4 +114,4 @@ def report_command(
     chosen = tuple(request.seed + i for i in range(seeds))
     artifact, _ = report.stage_for(chosen).make(request)
     gathered = report.gather(request, chosen)
-    show(artifact.path, terminal_tables(gathered), terminal_notes(gathered))
+    show_report(artifact.path, chosen, terminal_tables(gathered), terminal_notes(gathered))

@@ -9,6 +9,7 @@ __all__ = [
     "diagnosis_files",
     "export_policy",
     "export_recording",
+    "figures",
     "fit_gp",
     "full_loop",
     "import_log",
