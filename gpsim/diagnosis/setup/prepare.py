@@ -124,11 +124,13 @@ def _check_length(recording: Recording, settings: PrepareSettings) -> None:
     count, fewest = recording.transition_count, settings.fewest_transitions
     if count >= fewest:
         return
+    short = f"too short to judge: {count} transitions, {fewest} at the least"
     single = sum(len(episode) == 0 for episode in recording.episodes)
-    hint = "record more"
     if single > 1 and 2 * single > len(recording.episodes):
-        hint = f"{single} episodes have one row: the column `episode` names episodes, it does not count rows"
-    raise NoDiagnosis(f"too short to judge: {count} transitions, {fewest} at the least; {hint}")
+        raise UsageError(
+            f"{short}; {single} episodes have one row: the column `episode` names episodes, it does not count rows"
+        )
+    raise NoDiagnosis(f"{short}; record more")
 
 
 def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tuple[Windows, Windows]:
