@@ -104,7 +104,9 @@ def answer(paths: Mapping[str, Path | str | None] | None = None, **content: Any)
     """Say a command's result, once or in parts. paths: what was made, by what it is; content: JSON's own types."""
     if (now := ANSWER.get()) is None:
         return
-    now.paths |= {name: str(Path(path).absolute()) for name, path in (paths or {}).items() if path is not None}
+    now.paths |= {
+        name: str(Path(path).absolute()) for name, path in (paths or {}).items() if path is not None
+    }
     now.content |= content
 
 

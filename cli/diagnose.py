@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,13 +14,17 @@ from gpsim.errors import UsageError
 from .answers import answer
 from .options import ConfigDir, ShowConfig, show, shown_words
 from .printing import say
-from .progress import caution, single_progress, warn
+from .progress import caution, note, single_progress, warn
+
+if TYPE_CHECKING:
+    from gpsim.stages.raw_logs import RawLog
 
 Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING] [KEY=VALUE]...",
-        help="A recording's folder or a bare CSV (the loop's own recording without one), and settings, as seed=1.",
+        help="A recording's folder or a raw log (the loop's own recording without one), then settings, as seed=1; of a "
+        "raw log also what is what, as theta=deg*angle.",
     ),
 ]
 SimulatorName = Annotated[
@@ -29,6 +33,10 @@ SimulatorName = Annotated[
         "--simulator",
         help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
     ),
+]
+MappingName = Annotated[
+    str | None,
+    typer.Option("--mapping", help="Of a raw log: what is which channel, a mapping's name or YAML file."),
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
@@ -50,6 +58,7 @@ Explain = Annotated[
 def diagnose_command(
     words: Words = None,
     simulator: SimulatorName = None,
+    mapping: MappingName = None,
     out: Out = None,
     score: ScoreOf = None,
     explain: Explain = False,
@@ -61,8 +70,12 @@ def diagnose_command(
     from .configuration import resolve  # Hydra is no part of `--help`
 
     recording, settings = _split(words or [])
+    log: RawLog | None = None
     if recording is not None:
+        log, settings = _raw(recording, settings, simulator, mapping, score)
         _refuse(settings)
+    elif mapping is not None:
+        raise UsageError("diagnose: --mapping goes with a raw log, as: gpsim diagnose my.bag --mapping FILE")
     config = resolve(settings, config_dir)
     if show_config:
         show(config)
@@ -84,6 +97,8 @@ def diagnose_command(
 
     if recording is None and simulator is not None:
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
+    if log is not None:
+        recording = _imported(log, config)
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
     stage = stage_for(task) if task else diagnose_loop.STAGE
     with single_progress("diagnose") as progress:
@@ -139,6 +154,42 @@ def _score(
     answer(made, made=not existed, score=score_figures(found))
 
 
+def _raw(
+    recording: Path, settings: list[str], simulator: str | None, mapping: str | None, score: Path | None
+) -> tuple[RawLog | None, list[str]]:
+    """The recording as a log that is to be imported first, if it is one, and the settings that are left."""
+    of_log = [word for word in settings if _top(word) not in (*USED, *INSTEAD)]
+    from gpsim.stages.raw_logs import (  # it takes a second that `--help` has no use for
+        RawLog,
+        is_raw,
+        of_the_mapping,
+    )
+
+    of_log = [word for word in of_log if of_the_mapping(word)]
+    if (recording.is_dir() and (recording / "recording.yaml").is_file()) or score is not None:
+        if mapping is not None:
+            raise UsageError(
+                f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
+            )
+        return None, settings
+    if mapping is None and not is_raw(recording, simulator) and not (of_log and recording.is_file()):
+        return None, settings
+    log = RawLog(recording, "gpsim diagnose", simulator, mapping=mapping, words=tuple(of_log))
+    return log, [word for word in settings if word not in of_log]
+
+
+def _imported(log: RawLog, config: dict[str, Any]) -> Path:
+    """The recording that a raw log gives, below runs/."""
+    from gpsim.stages.raw_logs import imported
+    from gpsim.stages.stage import Request
+
+    artifact, _ = imported(Request(config), log, caution)
+    warn(artifact.path)
+    note(f"recording: {artifact.path} (import_report.txt says what was kept)")
+    answer({"recording": artifact.path})
+    return artifact.path
+
+
 USED = ("seed", "diagnose", "experiment", "runs_dir")
 """What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
 INSTEAD = {
@@ -150,7 +201,7 @@ INSTEAD = {
 def _refuse(settings: list[str]) -> None:
     """What belongs to the loop's own recording would be ignored."""
     for word in settings:
-        name = re.split(r"[.@/=]", word.lstrip("+~"))[0]
+        name = _top(word)
         if name in INSTEAD:
             raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
         if name not in USED:
@@ -158,6 +209,11 @@ def _refuse(settings: list[str]) -> None:
                 f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
                 "experiment, runs_dir"
             )
+
+
+def _top(word: str) -> str:
+    """The setting that a word changes, or one within it."""
+    return re.split(r"[.@/=]", word.lstrip("+~"))[0]
 
 
 def _split(words: list[str]) -> tuple[Path | None, list[str]]:

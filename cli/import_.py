@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,7 +13,7 @@ from gpsim.reports.printable import printable
 
 from .answers import answer, asked, warned
 from .printing import console, say
-from .progress import warn
+from .progress import caution, warn
 
 Sources = Annotated[
     list[str],
@@ -24,6 +25,12 @@ Out = Annotated[Path | None, typer.Option("--out", help="The folder to make; it 
 MappingName = Annotated[
     str | None,
     typer.Option("--mapping", help="A mapping's name or YAML file; none for columns named as channels."),
+]
+SimulatorName = Annotated[
+    str | None,
+    typer.Option(
+        "--simulator", help="What it will be compared with; a mapping is guessed from the log's names."
+    ),
 ]
 Inspect = Annotated[
     bool,
@@ -42,6 +49,7 @@ def import_command(
     sources: Sources,
     out: Out = None,
     mapping: MappingName = None,
+    simulator: SimulatorName = None,
     inspect: Inspect = False,
     salvage: Salvage = False,
     write_mapping: WriteMapping = None,
@@ -53,14 +61,15 @@ def import_command(
         return
     if write_mapping is not None:
         raise UsageError("import: --write-mapping goes with --inspect, which proposes the mapping")
+    raw = None if mapping is not None else _guessed(paths, simulator, words, salvage, out)
     if out is None:
-        raise UsageError(_what_is_missing(paths, mapping, words))
+        raise UsageError("import: --out DIR missing; it names the recording's folder")
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
     from gpsim.reports.import_text import render
     from gpsim.stages.figures import paths_of, recording_figures
     from gpsim.stages.import_log import import_log
 
-    made = import_log(paths, out, mapping, words, salvage, say=_aside)
+    made = import_log(paths, out, mapping, words, salvage, say=_aside, raw=raw)
     warn(out)
     console(highlight=False).print(render(made.report))
     say(f"import: {out}")
@@ -90,13 +99,19 @@ def _aside(line: str) -> None:
     typer.echo(printable(line), err=True)
 
 
-def _what_is_missing(paths: list[Path], mapping: str | None, words: list[str]) -> str:
-    if mapping is not None or any(word.startswith("system=") for word in words):
-        return "import: --out DIR missing; it names the recording's folder"
-    return (
-        f"import: no --mapping and no --out; `gpsim import --inspect {paths[0]}` shows what is inside and proposes "
-        "a mapping (its system may be one of your own, as my_system.py:ClassName), then add --mapping FILE --out DIR"
-    )
+def _guessed(
+    paths: list[Path], simulator: str | None, words: list[str], salvage: bool, out: Path | None
+) -> dict[str, Any] | None:
+    """The mapping that the log's names suggest; None where its columns are called as the simulator's channels."""
+    from gpsim.stages.raw_logs import RawLog, decide, reads_bare
+
+    if reads_bare(paths, simulator, words):
+        return None
+    tail = f"--out {'DIR' if out is None else shlex.quote(str(out))}"
+    read = decide(RawLog(paths[0], "gpsim import", simulator, tail, None, tuple(words), salvage))
+    for line in read.remarks:
+        caution(line)
+    return read.raw
 
 
 def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path | None) -> None:

@@ -9,6 +9,7 @@ __all__ = [
     "diagnosis_figures",
     "diagnosis_page",
     "diagnosis_text",
+    "guess_text",
     "import_figure",
     "import_text",
     "loop_report",

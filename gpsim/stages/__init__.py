@@ -15,6 +15,7 @@ __all__ = [
     "import_log",
     "policy_files",
     "prove",
+    "raw_logs",
     "registry",
     "report",
     "score",

@@ -14,6 +14,7 @@ from gpsim.errors import UsageError
 from gpsim.files import Json, disk_errors, file_digest
 from gpsim.recordings import (
     FolderLog,
+    ImportMapping,
     ImportReport,
     Inspection,
     NamedLog,
@@ -68,17 +69,23 @@ def import_log(
     words: Sequence[str] = (),
     salvage: bool = False,
     say: Callable[[str], None] = quiet,
+    raw: Mapping[str, Any] | None = None,
 ) -> Imported:
     """Import `sources` into the new folder `out`, which is written whole or not at all.
 
     mapping: a name from conf/mapping or a YAML file; None for tables whose columns are the channels' names.
     words: key=value changes of the mapping. salvage: go on past damage and count it. say: is given what the person
-    should know before the logs are read, a line each.
+    should know before the logs are read, a line each. raw: the whole mapping, where it is there already.
     """
     if out.exists():
         raise UsageError(f"{out}: exists already; a recording is never overwritten, choose another --out")
-    recording, report, raw = read_logs(sources, mapping, words, salvage, say)
-    config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources, mapping, words)}
+    if raw is None:
+        recording, report, raw = read_logs(sources, mapping, words, salvage, say)
+        digests = source_digests(sources, mapping, words)
+    else:
+        recording, report, plan = read_by(raw, "mapping (from the names in the log)", sources, salvage, say)
+        digests = digests_read(sources, plan.layout, plan.files)
+    config = {"mapping": raw, "salvage": salvage, "sources": digests}
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
@@ -120,16 +127,24 @@ def read_logs(
     if mapping is None:
         first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
         systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
-        raw = _merged(bare_mapping(first, str(changes.get("system", "")), systems), changes)
+        raw = merge_changes(bare_mapping(first, str(changes.get("system", "")), systems), changes)
         where = "mapping (from the column names)"
     else:
         raw, where = resolved_mapping(mapping, words), f"mapping {mapping}"
+    recording, report, _ = read_by(raw, where, sources, salvage, say)
+    return recording, report, raw
+
+
+def read_by(
+    raw: Mapping[str, Any], where: str, sources: Sequence[Path], salvage: bool, say: Callable[[str], None]
+) -> tuple[Recording, ImportReport, ImportMapping]:
+    """The recording, the report, and the mapping that was read."""
     plan = parse_mapping(raw, where)
     if not plan.action:
         say(f"{where}: {NO_COMMANDS}")
-    logs = find_logs(sources, plan.layout, plan.files, opener)
+    logs = find_logs(sources, plan.layout, plan.files, partial(open_log, salvage=salvage))
     recording, report = import_logs(logs, plan, partial(find_bad_rows, salvage=salvage))
-    return recording, report, raw
+    return recording, report, plan
 
 
 def write_import(recording: Recording, report: ImportReport, folder: Path) -> None:
@@ -151,8 +166,20 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
     paths: list[Path] = []
     found = find_logs([source], "files", "*", _remembering(paths))
     first = NamedLog(found[0].name, opener(paths[0]))
-    ready = tuple(name for name in mapping_names() if _serves(name, source, first, opener))
-    return inspect_log(first, len(found), ready)
+    return inspect_log(first, len(found), ready_mappings(source, first, opener))
+
+
+def ready_mappings(source: Path, first: NamedLog, opener: Opener) -> tuple[str, ...]:
+    """The mappings that come with gpsim and find all they want in a source, whose first log is `first`."""
+    return tuple(name for name in mapping_names() if _serves(name, source, first, opener))
+
+
+def holds_logs(folder: Path) -> bool:
+    """Whether there are log files below a folder; none is opened."""
+    try:
+        return bool(find_logs([folder], "files", "*", _remembering([])))
+    except UsageError:
+        return False
 
 
 def _serves(name: str, source: Path, first: NamedLog, opener: Opener) -> bool:
@@ -215,7 +242,8 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def merge_changes(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping with changes."""
     if "rate" in changes or "dt" in changes:  # two ways to say one thing: the last word counts
         raw = {key: value for key, value in raw.items() if key not in ("rate", "dt")}
     return merged(raw, changes)
@@ -223,7 +251,7 @@ def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 
 def resolved_mapping(name_or_file: str, words: Sequence[str]) -> dict[str, Any]:
     """A mapping with the changes that `words` (key=value) make to it."""
-    return _merged(read_mapping(name_or_file), changes_of_words(words))
+    return merge_changes(read_mapping(name_or_file), changes_of_words(words))
 
 
 def source_digests(
@@ -238,6 +266,11 @@ def source_digests(
     if mapping is not None:
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files
+    return digests_read(sources, layout, pattern)
+
+
+def digests_read(sources: Sequence[Path], layout: Literal["files", "folder"], pattern: str) -> dict[str, str]:
+    """sha256 of every file of the logs below the sources that are called by `pattern`, by its name there."""
     out: dict[str, str] = {}
     for number, source in enumerate(sources):
         for path in _files_read(source, layout, pattern):
