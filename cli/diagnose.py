@@ -11,6 +11,7 @@ import typer
 
 from gpsim.errors import UsageError
 
+from . import completion
 from .answers import answer
 from .options import ConfigDir, ShowConfig, show, shown_words
 from .printing import say
@@ -25,6 +26,7 @@ Words = Annotated[
         metavar="[RECORDING] [KEY=VALUE]...",
         help="A recording's folder or a raw log (the loop's own recording without one), then settings, as seed=1; of a "
         "raw log also what is what, as theta=deg*angle.",
+        autocompletion=completion.diagnose_words,
     ),
 ]
 SimulatorName = Annotated[
@@ -32,11 +34,16 @@ SimulatorName = Annotated[
     typer.Option(
         "--simulator",
         help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
+        autocompletion=completion.simulator_names,
     ),
 ]
 MappingName = Annotated[
     str | None,
-    typer.Option("--mapping", help="Of a raw log: what is which channel, a mapping's name or YAML file."),
+    typer.Option(
+        "--mapping",
+        help="Of a raw log: what is which channel, a mapping's name or YAML file.",
+        autocompletion=completion.mapping_names,
+    ),
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
@@ -47,6 +54,7 @@ ScoreOf = Annotated[
     typer.Option(
         "--score",
         metavar="DIAGNOSIS",
+        autocompletion=completion.diagnoses,
         help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
     ),
 ]

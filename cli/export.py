@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from . import completion
 from .answers import answer
 from .printing import say
 
@@ -15,9 +16,16 @@ export_app = typer.Typer(
 )
 
 Recorded = Annotated[
-    Path, typer.Argument(metavar="PATH", help="A recording folder, as `gpsim import` makes.")
+    Path,
+    typer.Argument(
+        metavar="PATH",
+        help="A recording folder, as `gpsim import` makes.",
+        autocompletion=completion.recordings,
+    ),
 ]
-Format = Annotated[str, typer.Option("--format", help="mcap | csv | parquet")]
+Format = Annotated[
+    str, typer.Option("--format", help="mcap | csv | parquet", autocompletion=completion.formats)
+]
 Out = Annotated[Path, typer.Option("--out", help="The file to make; it must not exist.")]
 
 
@@ -40,7 +48,12 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
 
 
 Policy = Annotated[
-    Path, typer.Argument(metavar="PATH", help="An artifact of train-source or train-gp-policy.")
+    Path,
+    typer.Argument(
+        metavar="PATH",
+        help="An artifact of train-source or train-gp-policy.",
+        autocompletion=completion.policies,
+    ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it must not exist.")]
 

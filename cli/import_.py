@@ -11,6 +11,7 @@ import typer
 from gpsim.errors import UsageError
 from gpsim.reports.printable import printable
 
+from . import completion
 from .answers import answer, asked, warned
 from .printing import console, say
 from .progress import caution, warn
@@ -18,18 +19,26 @@ from .progress import caution, warn
 Sources = Annotated[
     list[str],
     typer.Argument(
-        metavar="SOURCE... [KEY=VALUE]...", help="Log files or folders, then settings, as rate=50."
+        metavar="SOURCE... [KEY=VALUE]...",
+        help="Log files or folders, then settings, as rate=50.",
+        autocompletion=completion.import_words,
     ),
 ]
 Out = Annotated[Path | None, typer.Option("--out", help="The folder to make; it must not exist.")]
 MappingName = Annotated[
     str | None,
-    typer.Option("--mapping", help="A mapping's name or YAML file; none for columns named as channels."),
+    typer.Option(
+        "--mapping",
+        help="A mapping's name or YAML file; none for columns named as channels.",
+        autocompletion=completion.mapping_names,
+    ),
 ]
 SimulatorName = Annotated[
     str | None,
     typer.Option(
-        "--simulator", help="What it will be compared with; a mapping is guessed from the log's names."
+        "--simulator",
+        help="What it will be compared with; a mapping is guessed from the log's names.",
+        autocompletion=completion.simulator_names,
     ),
 ]
 Inspect = Annotated[

@@ -60,7 +60,7 @@ app = typer.Typer(
     ),
     epilog="Exit codes: 0 done, 2 bad input, 3 a sound recording of which no diagnosis is possible, 130 interrupted.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},  # of every command below it, too

@@ -8,13 +8,18 @@ from typing import Annotated, Any
 
 import typer
 
+from . import completion
 from .answers import answer, asked, warned
 from .printing import say
 from .progress import single_progress, warn
 
 Words = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[KEY=VALUE]...", help="Settings, as experiment=cartpole gp.n_train=500."),
+    typer.Argument(
+        metavar="[KEY=VALUE]...",
+        help="Settings, as experiment=cartpole gp.n_train=500.",
+        autocompletion=completion.words,
+    ),
 ]
 ConfigDir = Annotated[
     Path | None, typer.Option("--config-dir", help="A folder with your choices, as gp/mine.yaml.")

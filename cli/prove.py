@@ -10,6 +10,7 @@ import typer
 
 from gpsim.errors import UsageError
 
+from . import completion
 from .answers import NAME as AS_JSON
 from .answers import answer
 from .printing import console, say
@@ -33,7 +34,9 @@ Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side
 Strata = Annotated[
     list[str] | None,
     typer.Option(
-        "--stratum", help="Only worlds of it: single, pair, triple, none, unknown; may be repeated."
+        "--stratum",
+        help="Only worlds of it: single, pair, triple, none, unknown; may be repeated.",
+        autocompletion=completion.strata,
     ),
 ]
 Answers = Annotated[
