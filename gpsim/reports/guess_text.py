@@ -19,6 +19,7 @@ MOST = 12  # candidates that a line lists
 
 def told(found: Guess, path: str, own: Mapping[str, tuple[float, str]]) -> list[str]:
     """A line on what was taken for what, and one on parameters that nobody gave (`own`: value and unit)."""
+    path = PurePath(shlex.split(path)[0]).name
     said = ", ".join(f"{name} from {source}{_unit(found, name)}" for name, source in found.taken.items())
     lines = [
         f"{path}: read as {found.system.name}: {said}; to change it: CHANNEL=SOURCE, as {_example(found)}"
