@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -27,6 +28,7 @@ Values = Callable[[str, str], FloatArray]
 """Reads a field of a topic: (topic, field) -> (N,)."""
 SURE = 2.0  # a fit that is more than its last word
 AS_GOOD = 0.05  # fits that differ by less are a tie
+SWITCHES = frozenset({"safety", "enable", "enabled", "armed", "estop", "deadman", "engaged"})
 VEHICLE = ("x", "y", "yaw")
 
 
@@ -52,7 +54,8 @@ class Guess:
 
     taken: channel -> source as it is typed; missing: channels for which nothing sure was found, with what might be
     theirs; unclear: channels whose source is likely, with the others; typed: every channel is told by the type of a
-    message; fit: how well the names fit, summed.
+    message; switch: a source that may say when the motors were on, and the words that cut the log by it; fit: how well
+    the names fit, summed.
     """
 
     system: System
@@ -62,6 +65,7 @@ class Guess:
     unclear: dict[str, list[str]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     typed: bool = True
+    switch: tuple[str, str] | None = None
     fit: float = 0.0
 
     @property
@@ -90,9 +94,21 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
         _state_channel(made, state, channel, topics, given, used)
     for channel in system.action:
         _action_channel(made, action, channel, topics, given, used)
+    made.switch = _switch(topics)
     made.raw |= {"state": state, "action": action}
     _add_clock(made, clock, topics)
     return made
+
+
+def _switch(topics: Sequence[Topic]) -> tuple[str, str] | None:
+    """What may say when the motors were on: a command is obeyed only then."""
+    for source in sources_of(topics):
+        name = _called(source, topics)
+        if SWITCHES & set(words_of(name)):
+            at = [] if source.alone else [f"episodes.topic={source.topic}"]
+            words = ["episodes.by=flag", *at, f"episodes.field={source.field}", "episodes.equals=1"]
+            return short(source, topics), " ".join(shlex.quote(word) for word in words)
+    return None
 
 
 def _check_given(given: Mapping[str, str], system: System) -> None:

@@ -25,11 +25,20 @@ def told(found: Guess, path: str, own: Mapping[str, tuple[float, str]]) -> list[
         f"{path}: read as {found.system.name}: {said}; to change it: CHANNEL=SOURCE, as {_example(found)}"
     ]
     lines += [f"{path}: {remark}" for remark in found.remarks]
+    lines += [f"{path}: {line}" for line in _switched(found)]
     if own:
         values = ", ".join(f"{name} {value:g} {unit}".rstrip() for name, (value, unit) in own.items())
         first = next(iter(own))
         lines.append(f"{found.system.name} as it comes: {values}; yours: parameters.{first}=VALUE")
     return lines
+
+
+def _switched(found: Guess) -> list[str]:
+    """How the log is cut by what may say when the motors were on, unless it is."""
+    if found.switch is None:
+        return []
+    source, words = found.switch
+    return [f"{source} may say when the motors were on; if so, add {words}"]
 
 
 def _unit(found: Guess, name: str) -> str:
@@ -75,6 +84,7 @@ def asked(typed: Asking, found: Guess, columns: Sequence[str], ready: Sequence[s
         line += f"{_questions(found)} ({_units(found)}; a factor may stand before a source: {_example(found)}"
         others = ", ".join(n for n in SIMULATORS if n != found.system.name)
         line += ")" if typed.named else f"; other simulators: {others}, your own: FILE.py:ClassName)"
+    line += "".join(f"; {said}" for said in ([] if unknown else _switched(found)))
     line += f"; if it is the public set {ready[0]}: --mapping {ready[0]} instead" if ready else ""
     inspect = f"; gpsim import --inspect {typed.path} shows what is inside, and proposes a --mapping to edit"
     return line + (inspect if typed.tail else "")

@@ -119,6 +119,8 @@ def decide(log: RawLog) -> Read:
     systems = [_system(str(name))] if name else [_system(each) for each in SIMULATORS]
     known = {key: value for key, value in given.items() if name}
     found = min((guess(topics, system, known, values) for system in systems), key=_ranked)
+    if "episodes" in changes:
+        found.switch = None
     if kinds:
         found.taken["files"] = pattern
         if len(kinds) > 1:

@@ -268,3 +268,17 @@ def test_a_mapping_that_comes_with_gpsim_is_offered_and_taken(gpsim, stopped, tm
     assert stopped[0][2]["mass"] == 0.6
     _, _, err = gpsim("diagnose", "--mapping", "simple_pendulum")
     assert "--mapping goes with a raw log" in err
+
+
+def test_what_may_say_when_the_motors_were_on_is_told(gpsim, stopped, tmp_path):
+    """A command is obeyed only then: the rest of the log would look like a fault of the simulator."""
+    t, theta, rate, torque = swing()
+    columns = {"time": t, "theta": theta, "theta_dot": rate, "torque": torque, "enabled": 1.0 * (t > 1.0)}
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    words = ["diagnose", "log.csv", "--simulator", "pendulum", "--cores", "1"]
+    _, _, err = gpsim(*words)
+    added = re.search(r"enabled may say when the motors were on; if so, add (.*)", err)[1].split()
+    _, _, err = gpsim(*words, *added)
+    assert "may say when" not in err
+    whole, cut = (len(recording.episodes[0]) for recording, _, _ in stopped)
+    assert (whole, cut) == (299, 198)
