@@ -41,7 +41,7 @@ def _means(episode: Episode, k: int) -> FloatArray:
 
 
 def _share_kept(recording: Recording, k: int) -> float:
-    """The least share of an action's variance that its means over blocks of k keep; all of it where none is recorded."""
+    """The least share of an action's variance that its means over blocks of k keep; 1 where none is recorded."""
     if not len(recording.action):
         return 1.0
     whole = [e.actions[: len(e) // k * k] for e in recording.episodes]
