@@ -12,6 +12,7 @@ __all__ = [
     "diagnosis_text",
     "foxglove_bodies",
     "foxglove_file",
+    "guess_text",
     "import_figure",
     "import_text",
     "loop_report",
