@@ -11,15 +11,13 @@ from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
 from gpsim.errors import UsageError
-from gpsim.files import Json, disk_errors, file_digest
+from gpsim.files import Json, disk_errors
 from gpsim.recordings import (
-    FolderLog,
     ImportMapping,
     ImportReport,
     Inspection,
     NamedLog,
     Opener,
-    RawLog,
     Recording,
     bare_mapping,
     changes_of_words,
@@ -40,6 +38,7 @@ from gpsim.reports.import_figure import draw_channels
 from gpsim.reports.import_text import as_text
 from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
+from gpsim.stages.log_files import digests_read, remembering
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
@@ -191,7 +190,7 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
     """What a log holds and the mapping it suggests; of a folder of logs, the first, which alone is opened."""
     opener = partial(open_log, salvage=salvage)
     paths: list[Path] = []
-    found = find_logs([source], "files", "*", _remembering(paths))
+    found = find_logs([source], "files", "*", remembering(paths))
     first = NamedLog(found[0].name, opener(paths[0]))
     return inspect_log(first, len(found), ready_mappings(source, first, opener))
 
@@ -204,7 +203,7 @@ def ready_mappings(source: Path, first: NamedLog, opener: Opener) -> tuple[str, 
 def holds_logs(folder: Path) -> bool:
     """Whether there are log files below a folder; none is opened."""
     try:
-        return bool(find_logs([folder], "files", "*", _remembering([])))
+        return bool(find_logs([folder], "files", "*", remembering([])))
     except UsageError:
         return False
 
@@ -294,46 +293,3 @@ def source_digests(
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files
     return digests_read(sources, layout, pattern)
-
-
-def digests_read(sources: Sequence[Path], layout: Literal["files", "folder"], pattern: str) -> dict[str, str]:
-    """sha256 of every file of the logs below the sources that are called by `pattern`, by its name there."""
-    out: dict[str, str] = {}
-    for number, source in enumerate(sources):
-        for path in _files_read(source, layout, pattern):
-            name = path.relative_to(source).as_posix() if source.is_dir() else path.name
-            out[name if len(sources) == 1 else f"{number + 1}/{name}"] = file_digest(path)
-    return out
-
-
-def _files_read(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
-    """The files of the logs below a source, those of a ROS 2 bag's folder one by one."""
-    try:
-        if not source.exists():
-            raise UsageError(f"{source}: no such file or folder")
-        return _files_of_logs(source, layout, pattern)
-    except OSError as error:  # a folder that may not be entered
-        raise UsageError(f"{source}: cannot be read ({error.strerror or error})") from error
-
-
-def _files_of_logs(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
-    logs: list[Path] = []
-    for found in find_logs([source], layout, pattern, _remembering(logs)):
-        if isinstance(found.log, FolderLog):
-            logs += found.log.files.values()
-    return [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
-
-
-def _remembering(paths: list[Path]) -> Opener:
-    """An opener that opens nothing and notes what it was asked for."""
-
-    def remember(path: Path) -> RawLog:
-        paths.append(path)
-        return FolderLog({}, remember)
-
-    return remember
-
-
-def _storage_of(bag: Path) -> list[Path]:
-    stored = (p for p in bag.iterdir() if p.name == "metadata.yaml" or {".db3", ".mcap"} & set(p.suffixes))
-    return sorted(path for path in stored if path.is_file())

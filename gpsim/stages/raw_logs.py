@@ -29,6 +29,7 @@ from gpsim.recordings import (
 from gpsim.reports.guess_text import Asking, asked, told
 from gpsim.simulators import SIMULATORS, Simulator, make_simulator
 from gpsim.stages import import_log
+from gpsim.stages.log_files import digests_read
 from gpsim.stages.stage import Request, Stage
 
 BAGS = (".bag", ".db3", ".mcap", ".mat")
@@ -206,7 +207,7 @@ def stage_for(log: RawLog, read: Read, say: Callable[[str], None] = import_log.q
 
     def recipe(request: Request) -> Recipe:
         plan = parse_mapping(read.raw, read.where)
-        digests = import_log.digests_read([log.path], plan.layout, plan.files)
+        digests = digests_read([log.path], plan.layout, plan.files)
         return Recipe("import", {"mapping": read.raw, "salvage": log.salvage, "sources": digests}, {}, {})
 
     def write(request: Request, recipe: Recipe, folder: Path) -> Json:
