@@ -25,7 +25,7 @@ def stopped(monkeypatch):
         seen.append((recording, simulator, parameters))
         raise UsageError(REACHED)
 
-    monkeypatch.setattr("gpsim.stages.diagnose.diagnose", stop)
+    monkeypatch.setattr("gpsim.stages.diagnosing.diagnose", stop)
     return seen
 
 
