@@ -79,6 +79,16 @@ class MjcfSimulator(Simulator):
         return self._body
 
     @property
+    def drives(self) -> Mapping[str, str]:
+        """Of every actuator on a joint which one it drives."""
+        return self._body.names.drives
+
+    @property
+    def layout(self) -> Layout:
+        """Where its channels lie in the model's positions and velocities."""
+        return self._layout
+
+    @property
     def rest_state(self) -> FloatArray:
         """(S,): the model's own reference, standing still."""
         return self._layout.state(self._layout.qpos, self._layout.qvel)
