@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray, difference
+from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.errors import UsageError
 
 Integrator = Literal["euler", "semi_implicit", "rk4"]
@@ -129,6 +129,10 @@ class Simulator(ABC):
 
     def without(self, fixed: Mapping[str, float], held: Collection[str]) -> Simulator | None:
         """The same without the states `fixed`, from a simulator that makes it itself; else None (see `reduced`)."""
+        return None
+
+    def touching(self, state: FloatArray) -> BoolArray | None:
+        """(B,) whether something touches in each state (B, S); None of a simulator that knows no contacts."""
         return None
 
     def normal_force(

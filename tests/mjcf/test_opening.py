@@ -1,5 +1,7 @@
 """What a model may be opened from, what a recording must hold, and what is refused: each in one line."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -22,6 +24,8 @@ def spec():
     return mujoco.MjSpec.from_string(XML)
 def nothing():
     return 3
+def unfinished():
+    return mujoco.MjSpec.from_string(XML.replace("1.3", "-1"))
 class System:
     pass
 """
@@ -61,6 +65,8 @@ def test_a_function_gives_a_model_or_its_spec_and_a_class_is_no_model(tmp_path):
     assert not is_mujoco(f"{file}:System")
     with pytest.raises(UsageError, match=r"nothing\(\) returned int; it must return a mujoco.MjModel"):
         open_simulator(f"{file}:nothing")
+    with pytest.raises(UsageError, match=r"unfinished\(\) raised ValueError: Error: mass and inertia"):
+        open_simulator(f"{file}:unfinished")
 
 
 def test_a_gymnasium_environment_gives_its_model_and_control_step():
@@ -94,11 +100,23 @@ def test_all_that_a_model_includes_is_hashed(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<mujoco><worldbody></mujoco>", "does not compile"),
-        (PENDULUM.replace('mass="1.3"', 'mass="-1"'), "does not compile"),
+        ("<mujoco>\n<worldbody>\n</mujoco>", "robot.xml, line 2: does not compile: <worldbody> is not closed"),
         (
-            PENDULUM.replace("</worldbody>", '</worldbody><keyframe><key qpos="1 2 3"/></keyframe>'),
-            "does not compile",
+            PENDULUM.replace('mass="1.3"', 'mass="-1"'),
+            "robot.xml, line 2: does not compile: mass and inertia of moving bodies must be larger than mjMINVAL "
+            "(in 'rod')",
+        ),
+        (
+            PENDULUM.replace("<motor", "<mtor"),
+            "robot.xml, line 4: does not compile: unrecognized element (in <mtor>)",
+        ),
+        (
+            PENDULUM.replace("<worldbody>", '<asset><mesh name="m" file="no.stl"/></asset><worldbody>'),
+            "robot.xml, line 1: does not compile: Error opening file 'no.stl'",
+        ),
+        (
+            PENDULUM.replace("</worldbody>", '</worldbody>\n<keyframe>\n<key qpos="1 2 3"/></keyframe>'),
+            "robot.xml, line 5: does not compile: keyframe '': invalid qpos size, expected 1, got 3",
         ),
         (
             PENDULUM.replace('type="hinge"', 'type="ball"').replace('axis="0 1 0"', ""),
@@ -207,3 +225,22 @@ def test_a_free_joint_is_named_in_full(tmp_path):
     assert floating.state.names[7:13] == tuple(f"root.{c}" for c in ("vx", "vy", "vz", "wx", "wy", "wz"))
     assert [c.name for c in floating.coordinates] == ["hip"]
     assert source_of(floating.name).files
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('kp="40" kv="3"', 'kp="4e7" kv="3"'), "at the joint hinge; servo.kp = 4e+07 is too stiff for a step of 0.002 s"),
+        (('kp="40" kv="3"', 'kp="40" kv="9e3"'), "at the joint hinge; servo.kv = 9000 is too stiff"),
+        (('damping="0.1"', 'damping="0.1" stiffness="1e7"'), "the stiffness of hinge = 1e+07 is too stiff"),
+    ],
+)  # fmt: skip
+def test_a_model_that_runs_away_is_told_with_its_parameter_and_step(change, said, tmp_path):
+    unstable = SERVO.replace(*change).replace('integrator="implicitfast"', 'integrator="Euler"')
+    written(tmp_path, unstable)
+    meta = {"model": "robot.xml", "state": {"hinge": "rad"}, "action": {"servo": "rad"}}
+    with pytest.raises(UsageError) as caught:
+        open_recording(Task(recorded(tmp_path, {"hinge": 0.5, "servo": 0.3}, meta), None))
+    assert said in str(caught.value)
+    assert re.search(r"runs away: no number at step \d+ from t = 0 s of episode 0", str(caught.value))
+    assert "\n" not in str(caught.value)
