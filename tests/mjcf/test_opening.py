@@ -100,7 +100,10 @@ def test_all_that_a_model_includes_is_hashed(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<mujoco>\n<worldbody>\n</mujoco>", "robot.xml, line 2: does not compile: <worldbody> is not closed"),
+        (
+            "<mujoco>\n<worldbody>\n</mujoco>",
+            "robot.xml, line 2: does not compile: <worldbody> is not closed",
+        ),
         (
             PENDULUM.replace('mass="1.3"', 'mass="-1"'),
             "robot.xml, line 2: does not compile: mass and inertia of moving bodies must be larger than mjMINVAL "
@@ -243,4 +246,51 @@ def test_a_model_that_runs_away_is_told_with_its_parameter_and_step(change, said
         open_recording(Task(recorded(tmp_path, {"hinge": 0.5, "servo": 0.3}, meta), None))
     assert said in str(caught.value)
     assert re.search(r"runs away: no number at step \d+ from t = 0 s of episode 0", str(caught.value))
+    assert "\n" not in str(caught.value)
+
+
+FLOATING_META = {"model": "robot.xml", "action": {"motor": "N m"}}
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+
+
+def floating(folder, quaternion, leave_out=()):
+    """A recording whose base turns; the quaternion's sign changes half way."""
+    written(folder, FLOATING)
+    names = [f"root.{p}" for p in POSE if p not in leave_out]
+    rows = [",".join(["episode", "t", "hip", *names, "motor"])]
+    for k in range(40):
+        q = np.array(quaternion(0.05 * k)) * (-1.0 if k >= 20 else 1.0)
+        pose = dict(zip(POSE, [0.01 * k, 0.0, 1.0, *q, 0.5, 0.0, 0.0, 0.0, 2.5, 0.0], strict=True))
+        held = [pose[n.partition(".")[2]] for n in names]
+        rows.append(",".join([f"0,{0.02 * k:.3f},0.1", *(f"{v:.7f}" for v in held), "0.0"]))
+    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
+    state = {"hip": "rad"} | {f"root.{p}": u for p, u in zip(POSE, UNITS, strict=True) if p not in leave_out}
+    meta = {"system": "mjcf", "dt": 0.02, **FLOATING_META, "state": state}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    return folder
+
+
+UNITS = ("m", "m", "m", "1", "1", "1", "1", "m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
+
+
+def test_an_orientation_goes_the_shorter_way_round(tmp_path):
+    folder = floating(tmp_path, lambda angle: (1.01 * np.cos(angle / 2), 0.0, 1.01 * np.sin(angle / 2), 0.0))
+    recording, _ = open_recording(Task(folder, None))
+    columns = [recording.state.index(f"root.{p}") for p in ("qw", "qx", "qy", "qz")]
+    q = recording.episodes[0].states[:, columns]
+    assert np.linalg.norm(q, axis=1) == pytest.approx(1.0)
+    assert np.abs(np.diff(q, axis=0)).max() < 0.03
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "leave_out", "said"),
+    [
+        (lambda angle: (0.0, 0.0, 0.0, 0.2), (), "root.qw, root.qx, root.qy, root.qz are no quaternion"),
+        (lambda angle: (1.0, 0.0, 0.0, 0.0), ("vx", "wz"), "no column for the joints root.vx, root.wz"),
+    ],
+)
+def test_a_free_joint_needs_its_pose_and_its_twist(quaternion, leave_out, said, tmp_path):
+    with pytest.raises(UsageError) as caught:
+        open_recording(Task(floating(tmp_path, quaternion, leave_out), None))
+    assert said in str(caught.value)
     assert "\n" not in str(caught.value)

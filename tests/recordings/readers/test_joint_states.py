@@ -34,7 +34,9 @@ def states(speeds=True, gripper=True):
 
 
 def asked(names=("m1", "m2"), key="effort"):
-    rows = [row(k, 1_000_000, name=list(names), **{key: [0.1 * k, -0.1 * k][: len(names)]}) for k in range(COUNT)]
+    rows = [
+        row(k, 1_000_000, name=list(names), **{key: [0.1 * k, -0.1 * k][: len(names)]}) for k in range(COUNT)
+    ]
     return Messages(JOINTS, rows)
 
 
@@ -46,7 +48,9 @@ def test_numbers_are_listed_and_read_by_the_names_beside_them(tmp_path):
     wanted = ["position[name=elbow]", "position[name=gripper]", "position.0", "velocity[name=elbow]"]
     read = log.series({"/joint_states": wanted})["/joint_states"]
     assert read.fields["position[name=elbow]"] == pytest.approx(1.0 - 0.002 * np.arange(COUNT))
-    assert np.isnan(read.fields["position[name=gripper]"]).sum() == read.absent["position[name=gripper]"] == 20
+    assert (
+        np.isnan(read.fields["position[name=gripper]"]).sum() == read.absent["position[name=gripper]"] == 20
+    )
     assert read.fields["position.0"][0] == 1.0
     assert read.absent["velocity[name=elbow]"] == COUNT
     with pytest.raises(UsageError, match="name"):
@@ -85,7 +89,11 @@ def test_a_servo_is_commanded_by_its_joints_name_and_position(tmp_path):
     both = {"/joint_states": Messages(JOINTS, rows), "/arm/command": asked(["hinge"], "position")}
     read = decide(RawLog(write_bag(tmp_path / "a.mcap", "mcap", both), "gpsim import", robot))
     assert read.raw["state"]["hinge"]["topic"] == "/joint_states"
-    assert read.raw["action"]["servo"] == {"topic": "/arm/command", "field": "position[name=hinge]", "unit": "rad"}
+    assert read.raw["action"]["servo"] == {
+        "topic": "/arm/command",
+        "field": "position[name=hinge]",
+        "unit": "rad",
+    }
 
 
 def test_what_no_message_names_is_asked_for(tmp_path):
