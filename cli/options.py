@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .launching import says_where
 from .printing import say
 from .progress import single_progress, warn
 
@@ -31,8 +32,9 @@ Out = Annotated[
 
 
 def shown_words(words: Sequence[str] | None, config_dir: Path | None) -> tuple[str, ...]:
-    """What was typed, for the commands that messages and reports name."""
-    return (*(words or ()), *((f"--config-dir={config_dir}",) if config_dir else ()))
+    """What was typed, for the commands that messages and reports name; where it runs is no part of what is made."""
+    kept = (word for word in words or () if not says_where(word))
+    return (*kept, *((f"--config-dir={config_dir}",) if config_dir else ()))
 
 
 def run_stage(

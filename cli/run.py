@@ -15,6 +15,7 @@ from rich.text import Text
 from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
+from .launching import launcher_of
 from .options import ConfigDir, DryRun, ShowConfig, Words, show_standing, shown_words
 from .printing import say
 from .progress import Board, note, warn
@@ -64,6 +65,7 @@ def full_loop(
     started = time.monotonic()
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
+    launcher = launcher_of(config, jobs)
     with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
@@ -71,7 +73,7 @@ def full_loop(
             board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
             warn(artifact.path)
 
-        loop.run(request, chosen, jobs, board.update, finished)
+        loop.run(request, chosen, launcher, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
         tables, notes = terminal_tables(gathered), terminal_notes(gathered)
