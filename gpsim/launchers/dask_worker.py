@@ -86,7 +86,7 @@ def _teller(label: str, node: str) -> Progress:
     def tell(done: int, total: int, note: str) -> None:
         if not total or time.monotonic() - last[0] >= BETWEEN:
             last[0] = time.monotonic()
-            worker.log_event(TOPIC, (label, done, total, f"{note} on {node}"))
+            worker.log_event(TOPIC, (label, done, total, f"{note} on {node}".strip()))
 
     return tell
 
