@@ -11,6 +11,7 @@ import typer
 
 from gpsim.errors import UsageError
 
+from .fleet import diagnose_each, refuse_several
 from .options import ConfigDir, DryRun, ShowConfig, show_standing, shown_words
 from .printing import say
 from .progress import caution, single_progress, warn
@@ -18,7 +19,7 @@ from .progress import caution, single_progress, warn
 Words = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[RECORDING] [KEY=VALUE]...",
+        metavar="[RECORDING]... [KEY=VALUE]...",
         help="A recording's folder or a bare CSV (the loop's own recording without one), and settings, as seed=1.",
     ),
 ]
@@ -41,6 +42,10 @@ ScoreOf = Annotated[
         help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
     ),
 ]
+Each = Annotated[
+    bool,
+    typer.Option("--each", help="Several RECORDINGs, or folders of them: an account each, a page over all."),
+]
 Explain = Annotated[
     bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
 ]
@@ -51,6 +56,7 @@ def diagnose_command(
     simulator: SimulatorName = None,
     out: Out = None,
     score: ScoreOf = None,
+    each: Each = False,
     explain: Explain = False,
     cores: Cores = None,
     config_dir: ConfigDir = None,
@@ -60,12 +66,19 @@ def diagnose_command(
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
 
-    recording, settings = _split(words or [])
+    recordings, settings = _split(words or [])
+    if not each:
+        refuse_several(recordings)
+    recording = recordings[0] if recordings else None
     if recording is not None:
         _refuse(settings)
     config = resolve(settings, config_dir)
     if show_config:
         typer.echo(as_yaml(config), nl=False)
+        return
+    if each:
+        _check_each(recordings, score, explain, dry_run)
+        diagnose_each(recordings, simulator, out, config, shown_words(settings, config_dir), cores)
         return
     if score is not None:
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
@@ -140,7 +153,7 @@ def _score(
     say(f"score: {artifact.path}{' (already there)' if existed else ''}")
 
 
-USED = ("seed", "diagnose", "experiment", "runs_dir")
+USED = ("seed", "diagnose", "experiment", "runs_dir", "launcher")
 """What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
 INSTEAD = {
     "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
@@ -161,9 +174,15 @@ def _refuse(settings: list[str]) -> None:
             )
 
 
-def _split(words: list[str]) -> tuple[Path | None, list[str]]:
-    """The recording and the settings; a word with = or a leading ~ is one, unless something of that name exists."""
+def _check_each(recordings: list[Path], score: Path | None, explain: bool, dry_run: bool) -> None:
+    if not recordings:
+        raise UsageError("diagnose: --each needs RECORDINGs, or folders of them")
+    wrong = {"--score": score is not None, "--explain": explain, "--dry-run": dry_run}
+    for option in (option for option, given in wrong.items() if given):
+        raise UsageError(f"diagnose: {option} goes with one RECORDING, not with --each")
+
+
+def _split(words: list[str]) -> tuple[list[Path], list[str]]:
+    """The recordings and the settings; a word with = or a leading ~ is one, unless something of that name exists."""
     recordings = [word for word in words if not ("=" in word or word.startswith("~")) or Path(word).exists()]
-    if len(recordings) > 1:
-        raise UsageError(f"diagnose: one RECORDING at a time, got {', '.join(recordings)}")
-    return Path(recordings[0]) if recordings else None, [word for word in words if word not in recordings]
+    return [Path(word) for word in recordings], [word for word in words if word not in recordings]

@@ -18,6 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.files import disk_errors
 from gpsim.launchers.launcher import Slurm
 
+NAME = "gpsim"  # of the SLURM jobs
 LOOK = 5.0  # s between two looks at the queue
 FRUITLESS = 3  # jobs in a row that may end before a worker came of them
 
@@ -132,7 +133,7 @@ class Upkeep(Adaptive):  # type: ignore[misc]
                 f"SLURM takes no jobs: {job.refusal}; see launcher.queue, launcher.account, launcher.walltime"
             )
         words = [f"SLURM jobs end before a worker starts, the last was {job.job_id}"]
-        log = self.logs / f"slurm-{job.job_id}.out"
+        log = self.logs / f"{NAME}-{job.job_id}.err"
         with suppress(OSError):
             lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
             words += [lines[-1][:200]] if lines else []
@@ -166,7 +167,7 @@ def slurm_workers(launcher: Slurm) -> Iterator[SlurmWorkers]:
             interface=launcher.interface,
             python=launcher.python,
             log_directory=str(logs),
-            job_name="gpsim",
+            job_name=NAME,
             silence_logs="critical",
             worker_extra_args=["--no-dashboard"],
             scheduler_options={"dashboard_address": ":0"},

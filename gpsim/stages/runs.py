@@ -37,7 +37,7 @@ from gpsim.runs import (
     remove,
     size_of,
 )
-from gpsim.stages import grid, import_log, report, score
+from gpsim.stages import fleet, grid, import_log, report, score
 from gpsim.stages.code import RELEASE
 from gpsim.stages.registry import STAGES
 
@@ -52,6 +52,7 @@ def todays_code() -> Code:
     return {stage.name: (stage.format, stage.code) for stage in stages} | {
         import_log.STAGE_NAME: (1, ""),
         grid.STAGE_NAME: (grid.FORMAT, RELEASE),
+        fleet.STAGE_NAME: (fleet.FORMAT, RELEASE),
     }
 
 

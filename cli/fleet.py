@@ -1,0 +1,85 @@
+"""`gpsim diagnose --each`: a fleet's recordings, one account each and one page over all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.text import Text
+
+from gpsim.errors import UsageError
+from gpsim.reports.printable import literal
+
+from .launching import launcher_of
+from .printing import say
+from .progress import Board, caution, warn
+
+if TYPE_CHECKING:
+    from gpsim.artifacts import Artifact
+
+
+def refuse_several(recordings: Sequence[Path]) -> None:
+    """Without `--each` one recording at a time; raises UsageError for several, and for a folder of them."""
+    if len(recordings) > 1:
+        named = ", ".join(map(str, recordings))
+        raise UsageError(
+            f"diagnose: one RECORDING at a time, got {named}; --each diagnoses every one by itself"
+        )
+    for folder in recordings:
+        if folder.is_dir() and not (folder / "recording.yaml").is_file():
+            below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
+            if below:
+                raise UsageError(
+                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, or give --each"
+                )
+
+
+def diagnose_each(
+    recordings: Sequence[Path],
+    simulator: str | None,
+    out: Path | None,
+    config: dict[str, Any],
+    words: tuple[str, ...],
+    cores: int | None,
+) -> None:
+    """Print an account a recording, then which robots differ, and where the page lies."""
+    from gpsim.reports.account import account_of
+    from gpsim.reports.account_lines import account_lines
+    from gpsim.stages import fleet
+    from gpsim.stages.diagnose import Task
+    from gpsim.stages.stage import Request
+
+    named = fleet.recordings_in(recordings, bare=simulator is not None)
+    tasks = {name: Task(path, simulator, config["diagnose"]["episodes"]) for name, path in named.items()}
+    launcher = launcher_of(config, cores or os.cpu_count() or 1)
+    places: dict[str, Path] = {}
+    with Board(len(tasks)) as board:
+
+        def finished(job: str, artifact: Artifact, existed: bool) -> None:
+            places[job] = artifact.path
+            mark = Text("kept", "dim") if existed else Text("made", "green")
+            board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
+            warn(artifact.path)
+
+        def failed(job: str, why: str) -> None:
+            board.finish(job, Text("failed", "red") + literal(f" {job:<34} {why}"))
+
+        found = fleet.run(Request(config, words, out=out), tasks, launcher, board.update, finished, failed)
+    for robot in found.robots:
+        say(f"{robot.name}: {places.get(robot.name, 'failed')}")
+        account = [robot.error] if robot.diagnosis is None else None
+        for line in account or account_lines(account_of(robot.diagnosis, str(places[robot.name]), simulator)):
+            say(f"  {line}")
+        say()
+    say(f"Fleet    {found.said}")
+    for difference in found.found:
+        say(f"  {difference.sentence}")
+    say(f"diagnose: {found.artifact.path / fleet.PAGE}")
+    if found.failed:
+        caution(
+            f"{found.failed} of {len(tasks)} recordings could not be diagnosed; run the same command to carry on"
+        )
+        raise typer.Exit(1)
