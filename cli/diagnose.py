@@ -12,6 +12,7 @@ import typer
 from gpsim.errors import UsageError
 
 from .fleet import diagnose_each, refuse_several
+from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show_standing, shown_words
 from .printing import say
 from .progress import caution, single_progress, warn
@@ -80,6 +81,7 @@ def diagnose_command(
         _check_each(recordings, score, explain, dry_run)
         diagnose_each(recordings, simulator, out, config, shown_words(settings, config_dir), cores)
         return
+    refuse_launcher("diagnose", settings)
     if score is not None:
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
         return

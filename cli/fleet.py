@@ -70,8 +70,10 @@ def diagnose_each(
         found = fleet.run(Request(config, words, out=out), tasks, launcher, board.update, finished, failed)
     for robot in found.robots:
         say(f"{robot.name}: {places.get(robot.name, 'failed')}")
-        account = [robot.error] if robot.diagnosis is None else None
-        for line in account or account_lines(account_of(robot.diagnosis, str(places[robot.name]), simulator)):
+        lines = [robot.error]
+        if robot.diagnosis is not None:
+            lines = account_lines(account_of(robot.diagnosis, str(places[robot.name]), simulator))
+        for line in lines:
             say(f"  {line}")
         say()
     say(f"Fleet    {found.said}")

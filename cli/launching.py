@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperGroup
 
+from gpsim.errors import UsageError
+
 from .progress import note
 
 if TYPE_CHECKING:
@@ -20,6 +22,14 @@ KEPT = "launcher words"
 def says_where(word: str) -> bool:
     """Whether a word is about the launcher."""
     return _WORD.match(word) is not None
+
+
+def refuse_launcher(command: str, words: Sequence[str]) -> None:
+    """Raise UsageError for words that a command would ignore: it is one job, and runs here."""
+    for word in filter(says_where, words):
+        raise UsageError(
+            f"{command}: {word}: one job runs here; run full-loop, sweep, prove and diagnose --each have many"
+        )
 
 
 def launcher_of(config: Mapping[str, Any], processes: int) -> Launcher:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .launching import says_where
+from .launching import refuse_launcher, says_where
 from .printing import say
 from .progress import single_progress, warn
 
@@ -47,6 +47,7 @@ def run_stage(
 ) -> None:
     """Make a stage's artifact and print where it lies; of a dry run only how it stands with it."""
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
+    refuse_launcher(name, words)
     from gpsim.stages import registry
     from gpsim.stages.stage import Request
 

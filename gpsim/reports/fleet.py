@@ -98,21 +98,16 @@ def _deviation(robot: Robot, others: Sequence[Robot], claim: Claim) -> Deviation
     if not common:
         possible = any(claim in other.conceivable for other in others if claim not in other.effects)
         alone = "none, though not ruled out in all" if possible else "none"
-        return Deviation(
-            robot.name,
-            name,
-            _size(mine),
-            alone if not having else f"{len(having)} of {len(others)} have it",
-            since,
-        )
-    apart = [
-        p
-        for p in mine.parameters
-        if _apart(mine.parameters[p], [h.parameters[p] for h in having if p in h.parameters])
-    ]
-    if not apart and not (since and not any(gate_text(other, dt) for other in having)):
+        some = f"{len(having)} of {len(others)} have it"
+        return Deviation(robot.name, name, _size(mine), some if having else alone, since)
+    late = since and not any(gate_text(other, dt) for other in having)
+    if not late and not any(_apart(p, _of_others(having, key)) for key, p in mine.parameters.items()):
         return None
     return Deviation(robot.name, name, _size(mine), _sizes(having), since)
+
+
+def _of_others(effects: Sequence[NamedEffect], parameter: str) -> list[Estimate]:
+    return [effect.parameters[parameter] for effect in effects if parameter in effect.parameters]
 
 
 def _apart(mine: Estimate, others: Sequence[Estimate]) -> bool:
