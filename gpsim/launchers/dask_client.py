@@ -30,6 +30,7 @@ MOMENT = 0.2  # s that one look for what has ended waits
 AHEAD = 2  # tasks handed out for each thread, so that none waits for the next
 SPARE = 8  # tasks handed out besides: for workers that come in the meantime
 LOOK = 1.0  # s between two counts of the threads
+PATIENCE = 10.0  # s in which a file that was just written here comes in sight on another machine
 CONNECT = 20  # s within which a scheduler answers
 DEATHS = 5  # workers that a task may lose before it is given up: a task that kills them would go on for ever
 
@@ -65,7 +66,7 @@ class DaskExecutor:
             for folder in task.writes:
                 check_inside(folder)
             parcel = packed(task.needs())
-        errand = Errand(task.label, task.work, self._folder, self._mark, parcel, task.writes)
+        errand = Errand(task.label, task.work, self._folder, self._mark, PATIENCE, parcel, task.writes)
         key = f"{uuid.uuid4().hex}"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a parcel is large

@@ -26,7 +26,6 @@ from gpsim.launchers.tasks import Progress
 
 TOPIC = "gpsim"
 BETWEEN = 1.0  # s between two messages of one task
-PATIENCE = 10.0  # s in which a file that was just written on another machine comes in sight
 _ONE = threading.Lock()  # a worker with several threads has one current folder
 _seen: set[str] = set()
 
@@ -35,14 +34,16 @@ _seen: set[str] = set()
 class Errand:
     """A task as it travels.
 
-    folder: where the command was started; mark: a file there, by which a worker sees that it is the same folder;
-    parcel: None where it is shared, else what the task reads; writes: below what it writes.
+    folder: where the command was started; mark: a file there, by which a worker sees that it is the same folder, if it
+    comes in sight within `patience` seconds; parcel: None where it is shared, else what the task reads; writes: below
+    what it writes.
     """
 
     label: str
     work: Callable[[Progress], Any]
     folder: str
     mark: str
+    patience: float
     parcel: Parcel | None = None
     writes: tuple[Path, ...] = ()
 
@@ -97,7 +98,7 @@ def _place(errand: Errand) -> Iterator[list[str]]:
     before = Path.cwd()
     try:
         if errand.parcel is None:
-            _check_shared(Path(errand.folder), errand.mark)
+            _check_shared(Path(errand.folder), errand.mark, errand.patience)
             os.chdir(errand.folder)
             yield []
             return
@@ -112,9 +113,9 @@ def _place(errand: Errand) -> Iterator[list[str]]:
         os.chdir(before)
 
 
-def _check_shared(folder: Path, mark: str) -> None:
+def _check_shared(folder: Path, mark: str, patience: float) -> None:
     """Raise UsageError where this machine does not see the command's folder. It is looked for once a command."""
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + patience
     while mark not in _seen:
         if (folder / mark).is_file():
             _seen.add(mark)

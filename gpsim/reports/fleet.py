@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median
@@ -44,6 +45,15 @@ class Robot:
         return {(effect.family, effect.place): effect for effect in told}
 
     @property
+    def explanations(self) -> list[dict[Claim, NamedEffect]]:
+        """Its headline effects, then those of each explanation that its recording cannot tell from them."""
+        others = self.diagnosis.alternatives if self.diagnosis is not None else ()
+        return [
+            self.effects,
+            *({(e.family, e.place): e for e in o.effects if e.role == "headline"} for o in others),
+        ]
+
+    @property
     def conceivable(self) -> set[Claim]:
         """All effects that its account holds or does not rule out."""
         if self.diagnosis is None:
@@ -70,25 +80,39 @@ class Deviation:
 
 
 def deviations(robots: Sequence[Robot]) -> list[Deviation]:
-    """Every difference, robot by robot; of two robots each differs from the other.
+    """Every difference, robot by robot.
 
+    Where a recording cannot tell explanations apart, that one stands for the robot whose effects most others have.
     An effect belongs to the fleet where more than half of the judged robots have it. A robot that has another, that
     lacks one and does not hold it possible, or whose size is apart from the others', differs.
     """
     judged = [robot for robot in robots if robot.judged]
-    claims = list(dict.fromkeys(claim for robot in judged for claim in robot.effects))
+    told = _alike(judged)
+    claims = list(dict.fromkeys(claim for effects in told.values() for claim in effects))
     found = []
     for robot in judged:
         others = [other for other in judged if other is not robot]
         if others:
-            found += [d for claim in claims if (d := _deviation(robot, others, claim)) is not None]
+            found += [d for claim in claims if (d := _deviation(robot, others, claim, told)) is not None]
     return found
 
 
-def _deviation(robot: Robot, others: Sequence[Robot], claim: Claim) -> Deviation | None:
-    having = [other.effects[claim] for other in others if claim in other.effects]
-    common = 2 * len(having) > len(others)
-    mine, name = robot.effects.get(claim), claim_name(*claim)
+def _alike(robots: Sequence[Robot]) -> dict[str, dict[Claim, NamedEffect]]:
+    """Of each robot by its name the explanation that is most like the others'."""
+    often = Counter(claim for robot in robots for claim in robot.effects)
+
+    def commonness(effects: dict[Claim, NamedEffect]) -> float:
+        return sum(often[claim] for claim in effects) / max(len(effects), 1)
+
+    return {robot.name: max(robot.explanations, key=commonness) for robot in robots}
+
+
+def _deviation(
+    robot: Robot, others: Sequence[Robot], claim: Claim, told: dict[str, dict[Claim, NamedEffect]]
+) -> Deviation | None:
+    having = [told[other.name][claim] for other in others if claim in told[other.name]]
+    mine, name = told[robot.name].get(claim), claim_name(*claim)
+    common = 2 * (len(having) + (mine is not None)) > len(others) + 1
     if mine is None:
         if not common or claim in robot.conceivable:
             return None
@@ -96,7 +120,7 @@ def _deviation(robot: Robot, others: Sequence[Robot], claim: Claim) -> Deviation
     dt = robot.diagnosis.dt if robot.diagnosis is not None else None
     since = gate_text(mine, dt)
     if not common:
-        possible = any(claim in other.conceivable for other in others if claim not in other.effects)
+        possible = any(claim in other.conceivable for other in others)
         alone = "none, though not ruled out in all" if possible else "none"
         some = f"{len(having)} of {len(others)} have it"
         return Deviation(robot.name, name, _size(mine), some if having else alone, since)

@@ -33,7 +33,7 @@ PAGE = """<!doctype html>
 </body></html>
 """
 NOTE = (
-    "An effect belongs to the fleet where more than half of the others have it. A size is apart where it lies beyond "
+    "An effect belongs to the fleet where more than half of the robots have it. A size is apart where it lies beyond "
     "twice its own 90 % interval, a tenth of the others' median, and three robust standard deviations of the others."
 )
 
