@@ -18,6 +18,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
+from gpsim.artifacts import store as store_module
 from gpsim.artifacts.store import Store
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, written_whole
@@ -366,3 +367,24 @@ def test_plain_json_has_no_numpy_and_nothing_infinite():
     }
     assert plain(content) == {"a": 1.5, "2": [3, True, None], "b": [None, None, "c"]}
     assert json.loads(json.dumps(plain(content))) == plain(content)
+
+
+def test_a_manifest_is_read_once_and_another_version_in_its_place_is_seen(tmp_path, monkeypatch):
+    store = Store(tmp_path, "x")
+
+    def made(n):
+        return store.publish(Recipe("s", {"n": n}, {}, {}), lambda f: (f / "a").write_text(str(n)) and None)
+
+    paths = [made(n).path for n in range(4)]
+    assert store.find(Recipe("s", {"n": 0}, {}, {})) is not None
+    read = []
+    whole = store_module.read_manifest
+    monkeypatch.setattr(store_module, "read_manifest", lambda path: read.append(path) or whole(path))
+    assert store.find(Recipe("s", {"n": 0}, {}, {})).path == paths[0]
+    assert store.find(Recipe("s", {"n": 9}, {}, {})) is None
+    assert read == []
+    shutil.rmtree(paths[3])
+    assert store.find(Recipe("s", {"n": 3}, {}, {})) is None
+    assert made(9).path == paths[3]
+    assert store.find(Recipe("s", {"n": 9}, {}, {})).path == paths[3]
+    assert store.find(Recipe("s", {"n": 3}, {}, {})) is None

@@ -61,10 +61,15 @@ class Store:
 
         A version whose manifest is damaged may be the one: it is refused, not passed over.
         """
-        key = recipe.key
-        for path in self.versions(recipe.stage):
-            if read_manifest(path).key == key:
-                return read_artifact(path, recipe.stage)
+        return self._of_key(recipe.stage, recipe.key)
+
+    def _of_key(self, stage: str, key: str) -> Artifact | None:
+        """Each manifest is read once a process: of thousands of versions that takes longer than what is made."""
+        for path in self.versions(stage):
+            if _key_of(path) == key:
+                found = read_artifact(path, stage)
+                if found.key == key:
+                    return found
         return None
 
     @contextmanager
@@ -119,9 +124,8 @@ class Store:
         shelf = self.root / self.experiment / made.stage
         with disk_errors(shelf):
             _make_folder(shelf)
-            for path in self.versions(made.stage):
-                if read_manifest(path).key == made.key:
-                    return read_artifact(path, made.stage)
+            if (there := self._of_key(made.stage, made.key)) is not None:
+                return there
             sweep(shelf)
             with _temporary(shelf) as temporary:
                 shutil.copytree(folder, temporary, dirs_exist_ok=True)
@@ -138,6 +142,22 @@ class Store:
             if number not in taken:
                 yield number
             number += 1
+
+
+_KEYS: dict[tuple[Path, int, int], str] = {}
+"""Folder, its number on the disk and the time of its making -> its key: a version is immutable."""
+
+
+def _key_of(path: Path) -> str:
+    """The key of a finished version; raises UsageError where its manifest is damaged."""
+    try:
+        known = path.stat()
+    except OSError as error:
+        raise unreadable(path, error) from error
+    place = (path.absolute(), known.st_ino, known.st_mtime_ns)
+    if place not in _KEYS:
+        _KEYS[place] = read_manifest(path).key
+    return _KEYS[place]
 
 
 def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:

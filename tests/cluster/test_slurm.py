@@ -57,8 +57,8 @@ def command(*words):
 
 
 def started(folder, *words):
-    log = (folder / "log").open("a")
-    return subprocess.Popen(command(*words), cwd=folder, stdout=log, stderr=log, start_new_session=True)
+    with (folder / "log").open("a") as log:
+        return subprocess.Popen(command(*words), cwd=folder, stdout=log, stderr=log, start_new_session=True)
 
 
 def finished(folder):
