@@ -108,7 +108,7 @@ def summary_costs(stored: list[int], seed: int, originals: int, proof: Path | No
         found = []
         for count in stored:
             whole = Path(f"proof-{count}")
-            _copied(home, whole, names, [f"{i:05d}" for i in range(1, count + 1)])
+            _copied(home, whole, names, [f"{i:04d}" for i in range(1, count + 1)])
             begun = time.perf_counter()
             prove.reveal(whole, None, Local(os.cpu_count() or 1), silent)
             seconds = time.perf_counter() - begun

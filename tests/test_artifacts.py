@@ -17,8 +17,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gpsim.artifacts import keys
 from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
-from gpsim.artifacts import store as store_module
 from gpsim.artifacts.store import Store
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, written_whole
@@ -275,7 +275,7 @@ def refusing(real, name: str):
         ((Path, "open"), "a.txt"),
         ((Path, "open"), MANIFEST),
         ((os, "scandir"), "deep"),
-        ((Path, "iterdir"), "fit-gp"),
+        ((os, "scandir"), "fit-gp"),
     ],
 )
 def test_what_cannot_be_read_is_one_line_and_not_called_missing(store, monkeypatch, where, name):
@@ -378,8 +378,8 @@ def test_a_manifest_is_read_once_and_another_version_in_its_place_is_seen(tmp_pa
     paths = [made(n).path for n in range(4)]
     assert store.find(Recipe("s", {"n": 0}, {}, {})) is not None
     read = []
-    whole = store_module.read_manifest
-    monkeypatch.setattr(store_module, "read_manifest", lambda path: read.append(path) or whole(path))
+    whole = keys.read_manifest
+    monkeypatch.setattr(keys, "read_manifest", lambda path: read.append(path) or whole(path))
     assert store.find(Recipe("s", {"n": 0}, {}, {})).path == paths[0]
     assert store.find(Recipe("s", {"n": 9}, {}, {})) is None
     assert read == []

@@ -6,7 +6,6 @@ import errno
 import fcntl
 import hashlib
 import os
-import re
 import shutil
 import time
 import uuid
@@ -27,15 +26,15 @@ from gpsim.artifacts.artifact import (
     read_artifact,
     read_manifest,
 )
+from gpsim.artifacts.keys import VERSION, entries, of_key
 from gpsim.artifacts.leftovers import sweep
 from gpsim.artifacts.locks import held
 from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.artifacts.removal import needed
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
+from gpsim.files import Json, canonical, disk_errors, write_json
 
 SCHEMA = "gpsim.artifact/1"
-VERSION = re.compile(r"v(\d{4,})")
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,8 @@ class Store:
 
     def versions(self, stage: str) -> Iterator[Path]:
         """Finished versions of a stage, newest first."""
-        folder = self.root / self.experiment / stage
-        if not os.path.isdir(folder):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
-            return
-        try:
-            found = [p for p in folder.iterdir() if VERSION.fullmatch(p.name) and p.is_dir()]
-        except OSError as error:
-            raise unreadable(folder, error) from error
-        yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
+        shelf = self.root / self.experiment / stage
+        yield from (shelf / name for name, _, _ in entries(shelf))
 
     def find(self, recipe: Recipe) -> Artifact | None:
         """The artifact with the same key, verified; None when there is none yet.
@@ -64,12 +57,8 @@ class Store:
         return self._of_key(recipe.stage, recipe.key)
 
     def _of_key(self, stage: str, key: str) -> Artifact | None:
-        """Each manifest is read once a process: of thousands of versions that takes longer than what is made."""
-        for path in self.versions(stage):
-            if _key_of(path) == key:
-                found = read_artifact(path, stage)
-                if found.key == key:
-                    return found
+        for path in of_key(self.root / self.experiment / stage, key):
+            return read_artifact(path, stage)
         return None
 
     @contextmanager
@@ -142,22 +131,6 @@ class Store:
             if number not in taken:
                 yield number
             number += 1
-
-
-_KEYS: dict[tuple[Path, int, int], str] = {}
-"""Folder, its number on the disk and the time of its making -> its key: a version is immutable."""
-
-
-def _key_of(path: Path) -> str:
-    """The key of a finished version; raises UsageError where its manifest is damaged."""
-    try:
-        known = path.stat()
-    except OSError as error:
-        raise unreadable(path, error) from error
-    place = (path.absolute(), known.st_ino, known.st_mtime_ns)
-    if place not in _KEYS:
-        _KEYS[place] = read_manifest(path).key
-    return _KEYS[place]
 
 
 def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from gpsim.artifacts import Artifact, Recipe
+from gpsim.artifacts import Artifact, Recipe, listed_once
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical
 from gpsim.launchers import Launcher, Update
@@ -54,6 +54,11 @@ class Grid:
 def grid_of(points: Sequence[Point], of: str = "evaluate") -> Grid:
     """The jobs that make stage `of` for every point, with all that it rests on; raises UsageError."""
     choice(of, tuple(STAGES), "sweep --of")
+    with listed_once():
+        return _grid(points, of)
+
+
+def _grid(points: Sequence[Point], of: str) -> Grid:
     labels: dict[str, str] = {}
     jobs: list[Job] = []
     targets: list[str] = []
@@ -132,14 +137,20 @@ def _identity(job: Job, ids: Mapping[str, str]) -> str:
     try:
         own = job.maker.keyed(request).key
     except UsageError:  # its recipe reads a file of a parent: alike is what has the same settings
-        own = hashlib.sha256(canonical(_deciding(request))).hexdigest()
+        own = hashlib.sha256(canonical(_deciding(job))).hexdigest()
     behind = sorted(ids[label] for label in job.after if label in ids)
     where = [str(store.root), store.experiment, job.stage]
     return hashlib.sha256(canonical([*where, own, *behind])).hexdigest()
 
 
-def _deciding(request: Request) -> Json:
-    return {key: value for key, value in request.config.items() if key != "launcher"}
+DECIDING = {"diagnose": ("simulator", "diagnose", "residuals", "collect", "recording", "seed")}
+"""Of a stage whose recipe reads a file of a parent, the settings that it reads beside that."""
+
+
+def _deciding(job: Job) -> Json:
+    config = job.request.config
+    keys = DECIDING.get(job.stage) or [key for key in config if key != "launcher"]
+    return {key: config[key] for key in keys}
 
 
 def _stage(of: str, rows: Rows) -> Stage:

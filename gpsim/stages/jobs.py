@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from gpsim.artifacts import Artifact
+from gpsim.artifacts import Artifact, listed_once
 from gpsim.errors import UsageError
 from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks
 from gpsim.stages.code import check_same_code, code_here
@@ -58,7 +58,9 @@ def run_jobs(
     made: dict[str, Artifact] = {}
     tasks: list[Task] = []
     behind: dict[str, tuple[str, ...]] = {}
-    for job, (request, existing) in zip(jobs, _numbered(jobs), strict=True):
+    with listed_once():
+        numbered = list(_numbered(jobs))
+    for job, (request, existing) in zip(jobs, numbered, strict=True):
         behind[job.label] = job.after
         if existing is not None:
             made[job.label] = existing
