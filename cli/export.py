@@ -9,6 +9,8 @@ import typer
 
 from gpsim.errors import UsageError
 
+from . import completion
+from .answers import answer
 from .printing import say
 
 export_app = typer.Typer(
@@ -16,9 +18,16 @@ export_app = typer.Typer(
 )
 
 Recorded = Annotated[
-    Path, typer.Argument(metavar="PATH", help="A recording folder, as `gpsim import` makes.")
+    Path,
+    typer.Argument(
+        metavar="PATH",
+        help="A recording folder, as `gpsim import` makes.",
+        autocompletion=completion.recordings,
+    ),
 ]
-Format = Annotated[str, typer.Option("--format", help="mcap | csv | parquet")]
+Format = Annotated[
+    str, typer.Option("--format", help="mcap | csv | parquet", autocompletion=completion.formats)
+]
 Out = Annotated[Path, typer.Option("--out", help="The file to make; it must not exist.")]
 
 
@@ -37,6 +46,7 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")
+    answer({"recording": path, "export": out}, format=form, notes=notes)
 
 
 Diagnosed = Annotated[
@@ -73,10 +83,16 @@ def diagnosis_command(
     say(f"export: {made}")
     for line in notes:
         say(f"  {line}")
+    answer({"diagnosis": folder, "export": made}, format="mcap", notes=notes)
 
 
 Policy = Annotated[
-    Path, typer.Argument(metavar="PATH", help="An artifact of train-source or train-gp-policy.")
+    Path,
+    typer.Argument(
+        metavar="PATH",
+        help="An artifact of train-source or train-gp-policy.",
+        autocompletion=completion.policies,
+    ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it must not exist.")]
 
@@ -90,3 +106,4 @@ def policy_command(path: Policy, out: OutFolder) -> None:
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")
+    answer({"policy": path, "export": out}, notes=notes)

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.text import Text
 
+from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
+from .answers import answer, warned
 from .launching import launcher_of
 from .options import ConfigDir, DryRun, shown_words
 from .printing import say
-from .progress import Board, caution, note, warn
+from .progress import Board, note, warn
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
@@ -49,7 +51,9 @@ def sweep_command(
 
     plan = grid.grid_of(points, of)
     say(f"sweep: {len(points)} points, {len(plan.jobs)} jobs")
+    answer(of=of, points=len(points), jobs=len(plan.jobs))
     if dry_run:
+        answer(dry_run=True)
         return
     with Board(len(plan.jobs)) as board:
 
@@ -60,16 +64,21 @@ def sweep_command(
 
         def failed(job: str, why: str) -> None:
             board.finish(job, Text("failed", "red") + literal(f" {job:<34} {why}"))
+            warned(f"{job}: {why}")
 
         artifact, missing = grid.run(plan, launcher, board.update, finished, failed)
     note(f"the table's columns: the settings that vary, the figures of {of}, sha256, error")
     say(f"sweep: {artifact.path / grid.PAGE}, {artifact.path / grid.PARQUET}")
     say(artifact.path / grid.CSV)  # the path alone on the last line, for programs
+    made = {"table": grid.CSV, "parquet": grid.PARQUET, "report": grid.PAGE}
+    answer(
+        {"folder": artifact.path} | {name: artifact.path / file for name, file in made.items()},
+        swept=list(points[0].swept),
+    )
     if missing:
-        caution(
+        raise UsageError(
             f"{missing} of {len(points)} points failed; the table says why, run the same command to carry on"
         )
-        raise typer.Exit(1)
 
 
 def _resolved(found: Sequence[Any], config_dir: Path | None) -> list[Point]:

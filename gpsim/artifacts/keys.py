@@ -1,4 +1,4 @@
-"""Which version of a shelf has which key: with thousands of versions, reading every manifest takes longer than the work."""
+"""Which version of a shelf has which key: reading thousands of manifests takes longer than the work."""
 
 from __future__ import annotations
 

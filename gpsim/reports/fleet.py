@@ -16,8 +16,8 @@ from gpsim.reports.quantities import size_text
 from gpsim.reports.sheets import MISSING
 
 WIDER = 2.0  # times the 90 % interval: among hundreds of robots, one in ten lies outside of that by chance
-TRIFLE = 0.1  # of the others' median: robots of one make differ by as much, and nobody mends it
-SPREAD = 3.0  # robust standard deviations of the others
+TRIFLE = 0.1  # of the fleet's median: robots of one make differ by as much, and nobody mends it
+SPREAD = 3.0  # robust standard deviations of the fleet
 TO_SIGMA = 1.4826  # median absolute deviation to the standard deviation of a normal distribution
 FEW = 3  # robots: of fewer nobody can say which is the odd one
 
@@ -135,10 +135,12 @@ def _of_others(effects: Sequence[NamedEffect], parameter: str) -> list[Estimate]
 
 
 def _apart(mine: Estimate, others: Sequence[Estimate]) -> bool:
-    """Whether a size is not the others': beyond its interval, beyond a trifle, and beyond their own spread."""
+    """Whether a size is not the fleet's: beyond its interval, beyond a trifle, and beyond the fleet's own spread."""
     values = [o.value for o in others if math.isfinite(o.value) and not o.at_bound]
     if not values or not math.isfinite(mine.value) or mine.at_bound or mine.low is None or mine.high is None:
         return False
+    if len(values) + 1 >= FEW:  # itself, too: of three the two that agree are not odd because of the third
+        values.append(mine.value)
     middle = median(values)
     off = mine.value - middle
     half = (mine.value - mine.low) if off > 0 else (mine.high - mine.value)

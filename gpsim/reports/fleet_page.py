@@ -34,7 +34,7 @@ PAGE = """<!doctype html>
 """
 NOTE = (
     "An effect belongs to the fleet where more than half of the robots have it. A size is apart where it lies beyond "
-    "twice its own 90 % interval, a tenth of the others' median, and three robust standard deviations of the others."
+    "twice its own 90 % interval, a tenth of the fleet's median, and three robust standard deviations of the fleet."
 )
 
 

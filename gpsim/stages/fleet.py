@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -11,11 +11,13 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.errors import UsageError
 from gpsim.files import Json, write_json
 from gpsim.launchers import Launcher, Update
+from gpsim.recordings import is_bag_folder
 from gpsim.reports.fleet import Deviation, Robot, deviations, headline
 from gpsim.reports.fleet_page import fleet_page
 from gpsim.stages.code import RELEASE
 from gpsim.stages.diagnose import Task, read_diagnosis
 from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
+from gpsim.stages.raw_logs import is_raw
 from gpsim.stages.stage import Request, Stage
 
 STAGE_NAME, FORMAT = "fleet", 1
@@ -42,19 +44,19 @@ class Fleet:
         return sum(robot.diagnosis is None for robot in self.robots)
 
 
-def recordings_in(paths: Sequence[Path], bare: bool) -> dict[str, Path]:
-    """Name -> recording: each path, or of a folder that is none all recordings below it; bare: CSV files, too.
+def recordings_in(paths: Sequence[Path], simulator: str | None) -> dict[str, Path]:
+    """Name -> recording: each path, or of a folder that is none all recordings below it; raises UsageError.
 
-    A recording is called as it lies below the folder that all have in common. Raises UsageError.
+    One folder without any holds a raw log a robot: its log files, and its folders of such. A recording is called as it
+    lies below the folder that all have in common. With a simulator bare CSV files are recordings, too.
     """
     found: list[Path] = []
     for path in paths:
         if not path.exists():
             raise UsageError(f"{path}: no such recording or folder")
-        below = [path] if not path.is_dir() or (path / "recording.yaml").is_file() else _below(path, bare)
+        below = _recordings_of(path, simulator, alone=len(paths) == 1)
         if not below:
-            csv = "" if bare else "; bare CSV files need --simulator NAME"
-            raise UsageError(f"{path}: no recordings in it (folders with a recording.yaml){csv}")
+            raise UsageError(f"{path}: no recordings in it (folders with a recording.yaml), and no logs")
         found += below
     whole = [Path(os.path.abspath(path)) for path in found]  # noqa: PTH100 - links keep their names
     twice = [path for i, path in enumerate(whole) if path in whole[:i]]
@@ -62,6 +64,19 @@ def recordings_in(paths: Sequence[Path], bare: bool) -> dict[str, Path]:
         raise UsageError(f"{twice[0]}: named twice")
     common = Path(os.path.commonpath([path.parent for path in whole]))
     return {path.relative_to(common).as_posix(): given for path, given in zip(whole, found, strict=True)}
+
+
+def _recordings_of(path: Path, simulator: str | None, alone: bool) -> list[Path]:
+    """Those that one word names."""
+    if not path.is_dir() or (path / "recording.yaml").is_file():
+        return [path]
+    if below := _below(path, simulator is not None):
+        return below
+    if not is_raw(path, simulator):
+        return []
+    if not alone or is_bag_folder(path):
+        return [path]
+    return [p for p in sorted(path.iterdir()) if not p.name.startswith(".") and is_raw(p, simulator)]
 
 
 def _below(folder: Path, bare: bool) -> list[Path]:
@@ -76,13 +91,16 @@ def _below(folder: Path, bare: bool) -> list[Path]:
 
 def run(
     request: Request,
-    tasks: dict[str, Task],
+    tasks: Mapping[str, Task | str],
     launcher: Launcher,
     update: Update,
     finished: Finished,
     failed: Failed,
 ) -> Fleet:
-    """Diagnose each recording; one that fails stops no other. Raises UsageError where all do."""
+    """Diagnose each recording; one that fails stops no other. Raises UsageError where all do.
+
+    tasks: what each is about, or why it cannot be read.
+    """
     made: dict[str, Artifact] = {}
     errors: dict[str, str] = {}
 
@@ -99,7 +117,12 @@ def run(
             f"{request.out}: exists already; artifacts are never overwritten, choose another --out"
         )
     alone = replace(request, out=None)
-    jobs = [Job(name, "diagnose", alone, recorded=task) for name, task in tasks.items()]
+    for name, task in tasks.items():
+        if isinstance(task, str):
+            wrong(name, task)
+    jobs = [
+        Job(name, "diagnose", alone, recorded=task) for name, task in tasks.items() if isinstance(task, Task)
+    ]
     run_jobs(jobs, launcher, update, note, wrong)
     if not made:
         raise UsageError(f"no recording could be diagnosed; the first: {next(iter(errors.values()))}")

@@ -35,6 +35,11 @@ def test_a_size_apart_differs_and_the_others_do_not():
     assert headline(robots, [found]) == "1 of 5 robots differs: odd"
 
 
+def test_of_three_the_two_that_agree_do_not_differ():
+    robots = [robot("a", spring(2.0)), robot("b", spring(2.1)), robot("odd", spring(3.5))]
+    assert [d.robot for d in deviations(robots)] == ["odd"]
+
+
 def test_what_its_own_interval_holds_does_not_differ():
     assert deviations(fleet(robot("vague", spring(3.0, half=0.6)))) == []
 
