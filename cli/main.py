@@ -89,7 +89,7 @@ app.command("report", rich_help_panel="Stages, in order")(report_command)
 app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
 app.command(
     "sweep",
-    short_help="Make a stage for every combination of settings: a table and a page.",
+    short_help="Make a stage for every combination of settings.",
     rich_help_panel="Everything at once",
 )(sweep_command)
 app.command(
