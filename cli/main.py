@@ -125,7 +125,7 @@ app.add_typer(
 app.add_typer(
     simulators_app,
     name="simulators",
-    short_help="List simulators, show what one declares, check a MuJoCo model.",
+    short_help="List simulators, show one, check a MuJoCo model.",
     rich_help_panel="What is there",
 )
 add_everywhere(app, QUIETLY)
