@@ -228,5 +228,11 @@ class ClosedStepSettings:
         3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
     )
 
+    completed: float = setting(
+        0.05,
+        "nats a window",
+        "that a round must gain where only start states are fitted, to complete a recording",
+    )
+
     def __post_init__(self) -> None:
         check(self, lists=("coarser", "coarser_exact"))
