@@ -31,6 +31,7 @@ from .prove import prove_app
 from .quiet import FLAG as QUIETLY
 from .run import report_command, run_app, status_command
 from .runs import runs_app
+from .simulators import simulators_app
 from .stages import add_stages
 from .sweep import sweep_command
 
@@ -119,6 +120,12 @@ app.add_typer(
     runs_app,
     name="runs",
     short_help="List, show, compare and remove what is in runs/.",
+    rich_help_panel="What is there",
+)
+app.add_typer(
+    simulators_app,
+    name="simulators",
+    short_help="List simulators, show one, check a MuJoCo model.",
     rich_help_panel="What is there",
 )
 add_everywhere(app, QUIETLY)

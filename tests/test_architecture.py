@@ -36,7 +36,7 @@ LEVELS = [
     {"evaluation", "policies.training"},
     {"environments"},
     {"corrected", "policies"},
-    {"residuals"},
+    {"residuals", "mjcf"},
     {"gp", "effects", "tasks", "targets", "recordings", "runs"},
     {"launchers"},
     {"simulators", "artifacts"},

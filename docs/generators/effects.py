@@ -19,6 +19,13 @@ ACTS_ON = {
     "vehicle": "`vehicle`",
     "sensor": "a measured channel",
 }
+OF_MODELS = {
+    "payload": "a body",
+    "armature": "a joint",
+    "gravity_tilt": "`gravity`",
+    "joint_offset": "a joint",
+}
+"""Where families act that only [models of bodies](../how-to/mujoco.md) know."""
 HEAD = f"""# The catalogue of effects
 
 {MADE.format(source="`gpsim/effects/registry.py`")}
@@ -30,6 +37,7 @@ turn rate; the names of the other [symbols](../method/notation.md) are those of 
 the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
 COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
 TAIL = """\
+`payload`, `armature`, `gravity_tilt` and `joint_offset` are for [MuJoCo models](../how-to/mujoco.md).
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
 function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be
@@ -56,7 +64,7 @@ def _row(family: str, effect: Effect) -> list[str]:
     pose = effect.places.__qualname__.startswith("PoseEffect")
     return [
         f"`{family}`",
-        "`pose`" if pose else ACTS_ON[effect.site],
+        "`pose`" if pose else OF_MODELS.get(family, ACTS_ON[effect.site]),
         _law(effect),
         ", ".join(f"`{p.name}` [{p.unit}]" for v in effect.variants for p in effect.parameters(PLACE, v)),
         effect.function_of,

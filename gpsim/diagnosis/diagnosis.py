@@ -27,7 +27,7 @@ from gpsim.diagnosis.selection import (
     without_tails,
 )
 from gpsim.diagnosis.setup import Question, offers_of, prepare
-from gpsim.effects import Scheme
+from gpsim.effects import Scheme, closed
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
@@ -72,7 +72,7 @@ def diagnose(
     question = prepare(recording, simulator, parameters, run)
     offers = offers_of(question)
     step("search", 5)
-    found = beam_search(question.searched, offers, _scheme(recording), step.share(5, 40))
+    found = beam_search(question.searched, offers, _scheme(recording, simulator), step.share(5, 40))
     step("refine grid", 40, "fitting the best on all windows")
     question, found = without_tails(*refine_grid(question, found))
     step("refit", 40, "fitting the best on all windows")
@@ -122,19 +122,24 @@ def _answer(
     return Answer(verdict, judgement, attribution, comparison, laws)
 
 
-def _scheme(recording: Recording) -> Scheme:
+def _scheme(recording: Recording, simulator: Simulator) -> Scheme:
+    if closed(simulator) is not None:  # it has but one way to step
+        return "fine"
     return recording.integrator  # type: ignore[return-value]  # `prepare` has checked it
 
 
 def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPlant:
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
+    substeps = math.ceil(problem.substeps / question.thinned)  # those are of a thinned transition
+    if (system := closed(question.whole)) is not None:  # which goes by its own
+        substeps = system.steps_of(dt)
     return EffectsPlant(
         question.whole,  # in which the recording's angles wrap
         dict(problem.parameters),
         leader.terms,
-        leader.scheme if leader.terms else _scheme(question.recording),
-        math.ceil(problem.substeps / question.thinned),  # those are of a thinned transition
+        leader.scheme if leader.terms else _scheme(question.recording, question.whole),
+        substeps,
         dt,
     )
 

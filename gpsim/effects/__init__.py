@@ -1,12 +1,14 @@
 """Effects: what may be missing. One small file a family, found through one explicit registry."""
 
 from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
+from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
     Effect,
     EffectParameter,
     ForceEffect,
     FunctionOf,
+    ModelEffect,
     ParameterEffect,
     Place,
     RateEffect,
@@ -28,12 +30,14 @@ __all__ = [
     "TO",
     "ActuatorEffect",
     "Chain",
+    "ClosedStep",
     "Effect",
     "EffectParameter",
     "ForceEffect",
     "FunctionOf",
     "Gate",
     "LooksAt",
+    "ModelEffect",
     "Moment",
     "ParameterEffect",
     "Place",
@@ -44,6 +48,7 @@ __all__ = [
     "Values",
     "VehicleEffect",
     "changed",
+    "closed",
     "effect_of",
     "even",
     "from_json",

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from gpsim.channels import Channels, FloatArray
+from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.commands import Grid, blended, on_its_way
 from gpsim.effects.effect import (
     ActuatorEffect,
@@ -41,8 +42,28 @@ class Chain:
     dt: float
 
     @cached_property
+    def closed(self) -> ClosedStep | None:
+        """The simulator as one that owns its integration; None where `advance` integrates its rates."""
+        return closed(self.simulator)
+
+    def rolled(
+        self,
+        closed_step: ClosedStep,
+        state: FloatArray,
+        commands: FloatArray,
+        values: Sequence[Values],
+        step: FloatArray,
+        t: FloatArray,
+        extra: FloatArray | None = None,
+    ) -> FloatArray:
+        """(B, K, S): the states after each of K substeps of `step` (B,) s, commands (B, K, A); see `ClosedStep`."""
+        return closed_step.rolled(self.terms, self.parameters, values, state, commands, step, t, extra)
+
+    @cached_property
     def refinement(self) -> int:
         """How many times finer than usual the grid must be: entering a region is a jump inside a substep."""
+        if self.closed is not None:
+            return 1
         return 2 if any(t.gate.region for t in self.terms) else 1
 
     @cached_property
@@ -175,6 +196,8 @@ class Chain:
         extra: FloatArray | None = None,
     ) -> FloatArray:
         """(B, S) after a substep; `action` is what `commands` returned for it, `extra` (B, R) is added to the rates."""
+        if self.closed is not None:
+            return self.rolled(self.closed, state, action[:, None], values, step, t, extra)[:, -1]
         shares = self._shares(state, action, values, step, t)
         parameters = self._corrected(values, shares)
         begun = (state, step) if self.scheme == "fine" else None

@@ -27,7 +27,9 @@ class CoulombFriction(ForceEffect):
         if variant == "coefficient":
             return (EffectParameter("coefficient", "1", 0.0, 5.0, (0.1, 0.5), 0.1),)
         return (
-            EffectParameter("force", place.unit, 0.0, 20 * place.span, (0.2 * place.span,), 0.2 * place.span),
+            EffectParameter(
+                "force", place.unit, -place.friction, 20 * place.span, (0.2 * place.span,), 0.2 * place.span
+            ),
         )
 
     def offers(self, place: Place, variant: str) -> bool:

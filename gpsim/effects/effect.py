@@ -60,7 +60,9 @@ class Place:
     unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
-    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed.
+    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
+    a difference from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction:
+    what the simulator itself has of a coordinate's, which may be less in truth.
     """
 
     on: str
@@ -73,6 +75,10 @@ class Place:
     loaded: bool = False
     bounds: tuple[float, float] = (0.0, np.inf)
     length: str = ""
+    additive: bool = False
+    centre: tuple[float, ...] = ()
+    damping: float = 0.0
+    friction: float = 0.0
 
     @property
     def longest_delay(self) -> float:
@@ -215,6 +221,16 @@ class ParameterEffect(Effect):
         """(B,) the parameter's value."""
 
 
+class ModelEffect(Effect):
+    """A change of a model that is none of its declared parameters: the simulator itself knows how to make it."""
+
+    site: ClassVar[Site] = "parameter"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Where the simulator says that it can."""
+        return tuple(simulator.model_places.get(self.family, ()))
+
+
 class VehicleEffect(Effect):
     """What becomes of a vehicle's twist (v, v_lateral, w); `changes` names the one of them that it changes."""
 
@@ -262,7 +278,7 @@ class SensorEffect(Effect):
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Every measured channel."""
-        return simulator.state.names
+        return tuple(n for n in simulator.state.names if n not in simulator.as_measured)
 
     def reach(self, values: Values) -> float:
         """How far back [s] it looks."""

@@ -1,6 +1,6 @@
 """A parameter of the simulator that differs from what was believed: p = ratio * p_believed.
 
-Definition: a ratio.
+Definition: a ratio; of what may be 0, as a place may, an `offset`: p = p_believed + offset.
 """
 
 from __future__ import annotations
@@ -20,12 +20,17 @@ class ParameterOffset(ParameterEffect):
     function_of: ClassVar[FunctionOf] = "nothing"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
-        """Ratio [1]."""
+        """Ratio [1]; of what may be 0, as a place may, the offset [its own]."""
+        if place.additive:
+            span, (low, high) = place.span, place.bounds
+            return (EffectParameter("offset", place.unit, low, high, (0.1 * span,), 0.1 * span),)
         low, high = max(0.05, place.bounds[0]), min(20.0, place.bounds[1])
         return (
             EffectParameter("ratio", "1", low, high, (1.1 if high >= 1.1 else max(low, 0.9),), 0.2, none=1.0),
         )
 
     def corrected(self, believed: FloatArray, values: Values) -> FloatArray:
-        """The believed value times the ratio."""
+        """The believed value times the ratio, or plus the offset."""
+        if "offset" in values:
+            return np.asarray(believed + values["offset"])
         return np.asarray(believed * values["ratio"])

@@ -13,16 +13,20 @@ from gpsim.effects.actuator_gain import ActuatorGain
 from gpsim.effects.actuator_lag import ActuatorLag
 from gpsim.effects.actuator_rate_limit import ActuatorRateLimit
 from gpsim.effects.actuator_saturation import ActuatorSaturation
+from gpsim.effects.armature import Armature
 from gpsim.effects.battery_sag import BatterySag
 from gpsim.effects.constant_force import ConstantForce
 from gpsim.effects.coulomb_friction import CoulombFriction
 from gpsim.effects.effect import Effect
 from gpsim.effects.frame_rotation import FrameRotation
+from gpsim.effects.gravity_tilt import GravityTilt
+from gpsim.effects.joint_offset import JointOffset
 from gpsim.effects.lateral_slip import LateralSlip
 from gpsim.effects.local_friction_patch import LocalFrictionPatch
 from gpsim.effects.marker_offset import MarkerOffset
 from gpsim.effects.minimum_turning_radius import MinimumTurningRadius
 from gpsim.effects.parameter_offset import ParameterOffset
+from gpsim.effects.payload import Payload
 from gpsim.effects.quadratic_drag import QuadraticDrag
 from gpsim.effects.sensor_bias import SensorBias
 from gpsim.effects.sensor_delay import SensorDelay
@@ -76,6 +80,10 @@ FAMILIES: Mapping[str, Effect] = register(
         SensorDelay(),
         MarkerOffset(),
         FrameRotation(),
+        Payload(),
+        Armature(),
+        GravityTilt(),
+        JointOffset(),
     ]
 )
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import EffectParameter, FunctionOf, Place, SensorEffect, Values, changed
-from gpsim.simulators import Memory
+from gpsim.simulators import Memory, Simulator
 
 
 class SensorBias(SensorEffect):
@@ -17,6 +17,11 @@ class SensorBias(SensorEffect):
 
     family: ClassVar[str] = "sensor_bias"
     function_of: ClassVar[FunctionOf] = "reading"
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every measured channel; where an encoder's zero would say the same, that says it."""
+        said = simulator.model_places.get("joint_offset", {})
+        return tuple(n for n in super().places(simulator) if n not in said or said[n].steers)
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Offset [the channel's]."""

@@ -18,7 +18,9 @@ class ViscousFriction(ForceEffect):
         """Damping [force per speed]."""
         typical = place.span / place.speed
         unit = f"{place.unit} s/{place.position_unit}"
-        return (EffectParameter("damping", unit, 0.0, 100 * typical, (0.2 * typical,), 0.2 * typical),)
+        return (
+            EffectParameter("damping", unit, -place.damping, 100 * typical, (0.2 * typical,), 0.2 * typical),
+        )
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """-damping * speed."""

@@ -15,9 +15,10 @@ from gpsim.environments import BatchedEnv, SingleEnv
 from gpsim.errors import UsageError
 from gpsim.face.corrected import Corrected, CorrectedSimulator
 from gpsim.face.registration import register_environments
+from gpsim.mjcf import open_simulator
 from gpsim.recordings import Recording
 from gpsim.settings import build, choice, positive
-from gpsim.simulators import Plant, SimulatorPlant, make_simulator
+from gpsim.simulators import Plant, SimulatorPlant
 from gpsim.tasks import TASKS, OwnTask, Task, never
 
 if TYPE_CHECKING:
@@ -259,6 +260,6 @@ def _built_in(
 ) -> SingleEnv:
     if diagnosis is not None:
         return make_env(diagnosis, task, count=None, gp=gp, **settings)
-    simulator = make_simulator(name)
+    simulator = open_simulator(name)
     plant = SimulatorPlant(simulator, simulator.defaults(), simulator.integrator, dt)
     return SingleEnv(plant, _fitting(_task(task, settings), plant))

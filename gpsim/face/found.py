@@ -16,12 +16,13 @@ from gpsim.corrected import EffectsPlant, Features
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.settings import as_mapping
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, disk_errors, file_digest, written_whole
+from gpsim.files import Json, canonical, disk_errors, written_whole
 from gpsim.gp import Predictor
+from gpsim.mjcf import files_digest, open_simulator
 from gpsim.recordings import Recording
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.wording import worded
-from gpsim.simulators import Simulator, make_simulator, source_file
+from gpsim.simulators import Simulator
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis
 from gpsim.stages.diagnosing import Question, described, plant_of, title_of
@@ -102,11 +103,10 @@ class Made:
 
     def save(self, folder: Path) -> None:
         """What `gpsim diagnose --out` writes; instead of the recording's files its manifest names its content."""
-        source = source_file(self.name)
         config: Json = {
             "recording": {"content": content_digest(self.recording)},
             "simulator": self.name,
-            "simulator_file": file_digest(source) if source else None,
+            "simulator_file": files_digest(self.name),
             "episodes": None,
             "settings": as_mapping(self.question.settings),
         }
@@ -151,7 +151,7 @@ class Kept:
     @property
     def simulator(self) -> Simulator:
         """The base simulator."""
-        return self.given or make_simulator(self.name)
+        return self.given or open_simulator(self.name)
 
     @cached_property
     def pictures(self) -> Mapping[str, Picture]:

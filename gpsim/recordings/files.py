@@ -22,7 +22,7 @@ TableFormat = Literal["csv", "parquet"]
 META_NAME = "recording.yaml"
 _KNOWN = {
     "system", "parameters", "integrator", "dt", "state", "action", "velocities", "clock", "noise", "held_out",
-    "wraps", "provenance",
+    "wraps", "provenance", "model",
 }  # fmt: skip
 
 
@@ -52,6 +52,7 @@ def to_frame(recording: Recording) -> pd.DataFrame:
 def _metadata(recording: Recording) -> dict[str, Any]:
     meta: dict[str, Any] = {
         "system": recording.system,
+        **({"model": recording.model} if recording.model is not None else {}),
         "parameters": {k: float(v) for k, v in recording.parameters.items()},
         "integrator": recording.integrator,
         "dt": float(recording.dt),
@@ -106,6 +107,7 @@ def read_recording(path: Path) -> Recording:
         noise=_noise(meta, state + action, where),
         held_out=_held_out(meta, where),
         provenance=_provenance(meta.get("provenance"), where),
+        model=_model(meta, where),
     )
 
 
@@ -139,6 +141,13 @@ def _provenance(raw: object, where: str) -> Mapping[str, Any]:
     if not isinstance(raw, Mapping | None):
         raise UsageError(f"{where}: provenance: expected keys and values, got {one_line(repr(raw), 60)}")
     return raw or {}
+
+
+def _model(meta: Mapping[str, Any], where: str) -> str | None:
+    model = meta.get("model")
+    if model is not None and not (isinstance(model, str) and model):
+        raise UsageError(f"{where}: model: expected the file of a MuJoCo model, as robot.xml, got {model!r}")
+    return model
 
 
 def _wraps(meta: Mapping[str, Any], where: str) -> tuple[str, ...]:

@@ -91,8 +91,9 @@ class Recording:
     """What happened: episodes of measured states and commanded actions on one clock.
 
     `system`, `parameters`, `integrator` and `dt` describe the base simulator that the recording is to be
-    compared with; `noise` is the known measurement noise (standard deviation by channel), if any;
-    `provenance` is free-form metadata (how it was collected, imported, smoothed) and is kept as it is.
+    compared with (`model`: the file of one that is a MuJoCo model); `noise` is the known measurement noise (standard
+    deviation by channel), if any; `provenance` is free-form metadata (how it was collected, imported, smoothed) and is
+    kept as it is.
     """
 
     system: str
@@ -107,6 +108,7 @@ class Recording:
     noise: Mapping[str, float] = field(default_factory=dict)
     held_out: HeldOut | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    model: str | None = None
 
     def __post_init__(self) -> None:
         if not self.episodes:

@@ -36,14 +36,24 @@ SENTENCES: Mapping[str, str] = {
     "sensor_delay": "the sensor of {on} is {delay} late",
     "marker_offset": "the marker sits {forward} ahead and {left} left of the vehicle's reference point",
     "frame_rotation": "the measured yaw is turned by {angle}",
+    "payload": "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, was left out",
+    "armature": "rotor inertia of {inertia} on {on} was left out",
+    "gravity_tilt": "the base is tilted by a roll of {roll} and a pitch of {pitch}",
+    "joint_offset": "the zero of {on} is off by {offset}",
 }
 """Of the families that have more to say than that they were left out, in their parameters' names."""
+
+
+OFF = "{on} is {offset} off what the simulator believes"
+"""Of a parameter that may be 0, as a place may."""
 
 
 def effect_sentence(effect: NamedEffect) -> str:
     """What a person would say of an effect; where its family has no sentence of its own, its name and its numbers."""
     numbers = {name: estimate_text(estimate) for name, estimate in effect.parameters.items()}
     sentence = SENTENCES.get(effect.family, "")
+    if effect.family == "parameter_offset" and "offset" in numbers:
+        sentence = OFF
     try:
         said = sentence.format(on=effect.place, **numbers)
     except KeyError:  # somebody else's effect of that name: it has other parameters

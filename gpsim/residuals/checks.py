@@ -39,7 +39,11 @@ def check_match(recording: Recording, simulator: Simulator, *, hidden: Collectio
             continue
         absent = [c for c in needs if c.name not in has.names]
         remedy = "import the log with a mapping to these channels"
-        built_in = simulator.name in SIMULATORS and kind == "state" and len(absent) < len(needs)
+        built_in = (
+            (simulator.guesses_speeds or simulator.name in SIMULATORS)
+            and kind == "state"
+            and len(absent) < len(needs)
+        )
         if absent and (all(c.name in simulator.start for c in absent) or built_in):
             remedy = "only `gpsim diagnose` estimates states that nobody measured"
         elif kind == "action" and not len(has):

@@ -41,6 +41,12 @@ def _described(simulator: Simulator) -> _Described:
         "state": simulator.state,
         "action": simulator.action,
         "parameters": simulator.defaults(),
-        "optional": simulator.state.names if simulator.name in SIMULATORS else tuple(simulator.start),
+        "optional": simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
         "integrator": simulator.integrator,
     }
+
+
+def _optional(simulator: Simulator) -> tuple[str, ...]:
+    """States that a bare table need not have: those with a guess, and the velocities of a MuJoCo model."""
+    speeds = tuple(c.velocity for c in simulator.coordinates) if simulator.guesses_speeds else ()
+    return (*simulator.start, *speeds)

@@ -17,7 +17,7 @@ def reduced(simulator: Simulator, fixed: Mapping[str, float], held: Collection[s
     and the other coordinates move as if on a fixed mount. All others must be states of which no kept one's rate
     depends.
     """
-    return _Reduced(simulator, fixed, held) if fixed else simulator
+    return (simulator.without(fixed, held) or _Reduced(simulator, fixed, held)) if fixed else simulator
 
 
 class _Reduced(Simulator):

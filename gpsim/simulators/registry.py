@@ -24,8 +24,8 @@ SIMULATORS: Mapping[str, type[Simulator]] = {
 
 
 def source_file(name: str) -> Path | None:
-    """The file that a user's own simulator comes from; None of a registered one."""
-    return Path(name.rpartition(":")[0]) if ":" in name else None
+    """The file that a user's own simulator comes from; None of a registered one, or of one in an environment."""
+    return Path(name.rpartition(":")[0]) if ":" in name and not name.startswith("gym:") else None
 
 
 def make_simulator(name: str) -> Simulator:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray, difference
+from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.errors import UsageError
 
 Integrator = Literal["euler", "semi_implicit", "rk4"]
@@ -27,13 +27,18 @@ SMALLEST = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Parameter:
-    """One physical parameter: unit, default, and the bounds it makes sense in, closed."""
+    """One physical parameter: unit, default, and the bounds it makes sense in, closed.
+
+    additive: the size that a difference from what is believed may have, where a ratio says nothing (of a place, which
+    may be 0); 0 where it is a ratio.
+    """
 
     unit: str
     default: float
     low: float
     high: float
     text: str
+    additive: float = 0.0
 
     @property
     def range(self) -> str:
@@ -44,13 +49,33 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class ModelPlace:
+    """Where a family acts that only some simulators know: unit and typical size of what it changes, a length there [m].
+
+    least: by how much less than believed it may be; centre: of a body, in its frame; steers: does a servo go by it?
+    """
+
+    unit: str
+    size: float
+    reach: float = 1.0
+    least: float = 0.0
+    centre: tuple[float, ...] = ()
+    steers: bool = False
+
+
+@dataclass(frozen=True)
 class Coordinate:
-    """A generalised coordinate: its position, velocity and rate channels and the unit of its force."""
+    """A generalised coordinate: its position, velocity and rate channels and the unit of its force.
+
+    damping [force per speed], friction [force]: what a simulator has of them there that may be less in truth.
+    """
 
     name: str
     velocity: str
     rate: str
     force_unit: str
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 class Simulator(ABC):
@@ -70,6 +95,11 @@ class Simulator(ABC):
     start: Mapping[str, float] = MappingProxyType(
         {}
     )  # a guess for every state channel that may go unmeasured
+    guesses_speeds: bool = False  # may velocities go unmeasured without one?
+    as_measured: tuple[str, ...] = ()  # states of which no effect is asked
+    model_places: Mapping[str, Mapping[str, ModelPlace]] = MappingProxyType(
+        {}
+    )  # of families that few simulators know
 
     @property
     def kinematic(self) -> bool:
@@ -92,6 +122,22 @@ class Simulator(ABC):
 
     def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray | None:
         """(B, R) by how much a unit force on a coordinate changes the rates; None where only `rates` tells."""
+        return None
+
+    def with_state(self, state: Channels) -> Simulator | None:
+        """The same with channels of which others wrap, from a simulator that makes it itself; else None."""
+        return None
+
+    def without(self, fixed: Mapping[str, float], held: Collection[str]) -> Simulator | None:
+        """The same without the states `fixed`, from a simulator that makes it itself; else None (see `reduced`)."""
+        return None
+
+    def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
+        """(..., S): measured states minus simulated ones; in the tangent space where they lie on a curved one."""
+        return difference(measured, said, self.state)
+
+    def touching(self, state: FloatArray) -> BoolArray | None:
+        """(B,) whether something touches in each state (B, S); None of a simulator that knows no contacts."""
         return None
 
     def normal_force(

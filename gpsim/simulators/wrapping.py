@@ -13,7 +13,7 @@ def wrapping(simulator: Simulator, state: Channels) -> Simulator:
     """
     if state == simulator.state:
         return simulator
-    return _Wrapping(simulator, state)
+    return simulator.with_state(state) or _Wrapping(simulator, state)
 
 
 class _Wrapping(Simulator):

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
+from gpsim.mjcf import open_simulator
 from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.settings import build, choice
-from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant, make_simulator
+from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant
 from gpsim.targets import FrictionCartPole, Limo
 from gpsim.tasks import TASKS, Task
 
@@ -23,7 +24,7 @@ ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSet
 
 def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:
     """The base simulator with its own parameters."""
-    simulator, section = make_simulator(_name(config)), config["simulator"]
+    simulator, section = open_simulator(_name(config)), config["simulator"]
     integrator = choice(section["integrator"], INTEGRATORS, "simulator.integrator")
     parameters = simulator.defaults(_numbers(section["parameters"], "simulator.parameters"))
     dt = _positive(section["dt"], "simulator.dt")
@@ -57,7 +58,7 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
             "recording=DIR, or choose a stand-in, as target=limo"
         )
     target = build(TARGETS[section["name"]], section, "target")
-    simulator = make_simulator(_name(config))
+    simulator = open_simulator(_name(config))
     _check_fits(f"target {section['name']}", target, simulator)
     dt = _positive(config["simulator"]["dt"], "simulator.dt")
     if not math.isclose(target.dt, dt, rel_tol=1e-9):
@@ -72,7 +73,7 @@ def make_task(config: Mapping[str, Any]) -> Task:
     """The task."""
     section = config["task"]
     name = choice(section["name"], tuple(TASKS), "task.name")
-    task, simulator = build(TASKS[name], section, "task"), make_simulator(_name(config))
+    task, simulator = build(TASKS[name], section, "task"), open_simulator(_name(config))
     _check_fits(f"task {name}", task, simulator)
     return task
 

@@ -12,9 +12,10 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
+from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.recordings import Recording, read_recording
 from gpsim.residuals import holding_out, read_table
-from gpsim.simulators import Simulator, lives_here, make_simulator, source_file
+from gpsim.simulators import Simulator, lives_here, source_file
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosing import Question, answer, plant_of, title_of
 from gpsim.stages.diagnosis_files import write_diagnosis
@@ -92,7 +93,7 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
     _check_file(artifact, name)
     return plant_of(
         content,
-        simulator or make_simulator(name),
+        simulator or open_simulator(name),
         (lambda channels: read_gp(artifact.path, channels)) if gp else None,
     )
 
@@ -100,11 +101,12 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
 def _check_file(artifact: Artifact, simulator: str) -> None:
     """A user's own simulator must be the one that was diagnosed: its file may have changed since, or be another's."""
     source, diagnosed = source_file(simulator), artifact.manifest["config"].get("simulator_file")
-    if source is None or diagnosed is None or not source.is_file():  # which make_simulator refuses
+    if diagnosed is None or (source is not None and not source.is_file()):  # which open_simulator refuses
         return
-    if file_digest(source) != diagnosed:
+    if files_digest(simulator) != diagnosed:
+        changed = source or f"{simulator}, or what it includes,"
         raise UsageError(
-            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {source} has changed since: "
+            f"{artifact.path}: corrects the simulator {simulator} as its file was then, {changed} has changed since: "
             "diagnose the recording again, or bring that file back"
         )
 
@@ -119,13 +121,14 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     folder = path if path.is_dir() else path.parent
     if (folder / "recording.yaml").is_file() and (path.is_dir() or path.stem == "recording"):
         recording = read_recording(folder)
-        return _first(recording, task.episodes), make_simulator(task.simulator or recording.system)
+        simulator = open_simulator(simulator_name(task.simulator, recording, folder))
+        return _first(in_its_columns(recording, simulator), task.episodes), simulator
     if path.is_dir():
         raise UsageError(f"{path}: no recording.yaml; make a recording of raw logs with `gpsim import`")
     if task.simulator is None:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
-    simulator = make_simulator(task.simulator)
-    return _first(read_table(path, simulator), task.episodes), simulator
+    simulator = open_simulator(task.simulator)
+    return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
 
 
 def _held_apart(recording: Recording, task: Task) -> Recording:
@@ -154,12 +157,11 @@ def _recipe(request: Request, task: Task) -> Recipe:
     recording, _ = open_recording(task)
     apart = _held_apart(recording, task)
     folder = task.recording if task.recording.is_dir() else task.recording.parent
-    name = task.simulator or recording.system
-    source = source_file(name)
+    name = simulator_name(task.simulator, recording, folder)
     config: Json = {
         "recording": digests_of(task, folder),
         "simulator": name,
-        "simulator_file": file_digest(source) if source else None,
+        "simulator_file": files_digest(name),
         "episodes": task.episodes,
         "settings": settings_of(request),
     }

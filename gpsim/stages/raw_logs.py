@@ -14,6 +14,7 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.files import Json
+from gpsim.mjcf import SYSTEM, MjcfSimulator, open_simulator
 from gpsim.recordings import (
     TOP_KEYS,
     Guess,
@@ -27,7 +28,7 @@ from gpsim.recordings import (
     parse_mapping,
 )
 from gpsim.reports.guess_text import Asking, asked, told
-from gpsim.simulators import SIMULATORS, Simulator, make_simulator
+from gpsim.simulators import SIMULATORS, Simulator
 from gpsim.stages import import_log
 from gpsim.stages.log_files import digests_read
 from gpsim.stages.stage import Request, Stage
@@ -74,7 +75,7 @@ def is_raw(path: Path, simulator: str | None) -> bool:
 def _is_bare(path: Path, simulator: str) -> bool:
     """Whether a table has a column `t` and one that is called as a state of the simulator."""
     columns = open_log(path).topics()[0].fields
-    return "t" in columns and any(name in columns for name in make_simulator(simulator).state.names)
+    return "t" in columns and any(name in columns for name in open_simulator(simulator).state.names)
 
 
 def reads_bare(paths: Sequence[Path], simulator: str | None, words: Sequence[str]) -> bool:
@@ -91,7 +92,12 @@ def reads_bare(paths: Sequence[Path], simulator: str | None, words: Sequence[str
 def of_the_mapping(word: str) -> bool:
     """Whether a word of the command line says something of a log, as `theta=position`, `rate=50`."""
     key = word.partition("=")[0]
-    return "=" in word and (key.split(".")[0].split("[")[0] in TOP_KEYS or key.isidentifier())
+    return "=" in word and (key.split(".")[0].split("[")[0] in TOP_KEYS or _is_channel(key))
+
+
+def _is_channel(key: str) -> bool:
+    """Whether it may be a channel's name, as `theta`, `root.x`."""
+    return all(part.isidentifier() for part in key.split(".")) and key.split(".")[0] not in TOP_KEYS
 
 
 @dataclass(frozen=True)
@@ -134,7 +140,7 @@ def decide(log: RawLog) -> Read:
     raw = import_log.merge_changes(found.raw, changes)
     raw |= {"layout": layout} if layout != "files" else {}
     raw |= {"files": pattern} if pattern != "*" else {}
-    simulator = make_simulator(found.system.name)
+    simulator = open_simulator(found.system.name)
     raw.setdefault("integrator", simulator.integrator)
     return Read(
         raw, "mapping (from the names in the log)", tuple(told(found, _shown(log.path), _own(simulator, raw)))
@@ -155,7 +161,7 @@ def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
     others = []
     for word in words:
         key, _, value = word.partition("=")
-        if key == "dt" or (key.isidentifier() and key not in TOP_KEYS):
+        if key == "dt" or _is_channel(key):
             given[key] = value
         else:
             others.append(word)
@@ -164,13 +170,18 @@ def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
 
 def _system(name: str) -> System:
     """What the guess has to know of a simulator."""
-    simulator = make_simulator(name)
+    simulator = open_simulator(name)
     pairs = {c.velocity: c.name for c in simulator.coordinates if c.velocity in simulator.state.names}
-    return System(name, simulator.state, simulator.action, pairs, tuple(simulator.start))
+    system = System(name, simulator.state, simulator.action, pairs, tuple(simulator.start))
+    if not isinstance(simulator, MjcfSimulator):
+        return system
+    return replace(system, optional=tuple(pairs), drives=simulator.drives, recorded_as=SYSTEM, model=name)
 
 
 def _own(simulator: Simulator, raw: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """Parameters that nobody gave: name -> (value, unit)."""
+    """Parameters that nobody gave: name -> (value, unit); a MuJoCo model says its own in its file."""
+    if isinstance(simulator, MjcfSimulator):
+        return {}
     given = raw.get("parameters") or {}
     values = simulator.defaults()
     return {n: (values[n], p.unit) for n, p in simulator.parameters.items() if n not in given}

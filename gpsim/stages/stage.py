@@ -13,7 +13,8 @@ import numpy as np
 
 from gpsim.artifacts import Artifact, Recipe, Store
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest
+from gpsim.files import Json
+from gpsim.mjcf import files_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
 from gpsim.stages.code import RELEASE
@@ -89,10 +90,13 @@ class Request:
     def section(self, *keys: str) -> Json:
         """The named parts of the configuration: what decides a stage's bytes; of a user's simulator its file, too."""
         parts = {key: self._deciding(key) for key in keys}
-        if "simulator" in parts and (source := source_file(str(parts["simulator"]["name"]))):
-            if not source.is_file():
+        if "simulator" in parts:
+            name = str(parts["simulator"]["name"])
+            source = source_file(name)
+            if source is not None and not source.is_file():
                 raise UsageError(f"simulator.name: no file {source}; give FILE.py:ClassName")
-            parts["simulator"] = {**parts["simulator"], "file": file_digest(source)}
+            if (digest := files_digest(name)) is not None:
+                parts["simulator"] = {**parts["simulator"], "file": digest}
         return parts
 
 

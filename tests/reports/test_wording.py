@@ -48,6 +48,10 @@ SAID = {
     "sensor_delay": "the sensor of q is 0.5 u late",
     "marker_offset": "the marker sits 0.5 u ahead and 0.5 u left of the vehicle's reference point",
     "frame_rotation": "the measured yaw is turned by 0.5 u",
+    "payload": "a payload of 0.5 u on q, at (0.5 u, 0.5 u, 0.5 u) in its frame, was left out",
+    "armature": "rotor inertia of 0.5 u on q was left out",
+    "gravity_tilt": "the base is tilted by a roll of 0.5 u and a pitch of 0.5 u",
+    "joint_offset": "the zero of q is off by 0.5 u",
 }
 
 

@@ -27,9 +27,8 @@ from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversa
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
-from gpsim.diagnosis.settings import Settings
-from gpsim.diagnosis.setup import Completions, Question, filters, undone
-from gpsim.effects import effect_of
+from gpsim.diagnosis.setup import Completions, Question, apart, filters, undone
+from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
 
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
@@ -119,7 +118,7 @@ def compare(
         _one_step(question, rates, measured_rates(problem, steps["after"].test), rng),
         _step_shares(question, rates, rng),
         rollouts(question, models, noise, rng, completions),
-        {p: float(t.values["ratio"]) for t in hypotheses["tuned"].terms for p in [t.on]},
+        {t.on: float(t.values["ratio"]) for t in hypotheses["tuned"].terms if "ratio" in t.values},
         both,
         why,
         inputs(steps["before"].train),
@@ -172,9 +171,9 @@ def steps_of(
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
     if question.hidden:
-        return {kind: _steps(completions.by(h), problem.run.settings, past) for kind, h in hypotheses.items()}
+        return {kind: _steps(problem, completions.by(h), past) for kind, h in hypotheses.items()}
     steps, made_by = (
-        _steps(recording, problem.run.settings, past),
+        _steps(problem, recording, past),
         filters(recording, problem.simulator, problem.run.settings.velocity_filter),
     )
     if not made_by:
@@ -194,11 +193,18 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
-def _steps(recording: Recording, settings: Settings, past: bool = False) -> _Steps:
-    """past: without those before which nobody knows what was commanded, where there are others."""
+def _steps(problem: Problem, recording: Recording, past: bool = False) -> _Steps:
+    """Those in which nothing touches; past: without those before which nobody knows what was commanded.
+
+    Each where there are others.
+    """
+    settings = problem.run.settings
     windows = cut(recording, settings.windows, 1, most=settings.comparison.looked_at)
     held, sound = held_out_mask(recording, windows), windows.sound_ends
     windows, held = (windows.take(sound), held[sound]) if sound.any() else (windows, held)
+    ends = windows.measured[:, 0], windows.measured[:, 1]
+    free = apart(problem.simulator, settings.candidates.apart, *ends)
+    windows, held = windows.take(free), held[free]
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
         train, test = _later(train), _later(test)
@@ -219,8 +225,9 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     """What a system identification tool would do: the base simulator's own parameters fitted, nothing added."""
     tuned = base
     for candidate in offers:
-        if effect_of(candidate.family).site == "parameter":
-            tuned = tuned.plus(candidate.term([1.0]), candidate.declared)
+        if isinstance(effect_of(candidate.family), ParameterEffect):
+            believed = candidate.term([p.none for p in candidate.declared])
+            tuned = tuned.plus(believed, candidate.declared)
     if not tuned.terms:
         return base
     problem, settings = question.searched, question.searched.run.settings

@@ -19,6 +19,7 @@ from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit
 from gpsim.diagnosis.report import Explained, Ratio, Score, Scored
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.setup import Completions, Question, prepare
+from gpsim.effects import closed
 from gpsim.errors import UsageError
 from gpsim.recordings import HeldOut, Recording
 
@@ -92,6 +93,8 @@ def posed(
     whole = replace(recording, held_out=HeldOut(share=0.0))
     question = prepare(whole, corrected.simulator, corrected.parameters, run)
     finer = max(question.everything.substeps, corrected.substeps * question.thinned)
+    if closed(corrected.simulator) is not None:  # in steps that are exact enough
+        finer = question.everything.substeps
     problem = replace(question.everything, substeps=finer)
     question = replace(question, everything=problem)
     base = Hypothesis(scheme=recording.integrator)  # type: ignore[arg-type]  # `prepare` has checked it

@@ -6,6 +6,7 @@ from gpsim.diagnosis.fitting.discretisation import (
     numerical_error,
     rescored,
     settled,
+    stepped,
 )
 from gpsim.diagnosis.fitting.evidence import (
     autocorrelation,
@@ -21,8 +22,8 @@ from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
+from gpsim.diagnosis.fitting.rollout import Extra
 from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
-from gpsim.diagnosis.fitting.simulate import Extra
 
 __all__ = [
     "Candidate",
@@ -59,6 +60,7 @@ __all__ = [
     "screened",
     "settled",
     "starts_of",
+    "stepped",
     "stretched",
     "stronger",
     "traced",

@@ -10,6 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
+from gpsim.effects import ClosedStep, closed
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
@@ -26,6 +27,53 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     return np.asarray(settings.margin * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
+def stepped(problem: Problem) -> Problem:
+    """The question to a simulator that owns its integration in the steps that cost least of those exact enough.
+
+    Those are its own, or fewer by a method of higher order: what its own step is off by would pass for physics, and
+    what happens in truth knows no step. Where none will do, the most exact.
+    """
+    system = closed(problem.simulator)
+    assert system is not None
+    settings, grid = problem.run.settings.closed_step, problem.run.settings.discretisation
+    own, fewest = system.steps_of(problem.dt), int(np.ceil(problem.dt / grid.usual_substep))
+    problem = replace(problem, substeps=own)
+    tolerated = np.maximum(settings.tolerated_error * problem.scale, problem.floor / grid.tolerated_noise)
+    best, least = problem, np.inf
+    at = fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=grid.error_iterations)
+    theta, starts = at.hypothesis.theta[None], at.starts[None]
+    exact, few = system.exact(), sorted({max(fewest, -(-own // times)) for times in settings.coarser_exact})
+    choices = [(settings.cost_of_exact * n, exact, n) for n in few] + [(own, problem.simulator, own)]
+    for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
+        tried = replace(problem, simulator=simulator, substeps=steps)
+        found = replace(at, residuals=tried.residuals(at.hypothesis, theta, starts)[0])
+        off = float((numerical_error(tried, found) / tolerated)[problem.observed].max())
+        if off < least:
+            best, least = tried, off
+        if off <= 1.0:
+            break
+    return _with_slopes(best, system)
+
+
+def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
+    """The question with the fewest steps of a transition that tell slopes as well as those it is simulated in.
+
+    By the model's own method, which costs least; as always where no fewer will do.
+    """
+    settings, starts = problem.run.settings.closed_step, problem.windows.measured[None, :, 0]
+    nothing, own = Hypothesis(), system.steps_of(problem.dt)
+    theta = nothing.theta[None]
+    exact = problem.residuals(nothing, theta, starts)[0]
+    plain = system.as_modelled()
+    for steps in sorted({-(-own // times) for times in settings.coarser}):
+        longer = replace(problem, slope_steps=steps, slope_simulator=plain)
+        change = longer.slopes.residuals(nothing, theta, starts)[0] - exact
+        spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
+        if (spread <= settings.tolerated * problem.scale)[problem.observed].all():
+            return longer
+    return problem
+
+
 def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     """As many substeps as the best hypothesis needs, at most so many times more than the base simulator does.
 
@@ -33,6 +81,9 @@ def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     vehicle that turns no tighter than so. With the fit on the last grid.
     """
     settings = problem.run.settings.discretisation
+    system = closed(problem.simulator)
+    if system is not None and system.own_grid:  # its step is a part of what is believed
+        return problem.substeps, best
     substeps, at = problem.substeps, best
     while at.hypothesis.scheme == "fine" and substeps < settings.most_finer * problem.substeps:
         grid = replace(problem, substeps=2 * substeps)

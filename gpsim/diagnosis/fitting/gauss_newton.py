@@ -32,10 +32,18 @@ def jacobians(
     residual: FloatArray,
     *,
     states_only: bool = False,
+    by_state: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """D residual / d start (W, L + 1, S, S) and d residual / d theta (W, L + 1, S, P), by forward differences."""
-    settings, dimension = problem.run.settings.shooting, starts.shape[1]
+    """D residual / d start (W, L + 1, S, S) and d residual / d theta (W, L + 1, S, P), by forward differences.
+
+    by_state: the former, where it is known well enough.
+    """
+    settings, dimension = problem.run.settings.shooting, starts.shape[1] if by_state is None else 0
     size = 0 if states_only else theta.size
+    if by_state is not None and not size:
+        return by_state, np.empty((*residual.shape, 0))
+    if (rough := problem.slopes) is not problem:
+        problem, residual = rough, rough.residuals(hypothesis, theta[None], starts[None])[0]
     thetas = np.tile(theta, (dimension + size, 1))
     copies = np.tile(starts, (dimension + size, 1, 1))
     steps = np.empty(dimension + size)
@@ -48,7 +56,7 @@ def jacobians(
         thetas[dimension + j, j] += steps[dimension + j]
     moved = problem.residuals(hypothesis, thetas, copies)
     slopes = np.moveaxis((moved - residual[None]) / steps[:, None, None, None], 0, -1)
-    return slopes[..., :dimension], slopes[..., dimension:]
+    return slopes[..., :dimension] if by_state is None else by_state, slopes[..., dimension:]
 
 
 def state_jacobian(

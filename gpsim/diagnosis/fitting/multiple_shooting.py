@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.fitting.dear_steps import stepped_dearly
 from gpsim.diagnosis.fitting.gauss_newton import (
     Step,
     damped_step,
@@ -21,7 +22,9 @@ from gpsim.diagnosis.fitting.gauss_newton import (
     state_jacobian,
 )
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.point import Point, point_at
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of, window_costs
+from gpsim.effects import closed
 from gpsim.recordings import evenly
 
 
@@ -68,19 +71,26 @@ def fit(
     tolerance = settings.tolerance if tolerance is None else tolerance
     low, high = _bounds(hypothesis)
     theta = np.clip(hypothesis.theta, low, high)
-    at = _point(problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0])
+    at = point_at(
+        problem, theta, np.array(starts), problem.residuals(hypothesis, theta[None], starts[None])[0]
+    )
     damping, least, most = settings.first_damping, settings.least_damping, settings.most_damping
     shrinks, grows = settings.damping_shrinks, settings.damping_grows
     patience = settings.patience if theta.size else settings.patience_of_starts
     per_window = np.full(len(starts), damping)
     converged, still, seen_from, moved = False, 0, None, True
+    by_state = by_theta = np.empty(0)
+    dear = closed(problem.simulator) is not None
     for round_ in range(iterations):
         if not near and round_ in settings.pattern_rounds and any(p.step for p in hypothesis.parameters):
             first = round_ == settings.pattern_rounds[0]
             pattern = np.array(settings.first_pattern if first else settings.pattern)
             at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
         if seen_from is not at.residual:  # after a rejected step it stands where it stood
-            by_state, by_theta = jacobians(problem, hypothesis, at.theta, at.starts, at.residual)
+            known = by_state if round_ % problem.every_slope and moved else None
+            by_state, by_theta = jacobians(
+                problem, hypothesis, at.theta, at.starts, at.residual, by_state=known
+            )
             seen_from = at.residual
         variance = variance_of(problem, at.residual)
         step = damped_step(
@@ -88,7 +98,10 @@ def fit(
         )
         # After a rejected step of theta, and where there is none, the start states may have to go alone.
         alone = not (moved and theta.size)
-        new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high, alone=alone)
+        if dear:
+            new, moved, stepped, anchored = stepped_dearly(problem, hypothesis, at, step, low, high)
+        else:
+            new, moved, stepped, anchored = _stepped(problem, hypothesis, at, step, low, high, alone=alone)
         gain = at.value - new.value
         per_window = np.clip(np.where(stepped, per_window / shrinks, per_window * grows), least, most)
         damping = float(np.clip(damping / shrinks if moved else damping * grows, least, most))
@@ -117,30 +130,6 @@ def curvature(problem: Problem, fit: Fit) -> Curvature:
     return Curvature(informations.sum(axis=0), gradients)
 
 
-@dataclass(frozen=True)
-class _Point:
-    """Where a fit stands: theta (P,), starts (W, S), residual (W, L + 1, S) and the objective there.
-
-    anchored: (W, L + 1, S) the residual from the measured start states with this theta, where it is known.
-    """
-
-    theta: FloatArray
-    starts: FloatArray
-    residual: FloatArray
-    value: float
-    anchored: FloatArray | None = None
-
-
-def _point(
-    problem: Problem,
-    theta: FloatArray,
-    starts: FloatArray,
-    residual: FloatArray,
-    anchored: FloatArray | None = None,
-) -> _Point:
-    return _Point(theta, starts, residual, objective(problem, residual), anchored)
-
-
 def _bounds(hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
     bounds = np.array([(p.low, p.high) for p in hypothesis.parameters], dtype=float).reshape(-1, 2)
     return bounds[:, 0], bounds[:, 1]
@@ -149,13 +138,13 @@ def _bounds(hypothesis: Hypothesis) -> tuple[FloatArray, FloatArray]:
 def _stepped(
     problem: Problem,
     hypothesis: Hypothesis,
-    at: _Point,
+    at: Point,
     step: Step,
     low: FloatArray,
     high: FloatArray,
     *,
     alone: bool,
-) -> tuple[_Point, bool, BoolArray, FloatArray]:
+) -> tuple[Point, bool, BoolArray, FloatArray]:
     """The step of theta if it is better than where the fit stands, else theta standing still.
 
     Every window keeps the start state that suits it best. alone: try its own step while theta stands, too.
@@ -182,7 +171,7 @@ def _stepped(
     every, options = np.arange(len(at.starts)), []
     for i, theta in enumerate(thetas):
         pick = 3 * i + np.argmin(costs[3 * i : 3 * i + 3], axis=0)
-        point = _point(problem, theta, copies[pick, every], got[pick, every], got[3 * i + 2])
+        point = point_at(problem, theta, copies[pick, every], got[pick, every], got[3 * i + 2])
         options.append((point, pick == 3 * i))
     # Start states alone often gain more at first, and would hold theta where it stands.
     moves = len(thetas) > 1 and options[0][0].value < at.value
@@ -193,23 +182,27 @@ def _stepped(
 def _searched_pattern(
     problem: Problem,
     hypothesis: Hypothesis,
-    at: _Point,
+    at: Point,
     pattern: FloatArray,
     low: FloatArray,
     high: FloatArray,
     per_window: FloatArray,
-) -> _Point:
+) -> Point:
     """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum.
 
     All places of a parameter are judged with start states that follow them linearly, and once more with the other
     parameters following, too; the best of either is taken if it holds.
     """
     rows = evenly(len(at.starts), problem.run.settings.shooting.pattern_windows)
-    some, damped = problem.on(problem.windows.take(rows)), per_window[rows]
+    own, damped = problem.on(problem.windows.take(rows)), per_window[rows]
+    some = own.slopes
     for j, parameter in enumerate(hypothesis.parameters):
         if parameter.step is None:
             continue
-        here = _point(some, at.theta, at.starts[rows], at.residual[rows])
+        there = at.residual[rows]
+        if some is not own:
+            there = some.residuals(hypothesis, at.theta[None], at.starts[None, rows])[0]
+        here = point_at(some, at.theta, at.starts[rows], there)
         reaches = parameter.step * np.concatenate([-pattern, pattern])
         thetas = np.tile(at.theta, (len(reaches), 1))
         thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
@@ -229,7 +222,7 @@ def _searched_pattern(
 
 def _followed(
     problem: Problem,
-    at: _Point,
+    at: Point,
     got: FloatArray,
     by_state: FloatArray,
     by_theta: FloatArray,
@@ -251,8 +244,8 @@ def _followed(
 
 
 def _best_starts(
-    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: _Point, per_window: FloatArray
-) -> _Point:
+    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: Point, per_window: FloatArray
+) -> Point:
     """Theta with the start state that suits each window best: where it stood, as it follows, or as measured."""
     residual = problem.residuals(hypothesis, theta[None], at.starts[None])[0]
     by_state = state_jacobian(problem, hypothesis.having(theta), at.starts, residual)
@@ -264,4 +257,4 @@ def _best_starts(
     tried = np.concatenate([residual[None], others])
     pick = np.argmin(window_costs(problem, tried, variance), axis=0)
     every = np.arange(len(at.starts))
-    return _point(problem, theta, copies[pick, every], tried[pick, every], tried[-1])
+    return point_at(problem, theta, copies[pick, every], tried[pick, every], tried[-1])

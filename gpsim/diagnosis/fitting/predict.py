@@ -12,7 +12,7 @@ from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.diagnosis.fitting.simulate import Extra
+from gpsim.diagnosis.fitting.rollout import Extra
 from gpsim.diagnosis.run import kept
 
 

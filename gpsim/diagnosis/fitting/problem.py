@@ -8,13 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Spread
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.simulate import Extra, simulate
+from gpsim.diagnosis.fitting.rollout import Extra
+from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.effects import Chain
+from gpsim.effects import Chain, closed
 from gpsim.simulators import Simulator
 
 
@@ -26,7 +27,8 @@ class Problem:
     leaves over (known noise, numerical error); stated: (S,) whether the recording says how noisy a channel is;
     scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
     substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
-    was thinned). run: what the diagnosis carries along.
+    was thinned). run: what the diagnosis carries along. slope_steps: of a transition where only differences count, of a
+    simulator that owns its integration (then by `slope_simulator`); 0: as many as always.
     """
 
     simulator: Simulator
@@ -41,6 +43,8 @@ class Problem:
     substeps: int
     base_steps: int = 1
     run: Run = field(default_factory=Run)
+    slope_steps: int = 0
+    slope_simulator: Simulator | None = None
 
     @cached_property
     def counts(self) -> FloatArray:
@@ -64,12 +68,27 @@ class Problem:
         weights = self.windows.weights
         return self.counted if weights is None else np.sqrt(weights) * self.counted
 
+    @property
+    def every_slope(self) -> int:
+        """In how many steps of a fit once the slopes of start states are found anew; dear ones serve several times."""
+        return 1 if closed(self.simulator) is None else self.run.settings.closed_step.slopes_serve
+
+    @property
+    def slopes(self) -> Problem:
+        """The same question where only differences between simulations count, which coarser steps tell as well."""
+        if not self.slope_steps:
+            return self
+        by = self.slope_simulator or self.simulator
+        return replace(self, simulator=by, substeps=self.slope_steps, slope_steps=0, slope_simulator=None)
+
     def on(self, windows: Windows) -> Problem:
         """The same question to other windows."""
         return replace(self, windows=windows)
 
     def steps(self, chain: Chain) -> int:
         """Steps of a transition."""
+        if chain.closed is not None:
+            return self.substeps
         return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
 
     def as_finely(self, hypothesis: Hypothesis, other: Hypothesis) -> Problem:
@@ -102,7 +121,7 @@ class Problem:
         """
         chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
         said = self.simulated(chain, self.windows, starts, hypothesis.spread, thetas)
-        residual = difference(self.windows.measured[None], said, self.simulator.state)
+        residual = self.simulator.gap(self.windows.measured[None], said)
         residual *= self.root_weights
         return residual
 

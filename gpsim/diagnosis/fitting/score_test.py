@@ -29,6 +29,10 @@ class Directions:
         self.problem, self.parent = problem, parent
         self._sd = np.sqrt(parent.variance[problem.observed])
         hypothesis = parent.hypothesis
+        # What differs is looked at in the same steps on both sides.
+        self._rough, self._from = problem.slopes, parent.residuals
+        if self._rough is not problem:
+            self._from = self._rough.residuals(hypothesis, hypothesis.theta[None], parent.starts[None])[0]
         by_state, by_theta = jacobians(problem, hypothesis, hypothesis.theta, parent.starts, parent.residuals)
         self._basis = np.linalg.qr(self._columns(by_state) + 1e-12)[0]
         self._own: FloatArray | None = None
@@ -47,12 +51,15 @@ class Directions:
     def of(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:
         """(C, W, M): what each of thetas (C, P) takes off the residual."""
         starts = np.broadcast_to(self.parent.starts, (len(thetas), *self.parent.starts.shape))
-        return self.changes(self.problem.residuals(hypothesis, thetas, starts))
+        return self._changes(self._from, self._rough.residuals(hypothesis, thetas, starts))
 
     def changes(self, residuals: FloatArray) -> FloatArray:
         """(C, W, M): the same for other residuals (C, W, L + 1, S)."""
+        return self._changes(self.parent.residuals, residuals)
+
+    def _changes(self, before: FloatArray, residuals: FloatArray) -> FloatArray:
         most = self.problem.run.settings.score_test.clipped_at
-        changes = [np.clip(self._flat(self.parent.residuals - r), -most, most) for r in residuals]
+        changes = [np.clip(self._flat(before - r), -most, most) for r in residuals]
         return np.stack([self._without(change) for change in changes])
 
     def gains(self, hypothesis: Hypothesis, thetas: FloatArray) -> FloatArray:

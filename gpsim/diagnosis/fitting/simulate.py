@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
+from gpsim.diagnosis.fitting.rollout import FAR, Extra, roll, tamed
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values, last_at_most
-
-Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
-"""State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
-FAR = 1e6  # what a diverging simulation is clipped to: far beyond any state, and its square is still a number
 
 
 def simulate(
@@ -35,7 +32,7 @@ def simulate(
     """
     if not len(windows):
         return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
-    starts = _tamed(starts)  # a step may have sent one anywhere
+    starts = tamed(starts)  # a step may have sent one anywhere
     setting, windows = _set(run, chain, windows, spread, thetas, n)
     _count(run, chain, windows, len(thetas), setting)
     parts = _parts(run.settings.sharing, run.workers.count, len(thetas), len(windows), windows.length * n)
@@ -63,7 +60,8 @@ def _simulated(
             if chain.actuates
             else as_recorded(windows, rows)
         )
-        out = _run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
+        run = _run if chain.closed is None else roll
+        out = run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
     return out.reshape(copies, count, windows.length + 1, -1)
 
 
@@ -147,7 +145,7 @@ def _run(
             state = chain.advance(state, drive(k, j, state), values, step, t + j * step, added)
             if watching:
                 chain.sensors.watch(state, seen, step)
-        state = _tamed(state)
+        state = tamed(state)
         out[:, k + 1] = chain.sensors.measure(state, values, seen, step)
     return out
 
@@ -177,7 +175,7 @@ def _history(
             step = lengths[rows, k]
             end = windows.before_t[rows, k] - (n - 1 - j) * step
         state = chain.advance(state, drive(k, j, state), values, -step, end)
-        state = np.where(still, starts, _tamed(state))
+        state = np.where(still, starts, tamed(state))
         past.append(state)
         steps.append(step)
     return np.stack(past[::-1], axis=1), None if regular else np.stack([*steps, own][::-1], axis=1)
@@ -191,10 +189,3 @@ def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> 
     rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
     first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.sensors.looks_back(values))
     return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
-
-
-def _tamed(state: FloatArray) -> FloatArray:
-    """A state that may have diverged, within FAR. Nearly all are, and to see that is the cheap part."""
-    if np.abs(state).max(initial=0.0) <= FAR:  # no, where one is not a number
-        return state
-    return np.clip(np.nan_to_num(state, nan=FAR), -FAR, FAR)

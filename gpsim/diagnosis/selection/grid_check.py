@@ -13,6 +13,7 @@ from gpsim.diagnosis.fitting import Fit, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import lean, simplest
 from gpsim.diagnosis.setup import Question, settled_question
+from gpsim.effects import closed
 
 
 def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
@@ -31,7 +32,8 @@ def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
     """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
     fewer = _best_of_each(best, fits)[: problem.run.settings.grid_check.tried]
-    if not fewer:
+    system = closed(problem.simulator)
+    if not fewer or (system is not None and system.own_grid):
         return best, best
     settings = problem.run.settings.discretisation
     grid = replace(problem, substeps=settings.most_finer * problem.substeps)

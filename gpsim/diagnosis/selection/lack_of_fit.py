@@ -225,7 +225,7 @@ def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -
         thetas = np.tile(at.hypothesis.theta, (len(which), 1))
         extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
         said = problem.simulated(chain, windows, starts, at.hypothesis.spread, thetas, extra)
-        residual = difference(windows.measured[None], said, problem.simulator.state)
+        residual = problem.simulator.gap(windows.measured[None], said)
         residual *= problem.root_weights
         out.append(directions.changes(residual).reshape(len(which), -1))
     return np.concatenate(out) / scale

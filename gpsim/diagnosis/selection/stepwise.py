@@ -42,7 +42,7 @@ from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.selection.refit import Contenders
 from gpsim.diagnosis.selection.substitution import left_open, specialised, substitutes
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import LooksAt
+from gpsim.effects import LooksAt, closed
 
 
 def stepwise(
@@ -212,7 +212,9 @@ def _children(
         everywhere = most_promising(part, directions, offers, problem.run.settings.gates.promising)
         few = Directions(*on_some_windows(part, seen, settings.gate_windows))
         gated += gated_children(part, directions, everywhere, offers, few=few)
-    elif not leader.hypothesis.terms:  # what began late and is slight leaves the recording white as a whole
+    elif (
+        not leader.hypothesis.terms and closed(problem.simulator) is None
+    ):  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
     gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[: settings.gated], settings.gated)
     orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in gated]

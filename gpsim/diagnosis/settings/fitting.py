@@ -193,3 +193,40 @@ class SensorInversionSettings:
     )
     least_gain: float = setting(0.01, "1", "a sensor that answers less is taken for one that reads the truth")
     most_gain: float = setting(100.0, "1", "a sensor that answers more is, too")
+
+
+@dataclass(frozen=True)
+class ClosedStepSettings:
+    """Simulators that own their integration (MuJoCo models): steps are dear, their length is a part of the model."""
+
+    fitted: int = setting(
+        100,
+        "windows",
+        "that the final fits use, and that are held out, at most",
+        "a step costs ten times that of closed equations",
+        least=1,
+    )
+    searched: int = setting(56, "windows", "that the search looks at, at most", least=1)
+    coarser: tuple[int, ...] = setting(
+        (20, 10, 5, 4, 3, 2),
+        "1",
+        "times as long as its own the steps may be in which slopes are found, the first that will do",
+    )
+    tolerated: float = setting(
+        0.03, "1", "of a channel's spread: what these longer steps may change in a window, root mean square"
+    )
+    tolerated_error: float = setting(
+        3e-4, "1", "of a channel's spread: what halving the steps may change, if it is more than noise hides"
+    )
+    coarser_exact: tuple[int, ...] = setting(
+        (8, 5, 4, 3, 2, 1), "1", "times as long as its own, steps of a method of higher order that are tried"
+    )
+    cost_of_exact: float = setting(
+        4.0, "1", "steps of its own that such a step costs", "Runge and Kutta's four stages"
+    )
+    slopes_serve: int = setting(
+        3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
+    )
+
+    def __post_init__(self) -> None:
+        check(self, lists=("coarser", "coarser_exact"))

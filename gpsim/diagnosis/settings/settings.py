@@ -29,6 +29,7 @@ from gpsim.diagnosis.settings.data import (
 )
 from gpsim.diagnosis.settings.declare import too_small
 from gpsim.diagnosis.settings.fitting import (
+    ClosedStepSettings,
     DiscretisationSettings,
     EvidenceSettings,
     PatchworkSettings,
@@ -78,6 +79,7 @@ class Settings:
     latent_states: LatentStateSettings = field(default_factory=LatentStateSettings)
     velocity_filter: VelocityFilterSettings = field(default_factory=VelocityFilterSettings)
     discretisation: DiscretisationSettings = field(default_factory=DiscretisationSettings)
+    closed_step: ClosedStepSettings = field(default_factory=ClosedStepSettings)
     shooting: ShootingSettings = field(default_factory=ShootingSettings)
     evidence: EvidenceSettings = field(default_factory=EvidenceSettings)
     score_test: ScoreTestSettings = field(default_factory=ScoreTestSettings)

@@ -9,6 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import CandidateSettings
+from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.not_asked import shows
 from gpsim.diagnosis.setup.prepare import Question
@@ -69,6 +70,7 @@ class _Sizes:
     ) -> None:
         rows = recording.transitions()
         rows = rows.take(evenly(len(rows), settings.rows))
+        rows = rows.take(apart(simulator, settings.apart, rows.states, rows.next_states))
         self._reach = settings.reach
         self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
         self._spans = {
@@ -117,14 +119,28 @@ class _Sizes:
                 speed=self._spans[coordinate.velocity],
                 dt=self._dt,
                 loaded=on in self._loaded,
+                damping=coordinate.damping,
+                friction=coordinate.friction,
             )
         if effect.site == "actuator":
             unit = self._simulator.action.units[on]
             return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
         if effect.site == "sensor" and on in self._deviations:
             return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
-        if effect.site == "parameter":
+        if effect.site == "parameter" and on in self._simulator.parameters:
+            declared = self._simulator.parameters[on]
+            if declared.additive:
+                believed = self._parameters[on]
+                ends = (declared.low - believed, declared.high - believed)
+                return Place(
+                    on, declared.unit, span=declared.additive, dt=self._dt, bounds=ends, additive=True
+                )
             return Place(on, "1", dt=self._dt, bounds=self._shares(on))
+        if (there := self._simulator.model_places.get(effect.family, {}).get(on)) is not None:
+            less = (-there.least, np.inf)
+            return Place(
+                on, there.unit, there.size, reach=there.reach, dt=self._dt, bounds=less, centre=there.centre
+            )
         return Place(on, "1", dt=self._dt)
 
     def _shares(self, on: str) -> tuple[float, float]:

@@ -18,14 +18,17 @@ from gpsim.diagnosis.fitting import (
     numerical_error,
     rescored,
     settled,
+    stepped,
 )
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
+from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
+from gpsim.effects import closed
 from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
@@ -100,10 +103,13 @@ def prepare(
     if hidden:
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
-        problem = _problem(seen, simulator, parameters, training, hidden, log, run)
+        before = problem
+        problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=before)
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
+    if closed(simulator) is not None:
+        searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
     problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(
         seen,
@@ -115,7 +121,7 @@ def prepare(
         origin,
         sight,
         free,
-        facts=log.facts,
+        facts=(*log.facts, *contacts(simulator, seen)),
     )
 
 
@@ -171,8 +177,12 @@ def _problem(
     hidden: tuple[str, ...],
     log: LogLook,
     run: Run,
+    like: Problem | None = None,
 ) -> Problem:
-    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones."""
+    """The problem on the training windows; its floor is the known noise, its substeps are the usual ones.
+
+    like: one whose steps were chosen before, of a simulator that owns its integration.
+    """
     names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
     share, spread = run.settings.prepare.hidden_scale, training.measured[training.valid].std(axis=0)
@@ -185,7 +195,7 @@ def _problem(
     floor = np.sqrt(np.maximum(known, rounded) ** 2 + (run.settings.prepare.least_noise * scale) ** 2)
     usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
     nothing = np.zeros(len(names))
-    return Problem(
+    problem = Problem(
         simulator,
         parameters,
         recording.dt,
@@ -198,11 +208,26 @@ def _problem(
         usual,
         run=run,
     )
+    if closed(simulator) is None:
+        return problem
+    return _in_steps_of(problem, like or stepped(_sample(problem)))
+
+
+def _in_steps_of(problem: Problem, other: Problem) -> Problem:
+    return replace(
+        problem,
+        simulator=other.simulator,
+        substeps=other.substeps,
+        slope_steps=other.slope_steps,
+        slope_simulator=other.slope_simulator,
+    )
 
 
 def _fine_enough(problem: Problem) -> Problem:
     """As many substeps as the dynamics need, and what halving them still changes as a part of the noise."""
     settings, sample = problem.run.settings.discretisation, _sample(problem)
+    if closed(problem.simulator) is not None:  # its steps are chosen, what they are off by is noise
+        return replace(problem, floor=np.hypot(problem.floor, numerical_error(sample)))
     stands = (
         any(problem.simulator.coordinates) and problem.dt <= settings.slow
     )  # friction may hold something at rest

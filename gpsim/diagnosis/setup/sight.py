@@ -79,7 +79,7 @@ def look(recording: Recording, simulator: Simulator) -> Sight:
     absent = [n for n in simulator.state.names if n not in recording.state.names]
     some = len(absent) < len(simulator.state)
     dropped = _not_needed(shown, simulator, absent) if some else []
-    guesses = SIMULATORS.get(simulator.name) is not None and some
+    guesses = (simulator.guesses_speeds or SIMULATORS.get(simulator.name) is not None) and some
     hidden = [n for n in absent if n not in dropped and (n in simulator.start or guesses)]
     check_match(shown, simulator, hidden=(*hidden, *dropped))
     constant = _constant(shown)

@@ -1,0 +1,25 @@
+"""Armature: what turns with a motor behind its gear weighs on the joint, and on nothing else.
+
+Featherstone (2008), "Rigid Body Dynamics Algorithms", section 9.6: gear ratio squared times the rotor's inertia.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from gpsim.effects.effect import EffectParameter, FunctionOf, ModelEffect, Place
+
+
+class Armature(ModelEffect):
+    """Inertia of a rotor, reflected to its joint."""
+
+    family: ClassVar[str] = "armature"
+    function_of: ClassVar[FunctionOf] = "nothing"
+    noun: ClassVar[str] = "rotor inertia"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Inertia [the joint's: kg m^2 of a hinge, kg of a slide]."""
+        span = place.span
+        return (
+            EffectParameter("inertia", place.unit, place.bounds[0], 20 * span, (0.2 * span,), 0.2 * span),
+        )

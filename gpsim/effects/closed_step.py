@@ -1,0 +1,58 @@
+"""Simulators that own their integration: a chain asks them for whole stretches of time, not for rates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol, runtime_checkable
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import Values
+from gpsim.effects.term import Term
+from gpsim.simulators import Simulator
+
+
+@runtime_checkable
+class ClosedStep(Protocol):
+    """What a chain needs of a simulator whose step it cannot take apart (MuJoCo's).
+
+    Effects on commands and on sensors stay the chain's; all others the simulator takes as terms.
+    """
+
+    @property
+    def own_grid(self) -> bool:
+        """Whether it steps as its model says, so that its step is a part of what is believed."""
+        ...
+
+    def steps_of(self, dt: float) -> int:
+        """How many of its own steps a transition of dt [s] takes."""
+        ...
+
+    def as_modelled(self) -> Simulator:
+        """The same by the model's own method."""
+        ...
+
+    def exact(self) -> Simulator:
+        """The same by a method of higher order, which is nearer to what happens in longer steps."""
+        ...
+
+    def rolled(
+        self,
+        terms: Sequence[Term],
+        parameters: Mapping[str, float],
+        values: Sequence[Values],
+        state: FloatArray,
+        commands: FloatArray,
+        step: FloatArray,
+        t: FloatArray,
+        extra: FloatArray | None = None,
+    ) -> FloatArray:
+        """(B, K, S): the states after each of K substeps of `step` (B,) s, which begin at t (B,) s in state (B, S).
+
+        commands: (B, K, A) that reach it; extra: (B, R) added to the rates throughout. A negative step looks back.
+        """
+        ...
+
+
+def closed(simulator: Simulator) -> ClosedStep | None:
+    """The simulator as one that owns its integration, or None."""
+    return simulator if isinstance(simulator, ClosedStep) else None

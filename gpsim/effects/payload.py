@@ -1,0 +1,29 @@
+"""A payload: a point mass carried by a body, which nobody told the simulator of.
+
+Steiner's theorem (1840) gives mass, centre of mass and moments of inertia of both together.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from gpsim.effects.effect import EffectParameter, FunctionOf, ModelEffect, Place
+
+
+class Payload(ModelEffect):
+    """A point mass at x, y, z of the frame of a body that carries it."""
+
+    family: ClassVar[str] = "payload"
+    function_of: ClassVar[FunctionOf] = "nothing"
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Mass [kg], and where it sits in the body's frame: x, y, z [m]."""
+        span, reach = place.span, place.reach
+        centre = place.centre or (0.0, 0.0, 0.0)
+        return (
+            EffectParameter("mass", "kg", 0.0, 20 * span, (0.2 * span,), 0.2 * span),
+            *(
+                EffectParameter(axis, "m", at - 2 * reach, at + 2 * reach, (at,), 0.3 * reach, none=at)
+                for axis, at in zip("xyz", centre, strict=True)
+            ),
+        )

@@ -1,0 +1,242 @@
+"""A model as gpsim asks it: a copy that takes commands as they come, its names, parameters and what it already has."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.errors import UsageError
+from gpsim.mjcf.batches import Pools
+from gpsim.mjcf.loading import Loaded
+from gpsim.mjcf.naming import Names, names_of
+from gpsim.mjcf.optional import mujoco
+from gpsim.simulators import Parameter
+
+HELD = 1e9  # of inertia: what is held by a mount heavier than anything
+LENGTHS = 5.0  # a centre of mass lies no more than so many lengths of its body from where it is believed
+SHORT = 0.02  # m, the least length of a body
+HEAVIEST = 20.0  # times what is believed
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One parameter of a model: the fields it changes, and how its value (B,) writes them."""
+
+    fields: tuple[str, ...]
+    write: Callable[[Mapping[str, FloatArray], FloatArray], None]
+
+
+@dataclass
+class Body:
+    """A compiled model with its names, parameters, and the batches that step it in this process.
+
+    base: MuJoCo's own, untouched. model: commands are not clamped in it, since effects act on clamped ones, and nothing
+    in it relies on where a body's centre of mass happens to be.
+    """
+
+    loaded: Loaded
+    base: Any
+    model: Any
+    names: Names
+    parameters: dict[str, Parameter]
+    knobs: dict[str, Knob]
+    pools: Pools = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.pools = Pools(self.model)
+
+    @property
+    def own_step(self) -> float:
+        """The model's step [s]."""
+        return float(self.model.opt.timestep)
+
+    def lengths(self) -> dict[str, float]:
+        """Of every body that moves how long it is [m]."""
+        return {self.names.bodies[b]: _length(self.base, b) for b in _moving(self.base)}
+
+
+def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) -> Body:
+    """What gpsim diagnoses of a model, its joints `held` in a mount; raises UsageError for what it cannot.
+
+    exact: by the classical Runge-Kutta scheme, whatever the model says.
+    """
+    mj, base = mujoco(), loaded.model
+    where = loaded.source.reference
+    names = names_of(base, where)
+    _check(base, where)
+    model = copy.copy(base)
+    model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    if exact:
+        model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
+    model.body_sameframe[:] = mj.mjtSameFrame.mjSAMEFRAME_NONE
+    for coordinate, dof in zip(names.coordinates, names.dofs, strict=True):
+        if coordinate.name in held:
+            model.dof_armature[dof] += HELD
+            model.dof_damping[dof] = 0.0
+            model.dof_frictionloss[dof] = 0.0
+    parameters, knobs = _parameters(base, names)
+    return Body(loaded, base, model, names, parameters, knobs)
+
+
+def _check(model: Any, where: str) -> None:
+    if int(model.na):
+        raise UsageError(
+            f"{where}: {int(model.na)} of its actuators have an activation (filter, integrator or muscle), "
+            "which no recording holds; leave it out of the model: a lag is what gpsim finds"
+        )
+    if int(getattr(model, "nhistory", 0)):
+        raise UsageError(
+            f"{where}: it delays actuators or sensors itself; take delay= out of the model: gpsim finds delays"
+        )
+
+
+def _moving(model: Any) -> list[int]:
+    """Bodies that a joint moves, with a mass."""
+    return [b for b in range(1, model.nbody) if model.body_weldid[b] != 0 and float(model.body_mass[b]) > 0.0]
+
+
+def _length(model: Any, body: int) -> float:
+    """About how long a body is [m]: its geoms, and how far its centre of mass is from its frame."""
+    first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+    sizes = [float(model.geom_rbound[g]) for g in range(first, first + count)] if count else []
+    gyration = math.sqrt(float(model.body_inertia[body].max()) / float(model.body_mass[body]))
+    return max([*sizes, float(np.linalg.norm(model.body_ipos[body])), gyration, SHORT])
+
+
+def _parameters(model: Any, names: Names) -> tuple[dict[str, Parameter], dict[str, Knob]]:
+    """What may be other than the model believes, and how to write it."""
+    found: dict[str, Parameter] = {}
+    knobs: dict[str, Knob] = {}
+
+    def add(
+        name: str,
+        unit: str,
+        value: float,
+        low: float,
+        high: float,
+        text: str,
+        knob: Knob,
+        additive: float = 0.0,
+    ) -> None:
+        found[name] = Parameter(unit, value, low, high, text, additive)
+        knobs[name] = knob
+
+    size = float(np.linalg.norm(model.opt.gravity))
+    if size > 0.0:
+        add(
+            "gravity",
+            "m/s^2",
+            size,
+            0.0,
+            HEAVIEST * size,
+            "acceleration of gravity",
+            _scaled(("opt.gravity",), (), size),
+        )
+    for b in _moving(model):
+        name, mass, length = names.bodies[b], float(model.body_mass[b]), _length(model, b)
+        add(
+            f"{name}.mass",
+            "kg",
+            mass,
+            mass / HEAVIEST,
+            HEAVIEST * mass,
+            f"mass of {name}",
+            _set("body_mass", b),
+        )
+        if int(model.body_simple[b]) == 0:  # else MuJoCo takes its part of the mass matrix for diagonal
+            for axis, letter in enumerate("xyz"):
+                at = float(model.body_ipos[b, axis])
+                text = f"centre of mass of {name} along its {letter}"
+                knob, far = _set("body_ipos", b, axis), LENGTHS * length
+                add(f"{name}.com_{letter}", "m", at, at - far, at + far, text, knob, length)
+        inertia = float(model.body_inertia[b].max())
+        if inertia > 0.0 and not _points(model, b):
+            text = f"largest moment of inertia of {name} about its centre of mass"
+            add(
+                f"{name}.inertia",
+                "kg m^2",
+                inertia,
+                inertia / HEAVIEST,
+                HEAVIEST * inertia,
+                text,
+                _scaled(("body_inertia",), (b,), inertia),
+            )
+    for i, action in enumerate(names.action.names):
+        stiff, damped = -float(model.actuator_biasprm[i, 1]), -float(model.actuator_biasprm[i, 2])
+        if stiff > 0.0:
+            add(
+                f"{action}.kp",
+                "1",
+                stiff,
+                stiff / HEAVIEST,
+                HEAVIEST * stiff,
+                f"position gain of {action}",
+                _gain(i, 1, stiff, moves=True),
+            )
+        if damped > 0.0:
+            add(
+                f"{action}.kv",
+                "1",
+                damped,
+                damped / HEAVIEST,
+                HEAVIEST * damped,
+                f"velocity gain of {action}",
+                _gain(i, 2, damped, moves=stiff <= 0.0),
+            )
+    return found, knobs
+
+
+def _points(model: Any, body: int) -> bool:
+    """Whether a body only slides along lines: how it resists turning does not show."""
+    turns = [
+        j
+        for j in range(model.njnt)
+        if int(model.jnt_type[j]) != mujoco().mjtJoint.mjJNT_SLIDE
+        and _carries(model, int(model.jnt_bodyid[j]), body)
+    ]
+    return not turns
+
+
+def _carries(model: Any, ancestor: int, body: int) -> bool:
+    while body > 0:
+        if body == ancestor:
+            return True
+        body = int(model.body_parentid[body])
+    return False
+
+
+def _set(name: str, *at: int) -> Knob:
+    where: tuple[slice | int, ...] = (slice(None), *at)
+
+    def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
+        fields[name][where] = value
+
+    return Knob((name,), write)
+
+
+def _scaled(names: tuple[str, ...], at: tuple[int, ...], believed: float) -> Knob:
+    where: tuple[slice | int, ...] = (slice(None), *at)
+
+    def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
+        for name in names:
+            part = np.asarray(fields[name][where])
+            fields[name][where] = part * (value / believed).reshape(-1, *(1,) * (part.ndim - 1))
+
+    return Knob(names, write)
+
+
+def _gain(actuator: int, column: int, believed: float, *, moves: bool) -> Knob:
+    """A servo's gain; where it multiplies the command, too, both go together."""
+
+    def write(fields: Mapping[str, FloatArray], value: FloatArray) -> None:
+        fields["actuator_biasprm"][:, actuator, column] *= value / believed
+        if moves:
+            fields["actuator_gainprm"][:, actuator, 0] *= value / believed
+
+    return Knob(("actuator_biasprm", "actuator_gainprm") if moves else ("actuator_biasprm",), write)

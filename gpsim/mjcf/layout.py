@@ -1,0 +1,130 @@
+"""Where a simulator's channels lie in a model's positions and velocities, and what stands where no channel is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.channels import Channels, FloatArray
+from gpsim.mjcf.body import Body
+from gpsim.mjcf.naming import POSE
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The columns of positions and velocities, and their places in qpos and qvel.
+
+    simple: of every hinge and slide joint its places in both; freed: of every free joint the first of them; turned:
+    of every free joint the columns of its quaternion.
+    """
+
+    size: int
+    q_columns: tuple[int, ...]
+    q_places: tuple[int, ...]
+    v_columns: tuple[int, ...]
+    v_places: tuple[int, ...]
+    simple: tuple[tuple[int, int], ...]
+    freed: tuple[tuple[int, int], ...]
+    qpos: FloatArray
+    qvel: FloatArray
+    turned: tuple[tuple[int, ...], ...] = ()
+
+    @classmethod
+    def of(cls, body: Body, state: Channels, fixed: Mapping[str, float]) -> Layout:
+        """The layout of the channels `state` of a model, whose other ones are `fixed`."""
+        names, model = body.names, body.model
+        placed = zip(names.state, names.positions, names.velocities, strict=True)
+        every = {c.name: (q, v) for c, q, v in placed}
+        at = [every[c.name] for c in state]
+        qpos, qvel = np.array(model.qpos0), np.zeros(model.nv)
+        for name, value in fixed.items():
+            q, v = every[name]
+            if q >= 0:
+                qpos[q] = value
+            else:
+                qvel[v] = value
+        places = [(int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])) for j in range(model.njnt)]
+        return cls(
+            len(state),
+            tuple(i for i, (q, _) in enumerate(at) if q >= 0),
+            tuple(q for q, _ in at if q >= 0),
+            tuple(i for i, (_, v) in enumerate(at) if v >= 0),
+            tuple(v for _, v in at if v >= 0),
+            tuple(places[j] for j in names.joints),
+            tuple(p for j, p in enumerate(places) if j not in names.joints),
+            qpos,
+            qvel,
+            tuple(
+                tuple(state.index(f"{name}.{part}") for part in POSE[3:])
+                for name in names.free
+                if all(f"{name}.{part}" in state.names for part in POSE[3:])
+            ),
+        )
+
+    def full(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(B, nq), (B, nv) of states (B, S)."""
+        qpos, qvel = np.tile(self.qpos, (len(state), 1)), np.tile(self.qvel, (len(state), 1))
+        qpos[:, self.q_places] = state[:, self.q_columns]
+        qvel[:, self.v_places] = state[:, self.v_columns]
+        return qpos, qvel
+
+    def state(self, qpos: FloatArray, qvel: FloatArray) -> FloatArray:
+        """(..., S) of (..., nq) and (..., nv)."""
+        out = np.empty((*qpos.shape[:-1], self.size))
+        out[..., self.q_columns] = qpos[..., self.q_places]
+        out[..., self.v_columns] = qvel[..., self.v_places]
+        return out
+
+    def gap(self, measured: FloatArray, said: FloatArray, plain: FloatArray) -> FloatArray:
+        """(..., S): `plain` with what lies between two quaternions: how their lengths differ, and the half angle.
+
+        The imaginary part of said^-1 measured, the shorter way round: the same for q and -q. To first order it is half
+        the rotation vector, in the frame of `said`.
+        """
+        for columns in self.turned:
+            q, m = said[..., columns], measured[..., columns]
+            length = np.linalg.norm(q, axis=-1)
+            turn = _times(q * [1.0, -1.0, -1.0, -1.0], m) / np.where(length > 0.0, length, 1.0)[..., None]
+            plain[..., columns[0]] = np.linalg.norm(m, axis=-1) - length
+            plain[..., columns[1:]] = turn[..., 1:] * np.where(turn[..., :1] < 0.0, -1.0, 1.0)
+        return plain
+
+    def ahead(self, state: FloatArray, step: FloatArray) -> FloatArray:
+        """(B, S): about where a substep ends that begins in state (B, S)."""
+        qpos, qvel = self.full(state)
+        for q, v in self.simple:
+            qpos[:, q] += step * qvel[:, v]
+        return self.state(qpos, qvel)
+
+    def slope(self, state: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """(B, S): d state / dt; a free joint's quaternion is turned by its angular velocity."""
+        qpos, qvel = self.full(state)
+        moves = np.zeros_like(qpos)
+        for q, v in self.simple:
+            moves[:, q] = qvel[:, v]
+        for q, v in self.freed:
+            moves[:, q : q + 3] = qvel[:, v : v + 3]
+            moves[:, q + 3 : q + 7] = _turning(qpos[:, q + 3 : q + 7], qvel[:, v + 3 : v + 6])
+        return self.state(moves, acceleration)
+
+
+def _turning(quat: FloatArray, omega: FloatArray) -> FloatArray:
+    """(B, 4): d/dt of unit quaternions (B, 4), real part first, turned by omega (B, 3) rad/s of their own frame."""
+    w, x, y, z = quat.T
+    a, b, c = omega.T
+    slopes = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
+    return np.asarray(0.5 * np.stack(slopes, axis=1))
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(..., 4): Hamilton's product of quaternions, real part first."""
+    (w, x, y, z), (s, i, j, k) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    parts = [
+        w * s - x * i - y * j - z * k,
+        w * i + x * s + y * k - z * j,
+        w * j - x * k + y * s + z * i,
+        w * k + x * j - y * i + z * s,
+    ]
+    return np.asarray(np.stack(parts, axis=-1))

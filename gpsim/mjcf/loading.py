@@ -1,0 +1,217 @@
+"""From a reference to a compiled model: robot.xml, robot.urdf, FILE.py:function, gym:ID. Every fault is one line."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from xml.etree import ElementTree
+
+from gpsim.errors import Terminated, UsageError
+from gpsim.files import file_digest
+from gpsim.mjcf.faults import compile_fault, one_line
+from gpsim.mjcf.optional import mujoco
+
+GYM = "gym:"
+FILMS = "imageio"
+MODEL_FILES = (".xml", ".mjcf", ".urdf")
+DIRECTORIES = ("meshdir", "texturedir", "assetdir")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a model comes from: reference, files (name -> sha256), and the control step it was made for, if it says."""
+
+    reference: str
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def digest(self) -> str:
+        """One hash of all files and their names."""
+        said = "\n".join(f"{name} {value}" for name, value in sorted(self.files.items()))
+        return hashlib.sha256(said.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A compiled model and its source; control_step: s, of the environment that it came from, None of a file."""
+
+    model: Any
+    source: Source
+    control_step: float | None = None
+
+
+def is_mujoco(reference: str) -> bool:
+    """Whether a simulator's name means a MuJoCo model: by its ending, `gym:`, or a function in a Python file."""
+    if reference.startswith(GYM) or reference.lower().endswith(MODEL_FILES):
+        return True
+    file, _, name = reference.rpartition(":")
+    return file.endswith(".py") and Path(file).is_file() and _is_function(Path(file), name)
+
+
+def load(reference: str) -> Loaded:
+    """The model as its files are now; raises UsageError. What was loaded from the same files is not compiled again."""
+    source = source_of(reference)
+    return _loaded(reference, source.digest)
+
+
+@lru_cache(maxsize=8)
+def _loaded(reference: str, digest: str) -> Loaded:
+    step = None
+    if reference.startswith(GYM):
+        model, step = _of_environment(reference)
+    elif ":" in reference and reference.rpartition(":")[0].endswith(".py"):
+        model = _of_function(reference)
+    else:
+        model = _of_file(Path(reference))
+    return Loaded(model, source_of(reference), step)
+
+
+def source_of(reference: str) -> Source:
+    """The files that a model is made of; raises UsageError where the first of them is not there."""
+    if reference.startswith(GYM):
+        path = Path(str(getattr(_environment(reference), "fullpath", "")))
+        return Source(reference, _digests(path) if path.is_file() else {})
+    file = reference.rpartition(":")[0]
+    path = Path(file if file.endswith(".py") else reference)
+    if not path.is_file():
+        raise UsageError(
+            f"--simulator {reference}: no file {path}; give robot.xml, robot.urdf, FILE.py:function or gym:ID"
+        )
+    return Source(reference, {path.name: file_digest(path)} if path.suffix == ".py" else _digests(path))
+
+
+def _digests(path: Path) -> dict[str, str]:
+    """Of a model's file and all that it names, as far as they are there."""
+    found = dict.fromkeys(_named(path.resolve()))
+    base = path.resolve().parent
+    return {_relative(p, base): file_digest(p) for p in sorted(found)}
+
+
+def _relative(path: Path, base: Path) -> str:
+    return path.relative_to(base).as_posix() if path.is_relative_to(base) else path.as_posix()
+
+
+def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
+    """A file, and every file that its `file` and `filename` attributes name."""
+    seen = set() if seen is None else seen
+    if path in seen:
+        return
+    seen.add(path)
+    yield path
+    if path.suffix.lower() not in MODEL_FILES:
+        return
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (ElementTree.ParseError, OSError):
+        return  # the compiler says why
+    places = [path.parent]
+    for compiler in root.iter("compiler"):
+        places += [path.parent / compiler.get(d, "") for d in DIRECTORIES if compiler.get(d)]
+    for element in root.iter():
+        name = element.get("file") or element.get("filename")
+        if not name:
+            continue
+        name = name.removeprefix("file://").removeprefix("package://")
+        options = [p / n for p in places for n in (name, Path(name).name)]
+        there = next((p for p in options if p.is_file()), None)
+        if there is not None:
+            yield from _named(there.resolve(), seen)
+
+
+def _of_file(path: Path) -> Any:
+    mj = mujoco()
+    try:
+        spec = mj.MjSpec.from_file(str(path))
+        if not spec.actuators and path.suffix.lower() == ".urdf":
+            _add_motors(mj, spec)
+        return spec.compile()
+    except Terminated:
+        raise
+    except Exception as error:  # the parser and the compiler raise what they like
+        raise compile_fault(path, error) from error
+
+
+def _add_motors(mj: Any, spec: Any) -> None:
+    """A URDF has no actuators: a motor JOINT_motor of gear 1 for each of its joints."""
+    for joint in spec.joints:
+        if joint.type in (mj.mjtJoint.mjJNT_HINGE, mj.mjtJoint.mjJNT_SLIDE):
+            motor = spec.add_actuator(name=f"{joint.name}_motor", target=joint.name)
+            motor.trntype = mj.mjtTrn.mjTRN_JOINT
+
+
+def _of_function(reference: str) -> Any:
+    mj = mujoco()
+    file, _, name = reference.rpartition(":")
+    module = ModuleType(f"user_model_{Path(file).stem}")
+    module.__file__ = str(Path(file).resolve())
+    sys.modules[module.__name__] = module  # dataclasses look there
+    try:
+        exec(compile(Path(file).read_text(encoding="utf-8"), file, "exec"), vars(module))
+        model = getattr(module, name)()
+        if isinstance(model, mj.MjSpec):
+            model = model.compile()
+    except Terminated:
+        raise
+    except (Exception, SystemExit) as error:  # a user's code may raise anything
+        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {one_line(error)}") from error
+    if not isinstance(model, mj.MjModel):
+        raise UsageError(
+            f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
+        )
+    return model
+
+
+def _of_environment(reference: str) -> tuple[Any, float]:
+    found = _environment(reference)
+    mj = mujoco()
+    if not isinstance(getattr(found, "model", None), mj.MjModel):
+        raise UsageError(
+            f"--simulator {reference}: {type(found).__name__} is not built on MuJoCo; bring its robot as robot.xml or "
+            "robot.urdf, or its equations as FILE.py:ClassName"
+        )
+    return found.model, float(found.dt)
+
+
+@lru_cache(maxsize=4)
+def _environment(reference: str) -> Any:
+    mujoco()
+    import gymnasium
+
+    try:
+        with _without_pictures():
+            return gymnasium.make(reference.removeprefix(GYM)).unwrapped
+    except Terminated:
+        raise
+    except Exception as error:  # an unknown id, or an environment whose packages are missing
+        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {one_line(error)}") from error
+
+
+@contextmanager
+def _without_pictures() -> Iterator[None]:
+    """Within it Gymnasium's MuJoCo environments are imported without the package that writes their films."""
+    if importlib.util.find_spec(FILMS) is not None:
+        yield
+        return
+    sys.modules[FILMS] = ModuleType(FILMS)
+    try:
+        yield
+    finally:
+        del sys.modules[FILMS]
+
+
+def _is_function(path: Path, name: str) -> bool:
+    """Whether a Python file defines `name` as a function, at its top level: a class is a system of equations."""
+    try:
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+    except (OSError, SyntaxError, UnicodeDecodeError, ValueError):
+        return False
+    return any(isinstance(node, ast.FunctionDef) and node.name == name for node in tree.body)

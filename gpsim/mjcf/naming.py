@@ -1,0 +1,152 @@
+"""What a MuJoCo model's joints, actuators and bodies are called as channels, actions and parameters.
+
+A hinge or slide joint NAME is the channel NAME with the velocity NAME_dot; a free joint has its pose NAME.x .y .z
+.qw .qx .qy .qz and its twist NAME.vx .vy .vz .wx .wy .wz (MuJoCo's: linear in the world, angular in the body). What
+has no name is joint0, actuator0, body0 by its number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gpsim.channels import Channel, Channels
+from gpsim.errors import UsageError
+from gpsim.mjcf.optional import mujoco
+from gpsim.simulators import Coordinate
+
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
+POSE_UNITS = ("m", "m", "m", "1", "1", "1", "1")
+TWIST_UNITS = ("m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
+ACC_UNITS = ("m/s^2", "m/s^2", "m/s^2", "rad/s^2", "rad/s^2", "rad/s^2")
+
+
+@dataclass(frozen=True)
+class Names:
+    """The channels of a model and where they lie in it.
+
+    positions, velocities: of every state channel the place in qpos, or in qvel; -1 where it is of the other kind.
+    dofs: of every coordinate its degree of freedom; joints: its joint. drives: action -> the joint that it moves.
+    """
+
+    state: Channels
+    action: Channels
+    rate: Channels
+    coordinates: tuple[Coordinate, ...]
+    positions: tuple[int, ...]
+    velocities: tuple[int, ...]
+    dofs: tuple[int, ...]
+    joints: tuple[int, ...]
+    bodies: tuple[str, ...]
+    free: tuple[str, ...]
+    drives: Mapping[str, str]
+
+
+def names_of(model: Any, where: str) -> Names:
+    """The names of a compiled model; raises UsageError for what gpsim cannot diagnose."""
+    mj = mujoco()
+    state: list[tuple[Channel, int, int]] = []
+    rate: list[Channel] = []
+    coordinates, dofs, joints, free = [], [], [], []
+    for j in range(model.njnt):
+        name, kind = _called(model, "joint", j), int(model.jnt_type[j])
+        q, v = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+        if kind == mj.mjtJoint.mjJNT_BALL:
+            raise UsageError(
+                f"{where}: {name} is a ball joint, which gpsim does not diagnose; put three "
+                "hinges in its place, or weld it"
+            )
+        if kind == mj.mjtJoint.mjJNT_FREE:
+            free.append(name)
+            state += [
+                (Channel(f"{name}.{p}", u), q + i, -1)
+                for i, (p, u) in enumerate(zip(POSE, POSE_UNITS, strict=True))
+            ]
+            state += [
+                (Channel(f"{name}.{p}", u), -1, v + i)
+                for i, (p, u) in enumerate(zip(TWIST, TWIST_UNITS, strict=True))
+            ]
+            rate += [
+                Channel(f"{name}.a{p[1:]}" if p[0] == "v" else f"{name}.{p}_rate", u)
+                for p, u in zip(TWIST, ACC_UNITS, strict=True)
+            ]
+            continue
+        hinge = kind == mj.mjtJoint.mjJNT_HINGE
+        unit, force = ("rad", "N m") if hinge else ("m", "N")
+        state.append((Channel(name, unit, _turns(model, j, hinge)), q, -1))
+        state.append((Channel(f"{name}_dot", f"{unit}/s"), -1, v))
+        rate.append(Channel(f"{name}_acc", f"{unit}/s^2"))
+        damped, grips = float(model.dof_damping[v]), float(model.dof_frictionloss[v])
+        coordinates.append(Coordinate(name, f"{name}_dot", f"{name}_acc", force, damped, grips))
+        dofs.append(v)
+        joints.append(j)
+    if not coordinates:
+        raise UsageError(
+            f"{where}: it has no hinge and no slide joint: nothing whose physics could be missing"
+        )
+    actions = [Channel(_called(model, "actuator", i), _command_unit(model, i)) for i in range(model.nu)]
+    both = {c.name for c in actions} & {c.name for c, _, _ in state}
+    if both:
+        # A joint and its motor often share a name; the recording's columns cannot.
+        actions = [Channel(f"{c.name}_cmd" if c.name in both else c.name, c.unit) for c in actions]
+    return Names(
+        Channels(tuple(c for c, _, _ in state)),
+        Channels(tuple(actions)),
+        Channels(tuple(rate)),
+        tuple(coordinates),
+        tuple(p for _, p, _ in state),
+        tuple(v for _, _, v in state),
+        tuple(dofs),
+        tuple(joints),
+        tuple(_called(model, "body", b) for b in range(model.nbody)),
+        tuple(free),
+        _drives(model, [c.name for c in actions]),
+    )
+
+
+def _drives(model: Any, actions: Sequence[str]) -> dict[str, str]:
+    mj = mujoco()
+    kinds = (mj.mjtTrn.mjTRN_JOINT, mj.mjtTrn.mjTRN_JOINTINPARENT)
+    return {
+        name: _called(model, "joint", int(model.actuator_trnid[i, 0]))
+        for i, name in enumerate(actions)
+        if int(model.actuator_trntype[i]) in kinds
+    }
+
+
+def _called(model: Any, kind: str, index: int) -> str:
+    name = getattr(model, kind)(index).name
+    return str(name) or f"{kind}{index}"
+
+
+def _turns(model: Any, joint: int, hinge: bool) -> bool:
+    """Whether an angle is known modulo a turn only: nothing in the model tells one turn from the next."""
+    held = bool(model.jnt_limited[joint]) or float(model.jnt_stiffness[joint]) != 0.0
+    return hinge and not held and not servoed(model, joint)
+
+
+def servoed(model: Any, joint: int) -> bool:
+    """Whether an actuator's force depends on where the joint is."""
+    own = [i for i in range(model.nu) if int(model.actuator_trnid[i, 0]) == joint]
+    return any(float(model.actuator_biasprm[i, 1]) != 0.0 for i in own)
+
+
+def _command_unit(model: Any, index: int) -> str:
+    """Of a servo the joint's own, or its speed's; of a motor of gear 1 its force; else a number."""
+    mj = mujoco()
+    kind, joint = int(model.actuator_trntype[index]), int(model.actuator_trnid[index, 0])
+    on_joint = kind in (mj.mjtTrn.mjTRN_JOINT, mj.mjtTrn.mjTRN_JOINTINPARENT)
+    if not on_joint or int(model.jnt_type[joint]) not in (mj.mjtJoint.mjJNT_HINGE, mj.mjtJoint.mjJNT_SLIDE):
+        return "1"
+    length, force = ("rad", "N m") if int(model.jnt_type[joint]) == mj.mjtJoint.mjJNT_HINGE else ("m", "N")
+    if float(model.actuator_biasprm[index, 1]) != 0.0:
+        return length
+    if float(model.actuator_biasprm[index, 2]) != 0.0:
+        return f"{length}/s"
+    return (
+        force
+        if float(model.actuator_gear[index, 0]) == 1.0 and float(model.actuator_gainprm[index, 0]) == 1.0
+        else "1"
+    )

@@ -1,0 +1,214 @@
+"""Effects that MuJoCo has a field for: each family's writer, and which fields it needs of its own per simulation.
+
+What a family means is its law in gpsim.effects; here it is said in MuJoCo's terms, so that friction holds, damping is
+implicit and masses move with everything that follows from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects import Term, Values
+from gpsim.mjcf.body import Body
+
+FORCE = "qfrc_applied"
+"""No field of the model, but an input that stays: the generalised force on every degree of freedom."""
+FRICTION = ("dof_frictionloss", "dof_solref", "dof_solimp")
+STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""Dry friction that holds: by MuJoCo's defaults a body under a load of 80 % creeps 4 mm/s."""
+
+
+@dataclass(eq=False)
+class Fields(Mapping[str, FloatArray]):
+    """Model fields (B, ...) of a batch, made from the model's when they are first asked for."""
+
+    body: Body
+    count: int
+    step: FloatArray
+    own: dict[str, FloatArray]
+
+    def __getitem__(self, name: str) -> FloatArray:
+        if name not in self.own:
+            self.own[name] = self._begun(name)
+        return self.own[name]
+
+    def _begun(self, name: str) -> FloatArray:
+        model = self.body.model
+        if name == FORCE:
+            return np.zeros((self.count, model.nv))
+        believed = getattr(model.opt, name[4:]) if name.startswith("opt.") else getattr(model, name)
+        return np.tile(np.asarray(believed, dtype=np.float64), (self.count, *(1,) * np.ndim(believed)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.own
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.own)
+
+    def __len__(self) -> int:
+        return len(self.own)
+
+
+@dataclass(frozen=True)
+class Native:
+    """How a family is written: the fields that it needs, and the writer.
+
+    It is given fields, body, place, values, and which share of the substep it acts.
+    """
+
+    fields: tuple[str, ...]
+    write: Callable[[Fields, Body, str, Values, FloatArray], None]
+
+
+def native_of(term: Term) -> Native | None:
+    """How MuJoCo says a term; None where it has no field for it."""
+    return NATIVE.get(term.family) if term.variant == "" else None
+
+
+def parameter_fields(body: Body, name: str) -> tuple[str, ...]:
+    """The fields that a parameter of the model changes."""
+    return body.knobs[name].fields
+
+
+def _dof(body: Body, joint: str) -> int:
+    names = [c.name for c in body.names.coordinates]
+    return body.names.dofs[names.index(joint)]
+
+
+def _joint(body: Body, joint: str) -> int:
+    names = [c.name for c in body.names.coordinates]
+    return body.names.joints[names.index(joint)]
+
+
+def add_friction(fields: Fields, dof: int, force: FloatArray) -> None:
+    """More dry friction (B,) on a degree of freedom, which is to stick rather than creep."""
+    loss = fields["dof_frictionloss"]
+    loss[:, dof] = np.maximum(loss[:, dof] + force, 0.0)
+    fields["dof_solref"][:, dof, 0] = -1.0
+    fields["dof_solref"][:, dof, 1] = -2.0 / fields.step
+    fields["dof_solimp"][:, dof] = STIFF_SOLIMP
+
+
+def _coulomb(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    add_friction(fields, _dof(body, on), share * values["force"])
+
+
+def _viscous(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    damping, dof = fields["dof_damping"], _dof(body, on)
+    damping[:, dof] = np.maximum(damping[:, dof] + share * values["damping"], 0.0)
+
+
+def _drag(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    fields["dof_dampingpoly"][:, _dof(body, on), 0] += share * values["drag"]
+
+
+def _spring(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    """Beside the joint's own spring: two are one of their stiffness together, at rest between them."""
+    joint = _joint(body, on)
+    place = int(body.model.jnt_qposadr[joint])
+    own, rest = fields["jnt_stiffness"][:, joint], fields["qpos_spring"][:, place]
+    more = share * values["stiffness"]
+    total = own + more
+    there = np.divide(
+        own * rest + more * values["rest_position"], total, out=np.array(rest), where=total != 0.0
+    )
+    fields["qpos_spring"][:, place] = there
+    fields["jnt_stiffness"][:, joint] = total
+
+
+def _constant(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    fields[FORCE][:, _dof(body, on)] += share * values["force"]
+
+
+def _armature(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    fields["dof_armature"][:, _dof(body, on)] += share * values["inertia"]
+
+
+def _tilt(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    """Gravity as a base sees it that was rolled about its x, then pitched about its y."""
+    gravity = fields["opt.gravity"]
+    roll, pitch = share * values["roll"], share * values["pitch"]
+    x, y, z = gravity.T.copy()
+    # The transpose of Ry(pitch) Rx(roll): into the tilted base.
+    x, z = np.cos(pitch) * x - np.sin(pitch) * z, np.sin(pitch) * x + np.cos(pitch) * z
+    y, z = np.cos(roll) * y + np.sin(roll) * z, -np.sin(roll) * y + np.cos(roll) * z
+    gravity[:] = np.stack([x, y, z], axis=1)
+
+
+def _offset(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    """A servo compares its command with what the encoder says."""
+    joint, model = _joint(body, on), body.model
+    for i in range(model.nu):
+        if int(model.actuator_trnid[i, 0]) == joint and float(model.actuator_biasprm[i, 1]) != 0.0:
+            bias = fields["actuator_biasprm"]
+            bias[:, i, 0] += bias[:, i, 1] * float(model.actuator_gear[i, 0]) * share * values["offset"]
+
+
+def _payload(fields: Fields, body: Body, on: str, values: Values, share: FloatArray) -> None:
+    """A point mass at (x, y, z) of a body's frame: mass, centre of mass and moments of inertia of both together."""
+    b = body.names.bodies.index(on)
+    own, more = fields["body_mass"][:, b], share * values["mass"]
+    was, at = fields["body_ipos"][:, b], np.stack([values[k] for k in "xyz"], axis=1)
+    total = own + more
+    centre = (own[:, None] * was + more[:, None] * at) / total[:, None]
+    turned = rotation(fields["body_iquat"][:, b])
+    tensor = (turned * fields["body_inertia"][:, b][:, None, :]) @ turned.transpose(0, 2, 1)
+    tensor = tensor + _shifted(own, was - centre) + _shifted(more, at - centre)
+    moments, axes = np.linalg.eigh(tensor)
+    axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+    fields["body_mass"][:, b], fields["body_ipos"][:, b] = total, centre
+    fields["body_inertia"][:, b], fields["body_iquat"][:, b] = moments, quaternion(axes)
+
+
+def _shifted(mass: FloatArray, by: FloatArray) -> FloatArray:
+    """(B, 3, 3): what a mass (B,) adds to a tensor of inertia so far (B, 3) from its centre."""
+    square = (by**2).sum(axis=1)
+    return np.asarray(
+        mass[:, None, None] * (square[:, None, None] * np.eye(3) - by[:, :, None] * by[:, None, :])
+    )
+
+
+def rotation(quat: FloatArray) -> FloatArray:
+    """(B, 3, 3) of unit quaternions (B, 4), real part first."""
+    w, x, y, z = quat.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def quaternion(axes: FloatArray) -> FloatArray:
+    """(B, 4) unit quaternions, real part first, of rotations (B, 3, 3); Bar-Itzhack (2000), the largest eigenvector."""
+    m = axes
+    k = np.zeros((len(m), 4, 4))
+    k[:, 0, 0] = m[:, 0, 0] - m[:, 1, 1] - m[:, 2, 2]
+    k[:, 1, 1] = m[:, 1, 1] - m[:, 0, 0] - m[:, 2, 2]
+    k[:, 2, 2] = m[:, 2, 2] - m[:, 0, 0] - m[:, 1, 1]
+    k[:, 3, 3] = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
+    k[:, 1, 0] = m[:, 0, 1] + m[:, 1, 0]
+    k[:, 2, 0] = m[:, 0, 2] + m[:, 2, 0]
+    k[:, 2, 1] = m[:, 1, 2] + m[:, 2, 1]
+    k[:, 3, 0] = m[:, 2, 1] - m[:, 1, 2]
+    k[:, 3, 1] = m[:, 0, 2] - m[:, 2, 0]
+    k[:, 3, 2] = m[:, 1, 0] - m[:, 0, 1]
+    vectors = np.linalg.eigh(k)[1][:, :, -1]  # (x, y, z, w)
+    return np.asarray(vectors[:, [3, 0, 1, 2]])
+
+
+NATIVE: Mapping[str, Native] = {
+    "coulomb_friction": Native(FRICTION, _coulomb),
+    "viscous_friction": Native(("dof_damping",), _viscous),
+    "quadratic_drag": Native(("dof_dampingpoly",), _drag),
+    "spring": Native(("jnt_stiffness", "qpos_spring"), _spring),
+    "constant_force": Native((FORCE,), _constant),
+    "armature": Native(("dof_armature",), _armature),
+    "gravity_tilt": Native(("opt.gravity",), _tilt),
+    "joint_offset": Native(("actuator_biasprm",), _offset),
+    "payload": Native(("body_mass", "body_ipos", "body_inertia", "body_iquat"), _payload),
+}

@@ -1,0 +1,51 @@
+"""Where the families act that only models of bodies know, and how large things are there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from gpsim.mjcf.body import Body
+from gpsim.mjcf.naming import servoed
+from gpsim.simulators import ModelPlace
+
+CARRIES = 0.5  # kg, a payload on a body that weighs next to nothing
+
+
+def places_of(body: Body, shown: Sequence[Sequence[str]]) -> Mapping[str, Mapping[str, ModelPlace]]:
+    """Of each such family its places; shown: the states, and the coordinates, that a recording shows."""
+    states, coordinates = shown
+    model, names, lengths = body.base, body.names, body.lengths()
+    of_joint = [
+        (c.name, j, d)
+        for c, j, d in zip(names.coordinates, names.joints, names.dofs, strict=True)
+        if c.name in coordinates
+    ]
+    payload = {
+        name: ModelPlace(
+            "kg",
+            float(model.body_mass[b]) or CARRIES,
+            lengths[name],
+            centre=tuple(float(x) for x in model.body_ipos[b]),
+        )
+        for b, name in enumerate(names.bodies)
+        if name in lengths and int(model.body_simple[b]) == 0
+    }
+    unit = {name: "kg m^2" if _turning(body, name) else "kg" for name, _, _ in of_joint}
+    armature = {
+        name: ModelPlace(unit[name], float(model.dof_M0[d]), least=float(model.dof_armature[d]))
+        for name, _, d in of_joint
+    }
+    weighs = float(np.linalg.norm(model.opt.gravity))
+    tilt = {"gravity": ModelPlace("rad", 1.0)} if weighs > 0.0 else {}
+    offset = {
+        name: ModelPlace(body.names.state.units[name], 1.0, steers=servoed(model, j))
+        for name, j, _ in of_joint
+        if name in states
+    }
+    return {"payload": payload, "armature": armature, "gravity_tilt": tilt, "joint_offset": offset}
+
+
+def _turning(body: Body, joint: str) -> bool:
+    return body.names.state.units[joint] == "rad"

@@ -1,0 +1,263 @@
+"""A MuJoCo model as a simulator: rates are its accelerations, its integration is its own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gpsim.channels import BoolArray, Channels, FloatArray, difference
+from gpsim.effects import Term, Values
+from gpsim.errors import UsageError
+from gpsim.mjcf.batches import Pool, parts
+from gpsim.mjcf.body import Body, body_of
+from gpsim.mjcf.layout import Layout
+from gpsim.mjcf.loading import Loaded, load
+from gpsim.mjcf.looking import dense, minus, penetration, plus
+from gpsim.mjcf.native import FORCE, Fields
+from gpsim.mjcf.places import places_of
+from gpsim.mjcf.rolling import Rolling
+from gpsim.mjcf.stepping import Plan
+from gpsim.simulators import Integrator, Parameters, Simulator
+
+WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
+
+
+class MjcfSimulator(Simulator):
+    """A MuJoCo model in the channels of its joints. Copies in other processes load the same files anew.
+
+    fixed: states that a recording does not show, at these values; held: joints among them that something holds still.
+    """
+
+    name: ClassVar[str]
+    guesses_speeds = True
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        state: Channels | None = None,
+        fixed: Mapping[str, float] | None = None,
+        held: Collection[str] = (),
+        exact: bool = False,
+    ) -> None:
+        self._exact = exact
+        self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
+        self._body = _body(loaded.source.reference, loaded.source.digest, self._held, exact)
+        names = self._body.names
+        every = state or names.state
+        self.state = Channels(tuple(c for c in every if c.name not in self._fixed))  # type: ignore[misc]
+        self.name = loaded.source.reference  # type: ignore[misc]
+        self.action = names.action  # type: ignore[misc]
+        self.rate = names.rate  # type: ignore[misc]
+        self.parameters = dict(self._body.parameters)  # type: ignore[misc]
+        own = [i for i, c in enumerate(names.coordinates) if not {c.name, c.velocity} & set(self._fixed)]
+        self.coordinates = tuple(names.coordinates[i] for i in own)  # type: ignore[misc]
+        self.own_step = self._body.own_step
+        self.as_measured = tuple(n for n in self.state.names if n.rpartition(".")[0] in names.free)
+        self._dofs = [names.dofs[i] for i in own]
+        self.model_places = places_of(self._body, [self.state.names, [c.name for c in self.coordinates]])
+        self._layout = Layout.of(self._body, self.state, self._fixed)
+        columns = {
+            c.name: (self.state.index(c.name), self.state.index(c.velocity), dof)
+            for c, dof in zip(self.coordinates, self._dofs, strict=True)
+        }
+        self._rolling = Rolling(self._body, self._layout, self.state + self.action, columns)
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        source = self._loaded.source
+        return _again, (source.reference, source.digest, self.state, self._fixed, self._held, self._exact)
+
+    @property
+    def own_grid(self) -> bool:
+        """Whether it steps as the model says, not by a method of higher order."""
+        return not self._exact
+
+    @property
+    def body(self) -> Body:
+        """The model, its names and its knobs."""
+        return self._body
+
+    @property
+    def drives(self) -> Mapping[str, str]:
+        """Of every actuator on a joint which one it drives."""
+        return self._body.names.drives
+
+    @property
+    def layout(self) -> Layout:
+        """Where its channels lie in the model's positions and velocities."""
+        return self._layout
+
+    @property
+    def rest_state(self) -> FloatArray:
+        """(S,): the model's own reference, standing still."""
+        return self._layout.state(self._layout.qpos, self._layout.qvel)
+
+    @property
+    def control_step(self) -> float | None:
+        """The control step [s] of the environment that the model came from; None of a file."""
+        return self._loaded.control_step
+
+    def with_state(self, state: Channels) -> MjcfSimulator:
+        """The same with channels of the same names, of which others wrap."""
+        return MjcfSimulator(self._loaded, state, self._fixed, self._held, self._exact)
+
+    def without(self, fixed: Mapping[str, float], held: Collection[str]) -> MjcfSimulator:
+        """The same without the states `fixed`; joints `held` among them stand in a mount."""
+        return MjcfSimulator(
+            self._loaded, self.state, {**self._fixed, **fixed}, {*self._held, *held}, self._exact
+        )
+
+    def as_modelled(self) -> MjcfSimulator:
+        """The same by the model's own method."""
+        return MjcfSimulator(self._loaded, self.state, self._fixed, self._held)
+
+    def exact(self) -> MjcfSimulator:
+        """The same by the classical Runge-Kutta scheme, whatever the model says."""
+        return MjcfSimulator(self._loaded, self.state, self._fixed, self._held, exact=True)
+
+    def steps_of(self, dt: float) -> int:
+        """How many of the model's own steps a transition of dt [s] takes."""
+        return max(1, int(np.ceil(dt / self.own_step - WHOLE)))
+
+    def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
+        """(..., S): what lies between; of a free joint's orientation in the tangent space."""
+        return self._layout.gap(measured, said, difference(measured, said, self.state))
+
+    def rates(
+        self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
+    ) -> FloatArray:
+        """(B, R): MuJoCo's accelerations."""
+        found = [acc for acc, _ in self._looked(state, action, parameters, forces)]
+        return np.concatenate(found) if found else np.empty((0, len(self.rate)))
+
+    def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
+        """(B, S): velocities and accelerations, a free joint's quaternion turned by its angular velocity."""
+        return self._layout.slope(state, rates)
+
+    def measured_rates(self, state: FloatArray, next_state: FloatArray, dt: FloatArray) -> FloatArray:
+        """(B, R): velocity differences over dt."""
+        change = difference(next_state, state, self.state)
+        out = np.zeros((len(state), self._body.model.nv))
+        out[:, self._layout.v_places] = change[:, self._layout.v_columns] / dt[:, None]
+        return out
+
+    def measures(self, rate: str) -> bool:
+        """Whether the states that are left say what a rate was."""
+        return self.rate.index(rate) in self._layout.v_places
+
+    def mobility(self, state: FloatArray, parameters: Parameters, coordinate: int) -> FloatArray:
+        """(B, R): a column of the inverse of the mass matrix."""
+        return np.asarray(np.linalg.inv(self.inertia(state, parameters))[:, :, self._dofs[coordinate]])
+
+    def inertia(self, state: FloatArray, parameters: Parameters) -> FloatArray:
+        """(B, nv, nv): the mass matrix, the motors' armature in it."""
+        action = np.zeros((len(state), len(self.action)))
+        model, every = self._body.model, self._looked(state, action, parameters)
+        return np.concatenate([dense(model, pool.simulations.bind("M")[: len(acc)]) for acc, pool in every])
+
+    def touching(self, state: FloatArray) -> BoolArray:
+        """(B,): whether something touches, or a joint is at its limit, in each state."""
+        action, found = np.zeros((len(state), len(self.action))), []
+        for acc, pool in self._looked(state, action, {}):
+            touched = [pool.simulations.bind(name)[: len(acc)].reshape(-1) for name in ("ncon", "nl")]
+            found.append(np.add(*touched) > 0)
+        return np.concatenate(found) if found else np.empty(0, dtype=np.bool_)
+
+    @property
+    def tolerated_penetration(self) -> float:
+        """How deep [m] bodies may touch in a first state: soft contacts do, and joints are read inexactly."""
+        return max(0.02 * max(self._body.lengths().values(), default=0.0), 0.002)
+
+    def penetration(self, state: FloatArray) -> tuple[FloatArray, list[str]]:
+        """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
+        return penetration(self._body, self._layout, state)
+
+    def step(
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        parameters: Parameters,
+        dt: FloatArray,
+        integrator: Integrator,
+    ) -> FloatArray:
+        """(B, S): the state after dt (B,) s, in steps of the model's own or a little shorter."""
+        count = self.steps_of(float(np.max(dt, initial=self.own_step)))
+        held = np.repeat(action[:, None], count, axis=1)
+        said = {n: float(np.ravel(v)[0]) for n, v in parameters.items()}
+        return self.rolled((), said, (), state, held, dt / count, np.zeros(len(state)))[:, -1]
+
+    def plus(self, state: FloatArray, change: FloatArray) -> FloatArray:
+        """(B, S): the state moved by a tangent vector (B, 2 nv): of positions, then of velocities."""
+        return plus(self._body, self._layout, state, change)
+
+    def minus(self, after: FloatArray, before: FloatArray) -> FloatArray:
+        """(B, 2 nv): the tangent vector that leads from one state to the other."""
+        return minus(self._body, self._layout, after, before)
+
+    def rolled(
+        self,
+        terms: Sequence[Term],
+        parameters: Mapping[str, float],
+        values: Sequence[Values],
+        state: FloatArray,
+        commands: FloatArray,
+        step: FloatArray,
+        t: FloatArray,
+        extra: FloatArray | None = None,
+    ) -> FloatArray:
+        """(B, K, S): see `gpsim.effects.ClosedStep`."""
+        plan = Plan(self._body, tuple(terms), parameters)
+        return self._rolling.rolled(self, plan, values, state, commands, step, t, extra)
+
+    def _looked(
+        self,
+        state: FloatArray,
+        action: FloatArray,
+        parameters: Parameters,
+        forces: FloatArray | None = None,
+    ) -> Iterator[tuple[FloatArray, Pool]]:
+        """Accelerations (B, R), part by part, and the batch that holds what else was found until it is asked again."""
+        plan = Plan(self._body, (), {})
+        for rows in parts(len(state)):
+            count = rows.stop - rows.start
+            fields = Fields(self._body, count, np.full(count, self.own_step), {})
+            self._believe(fields, parameters, rows)
+            if forces is not None:
+                fields[FORCE][:, self._dofs] += forces[rows]
+            yield self._rolling.forward(plan, fields, state[rows], action[rows])
+
+    def _believe(self, fields: Fields, parameters: Parameters, rows: slice) -> None:
+        """Write parameters, one number each or one a row, where they are not the model's."""
+        for name, value in parameters.items():
+            if name in self.parameters and not np.all(value == self.parameters[name].default):
+                own = np.asarray(value, dtype=np.float64)
+                own = np.full(fields.count, own) if own.ndim == 0 else own[rows]
+                self._body.knobs[name].write(fields, own)
+
+
+@lru_cache(maxsize=8)
+def _body(reference: str, digest: str, held: tuple[str, ...], exact: bool) -> Body:
+    return body_of(load(reference), held, exact=exact)
+
+
+def load_mjcf(reference: str) -> MjcfSimulator:
+    """The simulator of robot.xml, robot.urdf, FILE.py:function or gym:ID; raises UsageError for every fault of it."""
+    return MjcfSimulator(load(reference))
+
+
+def _again(
+    reference: str,
+    digest: str,
+    state: Channels,
+    fixed: Mapping[str, float],
+    held: tuple[str, ...],
+    exact: bool,
+) -> MjcfSimulator:
+    """The same simulator in another process; raises UsageError where its files have changed meanwhile."""
+    loaded = load(reference)
+    if loaded.source.digest != digest:
+        raise UsageError(f"{reference}: changed while it was being diagnosed; start again")
+    made = MjcfSimulator(loaded, None, fixed, held, exact)
+    return made if made.state == state else made.with_state(state)

@@ -1,0 +1,51 @@
+"""Models that the tests write down: a pendulum, a slider, a double pendulum, a hopper in the air, an arm that touches."""
+
+from pathlib import Path
+
+import numpy as np
+
+LENGTH, MASS, GRAVITY = 0.8, 1.3, 9.81
+
+PENDULUM = f"""<mujoco><option timestep="0.001" integrator="RK4" gravity="0 0 -{GRAVITY}"/><worldbody>
+<body name="rod"><joint name="theta" type="hinge" axis="0 1 0"/>
+<inertial pos="0 0 -{LENGTH}" mass="{MASS}" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>
+<actuator><motor name="torque" joint="theta"/></actuator></mujoco>"""
+SLIDER = f"""<mujoco><option timestep="0.001" integrator="RK4"/><worldbody>
+<body name="cart"><joint name="q" type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="{MASS}" diaginertia="1 1 1"/></body></worldbody>
+<actuator><motor name="force" joint="q"/></actuator></mujoco>"""
+LINK = '<geom type="capsule" fromto="0 0 0 0 0 -{}" size=".03" mass="{}" contype="0" conaffinity="0"/>'
+DOUBLE = f"""<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody>
+<body name="upper"><joint name="shoulder" axis="0 1 0" damping="0.05"/>{LINK.format(0.5, 1.0)}
+<body name="lower" pos="0 0 -.5"><joint name="elbow" axis="0 1 0" damping="0.02"/>{LINK.format(0.4, 0.6)}
+</body></body></worldbody>
+<actuator><motor name="m1" joint="shoulder"/><motor name="m2" joint="elbow"/></actuator></mujoco>"""
+SERVO = f"""<mujoco><compiler angle="radian"/><option timestep="0.002" integrator="implicitfast"/><worldbody>
+<body name="arm"><joint name="hinge" axis="0 1 0" damping="0.1" range="-2 2" limited="true"/>{LINK.format(0.5, 1.0)}
+</body></worldbody>
+<actuator><position name="servo" joint="hinge" kp="40" kv="3" ctrlrange="-1 1"/></actuator></mujoco>"""
+FLOATING = f"""<mujoco><option timestep="0.002"/><worldbody>
+<body name="base"><freejoint name="root"/><geom size=".1" mass="2" contype="0" conaffinity="0"/>
+<body name="leg"><joint name="hip" axis="0 1 0"/>{LINK.format(0.4, 0.6)}</body></body></worldbody>
+<actuator><motor name="motor" joint="hip"/></actuator></mujoco>"""
+
+
+def written(folder: Path, text: str, name: str = "robot.xml") -> str:
+    """The file of a model; its path as a reference."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
+def one_by_one(model, state, commands, split):
+    """(K, S): what mujoco.mj_step makes of one simulation; split(state) -> qpos, qvel, joined by their columns."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = split(state)
+    out = []
+    for command in commands:
+        data.ctrl[:] = command
+        mujoco.mj_step(model, data)
+        out.append(np.stack([data.qpos, data.qvel], axis=1).ravel())
+    return np.array(out)
