@@ -9,7 +9,7 @@ discrete actions, flat observations, a tanh network each for actor and critic, o
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -115,9 +115,8 @@ class LeanPPO(PPO):
     @torch.no_grad()
     def train(self) -> None:
         """Some epochs over the buffer, in mini-batches."""
-        optimizer = self.policy.optimizer
-        assert isinstance(optimizer, FusedAdam)
-        self._update_learning_rate(optimizer)
+        self._update_learning_rate(self.policy.optimizer)
+        optimizer = cast(FusedAdam, self.policy.optimizer)
         clip = self.clip_range(self._current_progress_remaining)  # type: ignore[operator]
         actor, critic = self._networks()
         gradients = [part.grad for part in self.policy.parameters() if part.grad is not None]

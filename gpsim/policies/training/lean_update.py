@@ -27,7 +27,7 @@ class Batch(NamedTuple):
 
     def split(self, size: int) -> Iterator[Batch]:
         """Mini-batches of so many steps, in order."""
-        return (Batch(*parts) for parts in zip(*(part.split(size) for part in self), strict=True))
+        return (Batch(*parts) for parts in zip(*(torch.split(part, size) for part in self), strict=True))
 
 
 class Network:
