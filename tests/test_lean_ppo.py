@@ -1,5 +1,6 @@
 """PPO with its inner loops written out: stable-baselines3's numbers, draw for draw."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -76,9 +77,11 @@ def test_a_training_is_stable_baselines3s_own(entropy, monkeypatch):
         assert ours == pytest.approx(theirs, rel=1e-4, abs=1e-6)
 
 
-@pytest.mark.parametrize("count", [1, 7, 128])
-@pytest.mark.parametrize("entropy", [0.0, 0.1])
-def test_the_gradient_of_a_mini_batch_is_that_of_the_graph(count, entropy):
+CLIP, VALUE = 0.2, 0.5
+
+
+def small_policy(count):
+    """A policy with gradients of none, and a batch of observations and actions."""
     torch.manual_seed(count)
     policy = ActorCriticPolicy(Box(-5, 5, (4,)), Discrete(3), lambda _: 1e-3)
     for part in policy.parameters():
@@ -90,27 +93,53 @@ def test_the_gradient_of_a_mini_batch_is_that_of_the_graph(count, entropy):
         3.0 * torch.randn(count),
         50.0 * torch.rand(count),
     )
-    clip, value = 0.2, 0.5
+    return policy, batch
+
+
+def by_graph(policy, batch, entropy):
+    """Gradients as the library finds them, and the two terms of which the smaller counts, with the ratio."""
     values, log_probs, entropies = policy.evaluate_actions(batch.observations, batch.actions)
     ratio, advantages = torch.exp(log_probs - batch.log_probs), batch.advantages
-    if count > 1:
+    if len(advantages) > 1:
         advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-        assert ((ratio - 1.0).abs() > clip).any()  # some are clipped
-    surrogate = torch.min(advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)).mean()
+    free, held = advantages * ratio, advantages * ratio.clamp(1.0 - CLIP, 1.0 + CLIP)
     error = nn.functional.mse_loss(batch.returns, values.flatten())
-    (-surrogate - entropy * entropies.mean() + value * error).backward()
-    expected = [part.grad.clone() for part in policy.parameters()]
-    nn.utils.clip_grad_norm_(policy.parameters(), 0.5)
-    clipped = [part.grad.clone() for part in policy.parameters()]
+    policy.zero_grad()
+    (-torch.min(free, held).mean() - entropy * entropies.mean() + VALUE * error).backward()
+    return [part.grad.clone() for part in policy.parameters()], free, held, ratio
 
+
+def written_out(policy, batch, entropy):
     hidden = policy.mlp_extractor.policy_net, policy.mlp_extractor.value_net
     actor, critic = (
         Network([layers[0], layers[2], last])
         for layers, last in zip(hidden, (policy.action_net, policy.value_net), strict=True)
     )
     with torch.no_grad():
-        write_gradients(actor, critic, batch, clip, entropy, value)
-        got = [part.grad for part in policy.parameters()]
-        torch.testing.assert_close(got, expected, rtol=1e-5, atol=1e-5)
-        limit_norm(got, 0.5)
-    torch.testing.assert_close(got, clipped, rtol=1e-5, atol=1e-6)
+        write_gradients(actor, critic, batch, CLIP, entropy, VALUE)
+    return [part.grad for part in policy.parameters()]
+
+
+@pytest.mark.parametrize("count", [1, 7, 128])
+@pytest.mark.parametrize("entropy", [0.0, 0.1])
+def test_the_gradient_of_a_mini_batch_is_that_of_the_graph(count, entropy):
+    policy, batch = small_policy(count)
+    expected, _, _, ratio = by_graph(policy, batch, entropy)
+    assert count == 1 or ((ratio - 1.0).abs() > CLIP).any()  # some are clipped
+    nn.utils.clip_grad_norm_(policy.parameters(), 0.5)
+    limited = [part.grad.clone() for part in policy.parameters()]
+    got = written_out(policy, batch, entropy)
+    torch.testing.assert_close(got, expected, rtol=1e-5, atol=1e-5)
+    limit_norm(got, 0.5)
+    torch.testing.assert_close(got, limited, rtol=1e-5, atol=1e-6)
+
+
+def test_terms_that_round_alike_beyond_the_limit_count_half_as_in_the_graph():
+    policy, batch = small_policy(6000)
+    with torch.no_grad():
+        _, log_probs, _ = policy.evaluate_actions(batch.observations, batch.actions)
+    beyond = math.log(1.0 + CLIP) + 1e-7  # by one step of the numbers, most of them
+    batch = batch._replace(log_probs=log_probs - beyond, returns=torch.zeros(6000))
+    expected, free, held, ratio = by_graph(policy, batch, 0.0)
+    assert ((free == held) & (ratio.clamp(max=1.0 + CLIP) != ratio)).sum() > 20
+    torch.testing.assert_close(written_out(policy, batch, 0.0), expected, rtol=1e-5, atol=1e-6)

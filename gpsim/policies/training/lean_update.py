@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 SPREAD = 1e-8  # stable-baselines3's guards: where all advantages are equal,
 NORM = 1e-6  # and where all gradients are zero
+HALF = torch.tensor(0.5)
 
 
 class Batch(NamedTuple):
@@ -92,9 +93,12 @@ def write_gradients(
     advantages = batch.advantages
     if count > 1:
         advantages = (advantages - advantages.mean()) / (advantages.std() + SPREAD)
-    free, held = advantages * ratio, advantages * ratio.clamp(1.0 - clip, 1.0 + clip)
-    # Where the clipped term is the smaller one, the loss does not depend on the ratio.
-    slope = torch.where(free > held, 0.0, advantages * (-1.0 / count)) * ratio
+    limited = ratio.clamp(1.0 - clip, 1.0 + clip)
+    free, held = advantages * ratio, advantages * limited
+    # Beyond the limit the clipped term is flat. Where it is the smaller one the loss does not depend on the ratio;
+    # where both round to the same number, each counts half.
+    share = torch.where(limited == ratio, 1.0, torch.heaviside(held - free, HALF))
+    slope = share * (advantages * (-1.0 / count)) * ratio
     by_logits = (slope[:, None] * -probs).scatter_add_(1, chosen, slope[:, None])
     if entropy:
         surprise = log_probs - (probs * log_probs).sum(-1, keepdim=True)
