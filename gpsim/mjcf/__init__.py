@@ -1,6 +1,7 @@
 """MuJoCo models as simulators: what a robot.xml, a URDF or a Gymnasium environment left out. Needs gpsim[mujoco]."""
 
 from gpsim.mjcf.facts import Checked, Declared, checked, declared
+from gpsim.mjcf.gym_task import GymTask
 from gpsim.mjcf.loading import is_mujoco, source_of
 from gpsim.mjcf.opening import SYSTEM, files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
@@ -9,6 +10,7 @@ __all__ = [
     "SYSTEM",
     "Checked",
     "Declared",
+    "GymTask",
     "MjcfSimulator",
     "checked",
     "declared",

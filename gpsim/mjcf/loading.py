@@ -21,6 +21,7 @@ from gpsim.mjcf.optional import mujoco
 
 GYM = "gym:"
 FILMS = "imageio"
+ENDLESS = 1000  # steps of an episode where an environment names none
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
@@ -182,12 +183,18 @@ def _of_environment(reference: str) -> tuple[Any, float]:
 
 @lru_cache(maxsize=4)
 def _environment(reference: str) -> Any:
+    return new_environment(reference)[0]
+
+
+def new_environment(reference: str) -> tuple[Any, int]:
+    """A new environment gym:ID without its wrappers, and the steps of its episodes; raises UsageError."""
     mujoco()
     import gymnasium
 
     try:
         with _without_pictures():
-            return gymnasium.make(reference.removeprefix(GYM)).unwrapped
+            made = gymnasium.make(reference.removeprefix(GYM))
+            return made.unwrapped, int(getattr(made.spec, "max_episode_steps", None) or ENDLESS)
     except Terminated:
         raise
     except Exception as error:  # an unknown id, or an environment whose packages are missing

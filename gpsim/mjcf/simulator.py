@@ -79,6 +79,11 @@ class MjcfSimulator(Simulator):
         return self._body
 
     @property
+    def layout(self) -> Layout:
+        """Where its states lie in the model's positions and velocities."""
+        return self._layout
+
+    @property
     def rest_state(self) -> FloatArray:
         """(S,): the model's own reference, standing still."""
         return self._layout.state(self._layout.qpos, self._layout.qvel)
