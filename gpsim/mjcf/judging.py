@@ -1,4 +1,4 @@
-"""What a Gymnasium environment built on MuJoCo says of a transition: observation, reward, end. It steps nothing here."""
+"""What a Gymnasium environment built on MuJoCo says of a transition: observation, reward, end. It steps nothing."""
 
 from __future__ import annotations
 

@@ -128,16 +128,32 @@ def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
 
 
 def _of_file(path: Path) -> Any:
+    spec = spec_of_file(path)
+    try:
+        return spec.compile()
+    except Terminated:
+        raise
+    except Exception as error:  # the compiler raises what it likes
+        raise UsageError(f"{path}: does not compile: {_said(error)}") from error
+
+
+def spec_of_file(path: Path) -> Any:
+    """The MjSpec of robot.xml or robot.urdf, not compiled; raises UsageError."""
     mj = mujoco()
     try:
         spec = mj.MjSpec.from_file(str(path))
         if not spec.actuators and path.suffix.lower() == ".urdf":
             _add_motors(mj, spec)
-        return spec.compile()
     except Terminated:
         raise
-    except Exception as error:  # the parser and the compiler raise what they like
+    except Exception as error:  # and so does the parser
         raise UsageError(f"{path}: does not compile: {_said(error)}") from error
+    return spec
+
+
+def file_of_environment(reference: str) -> Path:
+    """The model file of gym:ID."""
+    return Path(str(getattr(_environment(reference), "fullpath", "")))
 
 
 def _add_motors(mj: Any, spec: Any) -> None:
@@ -149,25 +165,30 @@ def _add_motors(mj: Any, spec: Any) -> None:
 
 
 def _of_function(reference: str) -> Any:
-    mj = mujoco()
+    mj, model = mujoco(), made_by(reference)
+    if isinstance(model, mj.MjSpec):
+        return model.compile()
+    if not isinstance(model, mj.MjModel):
+        name = reference.rpartition(":")[2]
+        raise UsageError(
+            f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
+        )
+    return model
+
+
+def made_by(reference: str) -> Any:
+    """What the function of FILE.py:function returns; raises UsageError."""
     file, _, name = reference.rpartition(":")
     module = ModuleType(f"user_model_{Path(file).stem}")
     module.__file__ = str(Path(file).resolve())
     sys.modules[module.__name__] = module  # dataclasses look there
     try:
         exec(compile(Path(file).read_text(encoding="utf-8"), file, "exec"), vars(module))
-        model = getattr(module, name)()
+        return getattr(module, name)()
     except Terminated:
         raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
         raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {_said(error)}") from error
-    if isinstance(model, mj.MjSpec):
-        return model.compile()
-    if not isinstance(model, mj.MjModel):
-        raise UsageError(
-            f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
-        )
-    return model
 
 
 def _of_environment(reference: str) -> tuple[Any, float]:

@@ -1,4 +1,4 @@
-"""A MuJoCo model with physics that its file leaves out: what stands in for the robot where the simulator is that file."""
+"""A MuJoCo model with physics that its file leaves out: it stands in for the robot where the simulator is that file."""
 
 from __future__ import annotations
 
