@@ -8,7 +8,7 @@ ARGS ?=
 STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow lint format types bench wheel clean
+.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow lint format types docs bench wheel clean
 
 help:            ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
@@ -66,6 +66,11 @@ bench: install   ## Speed, side by side with other libraries
 	$(BIN)/python benchmarks/gp_speed.py
 	$(BIN)/python benchmarks/training_speed.py
 	$(BIN)/python benchmarks/sac_speed.py
+
+docs: install    ## The site of docs/ into build/site; broken links are errors
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	$(BIN)/python docs/generate.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 wheel: install   ## Build the wheel into dist/
 	$(BIN)/python -m build --wheel

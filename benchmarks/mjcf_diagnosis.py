@@ -44,7 +44,8 @@ def arm(servo: bool) -> str:
         end = f"0 0 {LENGTHS[i]}" if i < 2 else f"{LENGTHS[i]} 0 0"
         bodies += (
             f'<body name="link{i + 1}" pos="{at}"><joint name="j{i + 1}" axis="{AXES[i]}" damping="{DAMPING[i]}" '
-            f'armature="{ARMATURE[i]}"/><geom type="capsule" fromto="0 0 0 {end}" size="{RADII[i]}" mass="{MASSES[i]}"/>'
+            f'armature="{ARMATURE[i]}"/><geom type="capsule" fromto="0 0 0 {end}" size="{RADII[i]}" '
+            f'mass="{MASSES[i]}"/>'
         )
         ends, at = ends + "</body>", end
     drives = "".join(

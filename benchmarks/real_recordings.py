@@ -22,6 +22,7 @@ from pathlib import Path
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Estimate, NamedEffect, Share
+from gpsim.reports.quantities import percent
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path(os.environ.get("GPSIM_RECORDINGS", ROOT.parent / "shared" / "recordings"))
@@ -114,7 +115,7 @@ def told(outcomes: Sequence[Outcome]) -> list[str]:
             others = " + ".join(f"{e.family} on {e.place}" for e in rival.effects)
             said += f"; or ({rival.probability:.2f}): {others}"
         worth = found.explained
-        share = "" if worth.rollout is None else f"{percent(worth.rollout)}, {worth.judged_on}"
+        share = "" if worth.rollout is None else f"{with_interval(worth.rollout)}, {worth.judged_on}"
         left = found.remainder.rate or ""
         lines.append(
             f"| {name} | {found.verdict} | {share} | {said} | {spoken(slight)} | {left} | {seconds} |"
@@ -122,7 +123,7 @@ def told(outcomes: Sequence[Outcome]) -> list[str]:
     return lines
 
 
-def percent(share: Share) -> str:
+def with_interval(share: Share) -> str:
     """A share with its interval."""
     text = f"{100 * share.share:.3g} %"
     return text if share.low is None else f"{text} [{100 * share.low:.3g}, {100 * share.high:.3g}]"
@@ -133,7 +134,7 @@ def spoken(effects: Sequence[NamedEffect]) -> str:
     said = []
     for e in effects:
         sizes = ", ".join(f"{name} {number(p)}" for name, p in e.parameters.items())
-        share = "" if e.importance is None else f", share {100 * e.importance.share:.2g} %"
+        share = "" if e.importance is None else f", share {percent(e.importance.share)} %"
         form = "" if e.form == "untested" else f", law: {e.form}"
         said.append(f"{e.family} on {e.place} ({sizes}){gate(e)}{share}{form}")
     return " + ".join(said)

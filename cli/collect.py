@@ -9,7 +9,8 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage
+from .answers import answer
+from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage, show
 from .printing import say
 
 Plan = Annotated[
@@ -27,11 +28,11 @@ def collect_command(
     dry_run: DryRun = False,
 ) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     if plan is None:
         run_stage("collect", config, tuple(words or ()), config_dir, out, dry_run)
@@ -43,3 +44,4 @@ def collect_command(
 
     rows = write_plan(config, plan)
     say(f"collect: {plan}, {rows} commands, one a control step")
+    answer({"plan": plan}, rows=rows)

@@ -118,11 +118,12 @@ def _checked(config: dict[str, Any]) -> dict[str, Any]:
 
 def as_yaml(config: Mapping[str, Any]) -> str:
     """The configuration as YAML."""
-    return OmegaConf.to_yaml(OmegaConf.create(_plain(config)))
+    return OmegaConf.to_yaml(OmegaConf.create(plain(config)))
 
 
-def _plain(value: Any) -> Any:
-    return {key: _plain(item) for key, item in value.items()} if isinstance(value, dict) else value
+def plain(value: Any) -> Any:
+    """The configuration without its checks: dictionaries, lists and values."""
+    return {key: plain(item) for key, item in value.items()} if isinstance(value, dict) else value
 
 
 def _one_line(error: Exception, words: Sequence[str]) -> str:

@@ -5,21 +5,28 @@ from __future__ import annotations
 import os
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from gpsim.errors import UsageError
 
-from .options import ConfigDir, DryRun, ShowConfig, show_standing, shown_words
+from . import completion
+from .answers import answer
+from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
 from .printing import say
-from .progress import caution, single_progress, warn
+from .progress import caution, note, single_progress, warn
+
+if TYPE_CHECKING:
+    from gpsim.stages.raw_logs import RawLog
 
 Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING] [KEY=VALUE]...",
-        help="A recording's folder or a bare CSV (the loop's own recording without one), and settings, as seed=1.",
+        help="A recording's folder or a raw log (the loop's own recording without one), then settings, as seed=1; of a "
+        "raw log also what is what, as theta=deg*angle.",
+        autocompletion=completion.diagnose_words,
     ),
 ]
 SimulatorName = Annotated[
@@ -27,6 +34,15 @@ SimulatorName = Annotated[
     typer.Option(
         "--simulator",
         help="A simulator, or your own system as FILE.py:ClassName; the recording's by default.",
+        autocompletion=completion.simulator_names,
+    ),
+]
+MappingName = Annotated[
+    str | None,
+    typer.Option(
+        "--mapping",
+        help="Of a raw log: what is which channel, a mapping's name or YAML file.",
+        autocompletion=completion.mapping_names,
     ),
 ]
 Out = Annotated[
@@ -38,6 +54,7 @@ ScoreOf = Annotated[
     typer.Option(
         "--score",
         metavar="DIAGNOSIS",
+        autocompletion=completion.diagnoses,
         help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
     ),
 ]
@@ -49,6 +66,7 @@ Explain = Annotated[
 def diagnose_command(
     words: Words = None,
     simulator: SimulatorName = None,
+    mapping: MappingName = None,
     out: Out = None,
     score: ScoreOf = None,
     explain: Explain = False,
@@ -58,14 +76,18 @@ def diagnose_command(
     dry_run: DryRun = False,
 ) -> None:
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     recording, settings = _split(words or [])
+    log: RawLog | None = None
     if recording is not None:
+        log, settings = _raw(recording, settings, simulator, mapping, score)
         _refuse(settings)
+    elif mapping is not None:
+        raise UsageError("diagnose: --mapping goes with a raw log, as: gpsim diagnose my.bag --mapping FILE")
     config = resolve(settings, config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     if score is not None:
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
@@ -79,10 +101,13 @@ def diagnose_command(
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.diagnosis_files import read_trace
+    from gpsim.stages.figures import diagnosis_figures, paths_of
     from gpsim.stages.stage import Request
 
     if recording is None and simulator is not None:
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
+    if log is not None:
+        recording = _imported(log, config)
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
     stage = stage_for(task) if task else diagnose_loop.STAGE
     if dry_run:
@@ -110,6 +135,7 @@ def diagnose_command(
         for line in trace_lines(read_trace(artifact.path)):
             say(line)
     say(f"diagnose: {artifact.path}{' (already there)' if existed else ''}")
+    answer(paths_of("diagnose", artifact.path), made=not existed, simulator=name, **diagnosis_figures(found))
 
 
 def _score(
@@ -124,6 +150,7 @@ def _score(
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
     from gpsim.reports.score_text import score_lines
+    from gpsim.stages.figures import paths_of, score_figures
     from gpsim.stages.score import read_score, stage_for
     from gpsim.stages.stage import Request
 
@@ -135,9 +162,48 @@ def _score(
     with single_progress("score") as progress:
         request = Request(config, words, progress, out, cores=cores or os.cpu_count() or 1)
         artifact, existed = stage_for(diagnosis, recording, simulator).make(request)
-    for line in score_lines(read_score(artifact.path)):
+    found = read_score(artifact.path)
+    for line in score_lines(found):
         say(line)
     say(f"score: {artifact.path}{' (already there)' if existed else ''}")
+    made = paths_of("score", artifact.path) | {"diagnosis": diagnosis, "recording": recording}
+    answer(made, made=not existed, score=score_figures(found))
+
+
+def _raw(
+    recording: Path, settings: list[str], simulator: str | None, mapping: str | None, score: Path | None
+) -> tuple[RawLog | None, list[str]]:
+    """The recording as a log that is to be imported first, if it is one, and the settings that are left."""
+    of_log = [word for word in settings if _top(word) not in (*USED, *INSTEAD)]
+    from gpsim.stages.raw_logs import (  # it takes a second that `--help` has no use for
+        RawLog,
+        is_raw,
+        of_the_mapping,
+    )
+
+    of_log = [word for word in of_log if of_the_mapping(word)]
+    if (recording.is_dir() and (recording / "recording.yaml").is_file()) or score is not None:
+        if mapping is not None:
+            raise UsageError(
+                f"diagnose: --mapping is for raw logs; {recording} says itself what its channels are"
+            )
+        return None, settings
+    if mapping is None and not is_raw(recording, simulator) and not (of_log and recording.is_file()):
+        return None, settings
+    log = RawLog(recording, "gpsim diagnose", simulator, mapping=mapping, words=tuple(of_log))
+    return log, [word for word in settings if word not in of_log]
+
+
+def _imported(log: RawLog, config: dict[str, Any]) -> Path:
+    """The recording that a raw log gives, below runs/."""
+    from gpsim.stages.raw_logs import imported
+    from gpsim.stages.stage import Request
+
+    artifact, _ = imported(Request(config), log, caution)
+    warn(artifact.path)
+    note(f"recording: {artifact.path} (import_report.txt says what was kept)")
+    answer({"recording": artifact.path})
+    return artifact.path
 
 
 USED = ("seed", "diagnose", "experiment", "runs_dir")
@@ -151,7 +217,7 @@ INSTEAD = {
 def _refuse(settings: list[str]) -> None:
     """What belongs to the loop's own recording would be ignored."""
     for word in settings:
-        name = re.split(r"[.@/=]", word.lstrip("+~"))[0]
+        name = _top(word)
         if name in INSTEAD:
             raise UsageError(f"diagnose: {word}: beside a RECORDING give {INSTEAD[name]}")
         if name not in USED:
@@ -159,6 +225,11 @@ def _refuse(settings: list[str]) -> None:
                 f"diagnose: {word}: not used beside a RECORDING; settings that count there: seed, diagnose.episodes, "
                 "experiment, runs_dir"
             )
+
+
+def _top(word: str) -> str:
+    """The setting that a word changes, or one within it."""
+    return re.split(r"[.@/=]", word.lstrip("+~"))[0]
 
 
 def _split(words: list[str]) -> tuple[Path | None, list[str]]:

@@ -7,16 +7,27 @@ from typing import Annotated
 
 import typer
 
+from gpsim.errors import UsageError
+
+from . import completion
+from .answers import answer
 from .printing import say
 
 export_app = typer.Typer(
-    help="Write a recording or a policy in the formats of other programs.", no_args_is_help=True
+    help="Write a recording, a diagnosis or a policy in the formats of other programs.", no_args_is_help=True
 )
 
 Recorded = Annotated[
-    Path, typer.Argument(metavar="PATH", help="A recording folder, as `gpsim import` makes.")
+    Path,
+    typer.Argument(
+        metavar="PATH",
+        help="A recording folder, as `gpsim import` makes.",
+        autocompletion=completion.recordings,
+    ),
 ]
-Format = Annotated[str, typer.Option("--format", help="mcap | csv | parquet")]
+Format = Annotated[
+    str, typer.Option("--format", help="mcap | csv | parquet", autocompletion=completion.formats)
+]
 Out = Annotated[Path, typer.Option("--out", help="The file to make; it must not exist.")]
 
 
@@ -35,10 +46,53 @@ def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")
+    answer({"recording": path, "export": out}, format=form, notes=notes)
+
+
+Diagnosed = Annotated[
+    Path, typer.Argument(metavar="DIR", help="A finished diagnosis, as runs/a/diagnose/v0001.")
+]
+Mcap = Annotated[bool, typer.Option("--mcap", help="As MCAP, for Foxglove: the one format there is.")]
+OutFile = Annotated[
+    Path | None, typer.Option("--out", help="The file to make, DIR.mcap by default; it must not exist.")
+]
+Where = Annotated[
+    Path | None,
+    typer.Option("--recording", help="Where the recording lies now, if it has moved since it was diagnosed."),
+]
+Horizon = Annotated[
+    float | None,
+    typer.Option("--horizon", metavar="SECONDS", help="Of every rollout; as in the diagnosis by default."),
+]
+
+
+@export_app.command("diagnosis")
+def diagnosis_command(
+    folder: Diagnosed,
+    mcap: Mcap = False,
+    out: OutFile = None,
+    recording: Where = None,
+    horizon: Horizon = None,
+) -> None:
+    """What was measured beside base and corrected simulator on one clock, the body drawn, for Foxglove."""
+    if not mcap:
+        raise UsageError("export diagnosis: say in which format: --mcap, which Foxglove opens")
+    from gpsim.stages.export_diagnosis import export_diagnosis
+
+    made, notes = export_diagnosis(folder, out, recording, horizon)
+    say(f"export: {made}")
+    for line in notes:
+        say(f"  {line}")
+    answer({"diagnosis": folder, "export": made}, format="mcap", notes=notes)
 
 
 Policy = Annotated[
-    Path, typer.Argument(metavar="PATH", help="An artifact of train-source or train-gp-policy.")
+    Path,
+    typer.Argument(
+        metavar="PATH",
+        help="An artifact of train-source or train-gp-policy.",
+        autocompletion=completion.policies,
+    ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it must not exist.")]
 
@@ -52,3 +106,4 @@ def policy_command(path: Policy, out: OutFolder) -> None:
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")
+    answer({"policy": path, "export": out}, notes=notes)

@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from gpsim.errors import UsageError
 from gpsim.reports.printable import printable
 
-from .printing import say
-from .progress import warn
+from . import completion
+from .answers import answer, asked, warned
+from .printing import console, say
+from .progress import caution, warn
 
 Sources = Annotated[
     list[str],
     typer.Argument(
-        metavar="SOURCE... [KEY=VALUE]...", help="Log files or folders, then settings, as rate=50."
+        metavar="SOURCE... [KEY=VALUE]...",
+        help="Log files or folders, then settings, as rate=50.",
+        autocompletion=completion.import_words,
     ),
 ]
 Out = Annotated[Path | None, typer.Option("--out", help="The folder to make; it must not exist.")]
 MappingName = Annotated[
     str | None,
-    typer.Option("--mapping", help="A mapping's name or YAML file; none for columns named as channels."),
+    typer.Option(
+        "--mapping",
+        help="A mapping's name or YAML file; none for columns named as channels.",
+        autocompletion=completion.mapping_names,
+    ),
+]
+SimulatorName = Annotated[
+    str | None,
+    typer.Option(
+        "--simulator",
+        help="What it will be compared with; a mapping is guessed from the log's names.",
+        autocompletion=completion.simulator_names,
+    ),
 ]
 Inspect = Annotated[
     bool,
@@ -44,6 +61,7 @@ def import_command(
     sources: Sources,
     out: Out = None,
     mapping: MappingName = None,
+    simulator: SimulatorName = None,
     inspect: Inspect = False,
     salvage: Salvage = False,
     write_mapping: WriteMapping = None,
@@ -58,22 +76,27 @@ def import_command(
         return
     if write_mapping is not None:
         raise UsageError("import: --write-mapping goes with --inspect, which proposes the mapping")
+    raw = None if mapping is not None else _guessed(paths, simulator, words, salvage, out)
     if out is None:
-        raise UsageError(_what_is_missing(paths, mapping, words))
+        raise UsageError("import: --out DIR missing; it names the recording's folder")
     # Imported here: scipy and matplotlib take a second to load, and `--help` should not wait for it.
-    from rich.console import Console
-
     from gpsim.reports.import_text import render
+    from gpsim.stages.figures import paths_of, recording_figures
     from gpsim.stages.import_log import import_log, try_import
 
     if dry_run:
-        Console(highlight=False).print(render(try_import(paths, out, mapping, words, salvage, say=_aside)))
+        report = try_import(paths, out, mapping, words, salvage, say=_aside, raw=raw)
+        console(highlight=False).print(render(report))
         say(f"import: would write {out}; nothing was written")
+        answer(dry_run=True, notes=list(report.notes))
         return
-    made = import_log(paths, out, mapping, words, salvage, say=_aside)
+    made = import_log(paths, out, mapping, words, salvage, say=_aside, raw=raw)
     warn(out)
-    Console(highlight=False).print(render(made.report))
+    console(highlight=False).print(render(made.report))
     say(f"import: {out}")
+    for line in made.report.warnings:
+        warned(line)
+    answer(paths_of("import", out), notes=list(made.report.notes), figures=recording_figures(made.recording))
 
 
 def _sorted(words: list[str]) -> tuple[list[Path], list[str]]:
@@ -97,13 +120,19 @@ def _aside(line: str) -> None:
     typer.echo(printable(line), err=True)
 
 
-def _what_is_missing(paths: list[Path], mapping: str | None, words: list[str]) -> str:
-    if mapping is not None or any(word.startswith("system=") for word in words):
-        return "import: --out DIR missing; it names the recording's folder"
-    return (
-        f"import: no --mapping and no --out; `gpsim import --inspect {paths[0]}` shows what is inside and proposes "
-        "a mapping (its system may be one of your own, as my_system.py:ClassName), then add --mapping FILE --out DIR"
-    )
+def _guessed(
+    paths: list[Path], simulator: str | None, words: list[str], salvage: bool, out: Path | None
+) -> dict[str, Any] | None:
+    """The mapping that the log's names suggest; None where its columns are called as the simulator's channels."""
+    from gpsim.stages.raw_logs import RawLog, decide, reads_bare
+
+    if reads_bare(paths, simulator, words):
+        return None
+    tail = f"--out {'DIR' if out is None else shlex.quote(str(out))}"
+    read = decide(RawLog(paths[0], "gpsim import", simulator, tail, None, tuple(words), salvage))
+    for line in read.remarks:
+        caution(line)
+    return read.raw
 
 
 def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path | None) -> None:
@@ -111,6 +140,7 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
     from rich.console import Console
 
     from gpsim.reports.import_text import render_inspection
+    from gpsim.stages.figures import inspection_figures
     from gpsim.stages.import_log import inspect_source, write_mapping
 
     if words:
@@ -122,10 +152,12 @@ def _inspect(paths: list[Path], words: list[str], salvage: bool, write_to: Path 
     found = [inspect_source(path, salvage) for path in paths]
     for one in found:
         Console(highlight=False, stderr=True).print(render_inspection(one))
+    answer({"mapping": write_to}, logs=[inspection_figures(one) for one in found], mapping=found[0].proposal)
     if len(found) > 1:
         _aside(f"the proposed mapping is for {found[0].name}; one mapping imports all sources")
     if write_to is None:
-        typer.echo(found[0].proposal, nl=False)
+        if not asked():
+            typer.echo(found[0].proposal, nl=False)
     else:
         write_mapping(found[0].proposal, write_to)
         _aside(

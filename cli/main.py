@@ -10,37 +10,59 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
 from contextlib import suppress
+from typing import Any, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from gpsim import __version__
-from gpsim.errors import Terminated, UsageError
+from gpsim.errors import NoDiagnosis, Terminated, UsageError
 from gpsim.files import FULL, REFUSED
 from gpsim.reports.printable import printable
 from gpsim.workers import ends_when_asked
 
+from . import answers
 from .diagnose import diagnose_command
+from .everywhere import add_everywhere
 from .export import export_app
 from .import_ import import_command
 from .progress import INTERRUPTED, QUIET
 from .prove import prove_app
-from .quiet import add_quiet
+from .quiet import FLAG as QUIETLY
 from .run import report_command, run_app, status_command
 from .runs import runs_app
 from .simulators import simulators_app
 from .stages import add_stages
 
 LONGEST_NAME = 80  # of a file in an error
+CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
+
+
+class Root(TyperGroup):
+    """The whole command line; what it refuses is kept for `--json`."""
+
+    def make_context(self, *arguments: Any, **named: Any) -> Any:
+        """Its own options are read here."""
+        with answers.refusals():
+            return super().make_context(*arguments, **named)
+
+    def invoke(self, *arguments: Any, **named: Any) -> Any:
+        """The commands' options are read here."""
+        with answers.refusals():
+            return super().invoke(*arguments, **named)
+
 
 app = typer.Typer(
     name="gpsim",
+    cls=Root,
     help=(
         "Close the gap between a simple simulator and a real robot.\n\n"
         "Stages read and write versioned artifacts below ./runs; each takes settings as key=value words, "
         "for example: gpsim fit-gp experiment=cartpole gp.n_train=500 seed=3"
     ),
+    epilog="Exit codes: 0 done, 2 bad input, 3 a sound recording of which no diagnosis is possible, 130 interrupted.",
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},  # of every command below it, too
@@ -80,7 +102,7 @@ app.command("import", short_help="Make a recording of raw logs.", rich_help_pane
 app.add_typer(
     export_app,
     name="export",
-    short_help="Write a recording or a policy for other programs.",
+    short_help="Write a recording, diagnosis or policy for other programs.",
     rich_help_panel="Recordings in and out",
 )
 app.command(
@@ -100,35 +122,61 @@ app.add_typer(
     short_help="List simulators, show what one declares, check a MuJoCo model.",
     rich_help_panel="What is there",
 )
-add_quiet(app)
+add_everywhere(app, QUIETLY)
+add_everywhere(app, answers.FLAG)
 
 
 def main() -> None:
-    """Entry point: a UsageError is one line and exit code 2, never a traceback."""
-    loud = QUIET.set(False)
+    """Entry point: a UsageError is one line and exit code 2 (3: no diagnosis is possible), never a traceback."""
+    loud, answer = QUIET.set(False), answers.begin(sys.argv[1:])
     try:
         with ends_when_asked():
-            app()
+            _called()
     except Terminated as ended:
         with suppress(OSError):
             print(INTERRUPTED, file=sys.stderr)
-        sys.exit(ended.code)
+        _end(int(str(ended.code)), INTERRUPTED)
     except UsageError as error:
         print(f"error: {printable(error)}", file=sys.stderr)
-        sys.exit(2)
+        _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
     except BrokenPipeError:
         _drop_output()
     except OSError as error:
         # What no command has a better word for: a name that cannot be, a terminal's log on a full disk.
         if error.errno not in (*FULL, *REFUSED):
             raise
-        _drop_output()
+        where = "output" if error.filename is None else str(error.filename)
+        said = f"{printable(_short(where))}: {error.strerror}"
         with suppress(OSError):
-            where = "output" if error.filename is None else str(error.filename)
-            print(f"error: {printable(_short(where))}: {error.strerror}", file=sys.stderr)
-        sys.exit(2)
+            print(f"error: {said}", file=sys.stderr)
+        _end(BAD_INPUT, said)
+    except Exception as error:
+        answers.finish(CRASHED, f"{type(error).__name__}: {error}")
+        raise
     finally:
+        answer.release()
         QUIET.reset(loud)
+
+
+def _called() -> None:
+    """The command, and its answer; what Typer refused, or was interrupted, ends here."""
+    try:
+        app()
+    except Terminated:
+        raise
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else 0
+        answers.finish(code, INTERRUPTED if code == answers.INTERRUPTED_CODE else "")
+        raise
+
+
+def _end(code: int, message: str) -> NoReturn:
+    """End with this exit code; an answer that nobody can read changes nothing."""
+    try:
+        answers.finish(code, message)
+    except OSError:
+        _drop_output()
+    sys.exit(code)
 
 
 def _drop_output() -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
+from .answers import answer, asked, warned
 from .printing import say
 from .progress import single_progress, warn
 
@@ -16,7 +19,11 @@ if TYPE_CHECKING:
 
 Words = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[KEY=VALUE]...", help="Settings, as experiment=cartpole gp.n_train=500."),
+    typer.Argument(
+        metavar="[KEY=VALUE]...",
+        help="Settings, as experiment=cartpole gp.n_train=500.",
+        autocompletion=completion.words,
+    ),
 ]
 ConfigDir = Annotated[
     Path | None, typer.Option("--config-dir", help="A folder with your choices, as gp/mine.yaml.")
@@ -35,6 +42,29 @@ def shown_words(words: Sequence[str] | None, config_dir: Path | None) -> tuple[s
     return (*(words or ()), *((f"--config-dir={config_dir}",) if config_dir else ()))
 
 
+def show(config: Mapping[str, Any]) -> None:
+    """Print the resolved configuration."""
+    from .configuration import as_yaml, plain  # Hydra is no part of `--help`
+
+    answer(config=plain(config))
+    if not asked():
+        typer.echo(as_yaml(config), nl=False)
+
+
+def told(lines: Iterable[str]) -> list[str]:
+    """The lines that are no warnings, for `--json`; the others are warned of."""
+    kept = []
+    for line in lines:
+        if line.startswith(WARNING):
+            warned(line.removeprefix(WARNING))
+        else:
+            kept.append(line)
+    return kept
+
+
+WARNING = "warning: "  # begins a note that is one
+
+
 def run_stage(
     name: str,
     config: dict[str, object],
@@ -46,6 +76,7 @@ def run_stage(
     """Make a stage's artifact and print where it lies; of a dry run only how it stands with it."""
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
     from gpsim.stages import registry
+    from gpsim.stages.figures import figures_of, paths_of
     from gpsim.stages.stage import Request
 
     if dry_run:
@@ -56,8 +87,11 @@ def run_stage(
         artifact, existed = registry.STAGES[name].make(request)
     warn(artifact.path)
     say(f"{name}: {artifact.path}{' (already there)' if existed else ''}")
-    for line in registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact):
+    notes = registry.STAGES[name].remarks(request) + registry.STAGES[name].notes(artifact)
+    for line in notes:
         say(f"  {line}")
+    figures = figures_of(artifact) if asked() else {}
+    answer(paths_of(name, artifact.path), made=not existed, notes=told(notes), figures=figures)
 
 
 def show_standing(stage: Stage, request: Request) -> None:
@@ -65,5 +99,7 @@ def show_standing(stage: Stage, request: Request) -> None:
     from gpsim.reports.runs_sheets import dry_run_lines
     from gpsim.stages.status import standing_of
 
-    for line in dry_run_lines(standing_of(stage, request)):
+    standing = standing_of(stage, request)
+    for line in dry_run_lines(standing):
         say(line)
+    answer(dry_run=True, standing=asdict(standing))

@@ -15,6 +15,8 @@ from rich.text import Text
 
 from gpsim.reports.printable import literal, printable
 
+from .answers import warned
+
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
 INTERRUPTED = "interrupted: finished artifacts are whole, run the same command to carry on"
@@ -131,6 +133,7 @@ def warn(folder: Path) -> None:
 
 def caution(line: str) -> None:
     """A line on stderr that a reader of the result has to know: also where `--quiet` was given."""
+    warned(printable(line))
     _say(f"warning: {line}")
 
 

@@ -7,15 +7,19 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from gpsim.errors import UsageError
 
-from .printing import say
+from . import completion
+from .answers import NAME as AS_JSON
+from .answers import answer
+from .printing import console, say
 from .progress import single_progress
-from .quiet import NAME
+from .quiet import NAME as QUIET
 
 CORES = os.cpu_count() or 1
+IN_FULL = ("packages", "strata", "families", "kinds", "confusion", "rivals")
+"""Parts of prove.json that are long, and read there."""
 prove_app = typer.Typer(
     invoke_without_command=True,
     help="Conceal worlds, diagnose them blind, reveal and score; or a step of it.",
@@ -30,7 +34,9 @@ Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side
 Strata = Annotated[
     list[str] | None,
     typer.Option(
-        "--stratum", help="Only worlds of it: single, pair, triple, none, unknown; may be repeated."
+        "--stratum",
+        help="Only worlds of it: single, pair, triple, none, unknown; may be repeated.",
+        autocompletion=completion.strata,
     ),
 ]
 Answers = Annotated[
@@ -65,7 +71,7 @@ def prove_command(
 
 def _refuse_options(context: typer.Context, step: str) -> None:
     """What stands before a step would be ignored."""
-    for option in (option for option in context.command.params if option.name != NAME):
+    for option in (option for option in context.command.params if option.name not in (QUIET, AS_JSON)):
         source = context.get_parameter_source(option.name or "")
         if source is not None and source.name == "COMMANDLINE":
             raise UsageError(
@@ -91,6 +97,7 @@ def conceal_command(
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, jobs, progress)
     say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
+    answer({"public": out / "public", "answers": out / "private"}, seed=seed, worlds=len(numbers))
 
 
 @prove_app.command("diagnose")
@@ -101,6 +108,7 @@ def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
     with single_progress("diagnose") as progress:
         count = prove.diagnose(out, jobs, progress)
     say(f"diagnose: {count} diagnoses in {out / 'diagnoses'}")
+    answer({"diagnoses": out / "diagnoses"}, diagnoses=count)
 
 
 @prove_app.command("reveal")
@@ -112,9 +120,9 @@ def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> Non
 
     with single_progress("reveal") as progress:
         content = prove.reveal(out, answers, jobs, progress)
-    console = Console()
+    printer = console()
     for sheet in terminal_sheets(content):
-        console.print(terminal_table(sheet, {}))
+        printer.print(terminal_table(sheet, {}))
     say(
         f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
     )
@@ -124,6 +132,8 @@ def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> Non
     for line in beside(content):
         say(line)
     say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")
+    made = {"summary": out / "prove.json", "report": out / "report.html", "record": out / "record.md"}
+    answer(made, summary={key: value for key, value in content.items() if key not in IN_FULL})
 
 
 @prove_app.command("answers")
@@ -131,15 +141,17 @@ def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proo
     """List the answers, one line a world: for whoever holds them."""
     from gpsim.stages import prove
 
-    for answer in prove.read_answers(out):
-        world = answer["world"]
+    answers = prove.read_answers(out)
+    answer({"answers": out / "private"}, answers=answers)
+    for one in answers:
+        world = one["world"]
         effects = "; ".join(
-            f"{e['family']} on {e['on']} {_numbers(e)} ({_how_strong(e)})" for e in answer["effects"]
+            f"{e['family']} on {e['on']} {_numbers(e)} ({_how_strong(e)})" for e in one["effects"]
         )
-        rough = answer.get("rough")
+        rough = one.get("rough")
         share = f"; explained {rough['explained']:.3f}; {', '.join(rough['defects'])}" if rough else ""
         say(
-            f"{answer['trial']:04d} {answer['stratum']:<7} {world['system']:<9} {world['noise_level']:<6} "
+            f"{one['trial']:04d} {one['stratum']:<7} {world['system']:<9} {world['noise_level']:<6} "
             f"{world['velocities'] or '':<14} {world['engine']:<6} {effects}{share}"
         )
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
-from .options import ConfigDir, DryRun, ShowConfig, Words, show_standing, shown_words
-from .printing import say
+from .answers import answer, asked
+from .options import ConfigDir, DryRun, ShowConfig, Words, show, show_standing, shown_words, told
+from .printing import console, say
 from .progress import Board, note, warn
 
 if TYPE_CHECKING:
@@ -45,11 +47,11 @@ def full_loop(
     dry_run: DryRun = False,
 ) -> None:
     """Every stage and the report; what is already there with the same configuration and parents is kept."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     if dry_run:
         show_status(config, shown_words(words, config_dir), seeds)
@@ -63,30 +65,33 @@ def full_loop(
     started = time.monotonic()
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
+    jobs_done: list[dict[str, object]] = []
     with Board(len(loop.plan(request, chosen))) as board:
 
         def finished(job: str, artifact: Artifact, existed: bool) -> None:
             mark = Text("kept", "dim") if existed else Text("made", "green")
             board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
             warn(artifact.path)
+            jobs_done.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
 
         loop.run(request, chosen, jobs, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
         tables, notes = terminal_tables(gathered), terminal_notes(gathered)
     note(f"finished in {time.monotonic() - started:.0f} s")
-    show(artifact.path, tables, notes)
+    answer(jobs=jobs_done)
+    show_report(artifact.path, chosen, tables, notes)
 
 
 def status_command(
     words: Words = None, seeds: Seeds = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """What is there of the configured loop, what would be made, and why: the setting, parent, file or code."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
     show_status(config, shown_words(words, config_dir), seeds)
 
@@ -98,38 +103,72 @@ def show_status(config: dict[str, Any], words: tuple[str, ...], seeds: int) -> N
     from gpsim.stages.status import loop_status
 
     request = Request(config, words)
-    for line in status_lines(loop_status(request, tuple(request.seed + i for i in range(seeds)))):
+    found = loop_status(request, tuple(request.seed + i for i in range(seeds)))
+    for line in status_lines(found):
         say(line)
+    answer(status=asdict(found))
 
 
-def show(folder: Path, tables: list[Table], notes: list[str]) -> None:
+def show_report(folder: Path, seeds: tuple[int, ...], tables: list[Table], notes: list[str]) -> None:
     """Print the tables, then where the page and the summary lie."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=120)  # a log has no width of its own
+    printer = console()
+    if not printer.is_terminal:
+        printer = console(width=120)  # a log has no width of its own
     for table in tables:
-        console.print(table)
-        console.print()
+        printer.print(table)
+        printer.print()
     for line in notes:
         say(line)
     say(f"report: {folder / 'report.html'}")
     say(folder / "summary.json")  # the path alone on the last line, for programs
+    if asked():
+        from gpsim.stages.figures import evaluation_figures, paths_of
+
+        figures = evaluation_figures(folder / "summary.json")
+        answer(paths_of("report", folder), seeds=list(seeds), notes=told(notes), figures=figures)
+
+
+Site = Annotated[
+    bool, typer.Option("--site", help="A folder of pages instead: an index over all runs, and every report.")
+]
+SiteOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", help="With --site: the folder to make, <runs_dir>/site by default; a site there is replaced."
+    ),
+]
 
 
 def report_command(
     words: Words = None,
     seeds: Reported = 1,
+    site: Site = False,
+    out: SiteOut = None,
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
 ) -> None:
-    """Tables, figures and one HTML page of a finished loop."""
-    from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+    """Tables, figures and one HTML page of a finished loop.
+
+    With --site a folder of pages instead: an index over all runs, and every report.
+    """
+    from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
     if show_config:
-        typer.echo(as_yaml(config), nl=False)
+        show(config)
         return
+    if site and dry_run:
+        raise UsageError(
+            "report: --dry-run says what would be made in runs/; a site is a copy of what is there"
+        )
+    if site:
+        _site(Path(str(config["runs_dir"])), out)
+        return
+    if out is not None:
+        raise UsageError(
+            "report: --out goes with --site; a report is an artifact and lies where runs_dir= says"
+        )
     from gpsim.reports.tables import terminal_notes, terminal_tables
     from gpsim.stages import report
     from gpsim.stages.stage import Request
@@ -141,4 +180,14 @@ def report_command(
         return
     artifact, _ = report.stage_for(chosen).make(request)
     gathered = report.gather(request, chosen)
-    show(artifact.path, terminal_tables(gathered), terminal_notes(gathered))
+    show_report(artifact.path, chosen, terminal_tables(gathered), terminal_notes(gathered))
+
+
+def _site(runs: Path, out: Path | None) -> None:
+    from gpsim.stages.site import write_site
+
+    index, notes = write_site(runs, out)
+    say(f"site: {index}")
+    for line in notes:
+        say(f"  {line}")
+    answer({"site": index}, notes=told(notes))

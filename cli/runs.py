@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,8 @@ import typer
 
 from gpsim.errors import UsageError
 
-from .printing import say
+from .answers import answer, asked
+from .printing import console, say
 
 if TYPE_CHECKING:
     from gpsim.runs import Removed
@@ -59,19 +61,18 @@ def list_command(
 ) -> None:
     """Every artifact: what it says, its state (finished, stale, broken), when it was made, its seed and its size."""
     # Imported here: the stages take seconds to load, and `--help` should not wait for them.
-    from rich.console import Console
-
     from gpsim.reports.runs_sheets import listing_lines, listing_sheet
     from gpsim.reports.tables import terminal_table
     from gpsim.stages.runs import list_runs
 
     found = list_runs(runs_dir, experiment, stage, verify)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    console.print(terminal_table(listing_sheet(found), {}))
+    printer = console()
+    if not printer.is_terminal:
+        printer = console(width=WIDTH)
+    printer.print(terminal_table(listing_sheet(found), {}))
     for line in listing_lines(found):
         say(line)
+    answer({"runs": runs_dir}, listing=asdict(found) | {"bytes": found.bytes})
 
 
 @runs_app.command("show")
@@ -87,8 +88,10 @@ def show_command(
     from gpsim.reports.runs_sheets import shown_lines
     from gpsim.stages.runs import show_run
 
-    for line in shown_lines(show_run(runs_dir, name, beside or ()), whole):
+    found = show_run(runs_dir, name, beside or ())
+    for line in shown_lines(found, whole):
         say(line)
+    answer({"runs": runs_dir}, artifact=asdict(found))
 
 
 @runs_app.command("diff")
@@ -97,8 +100,10 @@ def diff_command(one: Name, other: Name, runs_dir: RunsDir = RUNS, beside: Besid
     from gpsim.reports.runs_sheets import compared_lines
     from gpsim.stages.runs import compare_runs
 
-    for line in compared_lines(compare_runs(runs_dir, one, other, beside or ())):
+    found = compare_runs(runs_dir, one, other, beside or ())
+    for line in compared_lines(found):
         say(line)
+    answer({"runs": runs_dir}, compared=asdict(found))
 
 
 @runs_app.command("rm")
@@ -116,9 +121,12 @@ def rm_command(
     from gpsim.stages.runs import do_removal, plan_removal, would_go
 
     catalogue, removal = plan_removal(runs_dir, names, with_dependents, beside or ())
-    if _agreed(would_go(catalogue, removal, dry_run), yes):
+    planned = would_go(catalogue, removal, dry_run)
+    agreed = _agreed(planned, yes)
+    if agreed:
         do_removal(catalogue, removal, names, beside or ())
         say("removed")
+    answer({"runs": runs_dir}, planned=asdict(planned), removed=agreed)
 
 
 @runs_app.command("gc")
@@ -139,10 +147,12 @@ def gc_command(
 
     catalogue, removal = plan_gc(runs_dir, keep, beside or ())
     planned = would_go(catalogue, removal, dry_run)
-    if _agreed(planned, yes or not planned.artifacts):  # what is left unfinished is nobody's work
+    agreed = _agreed(planned, yes or not planned.artifacts)  # what is left unfinished is nobody's work
+    if agreed:
         went = do_gc(runs_dir, keep, beside or ())
         stayed = len(removal.entries) - len(went.entries)
         say(f"removed{f'; {stayed} stayed: something is being made of them' if stayed > 0 else ''}")
+    answer({"runs": runs_dir}, planned=asdict(planned), removed=agreed)
 
 
 def _agreed(planned: Removed, yes: bool) -> bool:
@@ -157,6 +167,6 @@ def _agreed(planned: Removed, yes: bool) -> bool:
         return False
     if yes:
         return True
-    if not sys.stdin.isatty():
+    if asked() or not sys.stdin.isatty():
         raise UsageError("runs: nobody to ask; add --yes to remove this, --dry-run to look alone")
     return typer.confirm("remove?")

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gpsim.errors import UsageError
 
+from .answers import answer
 from .printing import say
 
 if TYPE_CHECKING:
@@ -25,6 +27,12 @@ Name = Annotated[
     ),
 ]
 MOST = 12  # pairs that are told
+OTHERS = {
+    "FILE.py:ClassName": "equations of your own",
+    "robot.xml, robot.urdf": "a MuJoCo model",
+    "FILE.py:function": "that returns a mujoco.MjModel",
+    "gym:ID": "a Gymnasium environment built on MuJoCo",
+}
 
 
 @simulators_app.command("list")
@@ -34,10 +42,9 @@ def list_command() -> None:
 
     for name in SIMULATORS:
         say(name)
-    say("FILE.py:ClassName          equations of your own")
-    say("robot.xml, robot.urdf      a MuJoCo model")
-    say("FILE.py:function           that returns a mujoco.MjModel")
-    say("gym:ID                     a Gymnasium environment built on MuJoCo")
+    for written, what in OTHERS.items():
+        say(f"{written:26} {what}")
+    answer(registered=list(SIMULATORS), others=OTHERS)
 
 
 @simulators_app.command("show")
@@ -45,7 +52,9 @@ def show_command(name: Name) -> None:
     """What a simulator declares: coordinates, state, actions, parameters, and what can be corrected."""
     from gpsim.mjcf import declared, open_simulator
 
-    _tell(declared(open_simulator(name)))
+    facts = declared(open_simulator(name))
+    _tell(facts)
+    answer(declared=asdict(facts))
 
 
 @simulators_app.command("check")
@@ -56,12 +65,14 @@ def check_command(name: Name) -> None:
     from gpsim.mjcf import MjcfSimulator, checked, declared, open_simulator
 
     simulator = open_simulator(name)
-    _tell(declared(simulator))
     if not isinstance(simulator, MjcfSimulator):
         raise UsageError(
             f"{name}: `check` is for MuJoCo models; `gpsim diagnose` tries equations of your own by itself"
         )
-    _tell_checked(checked(simulator, np.random.default_rng(0)))
+    facts, tried = declared(simulator), checked(simulator, np.random.default_rng(0))
+    _tell(facts)
+    _tell_checked(tried)
+    answer(declared=asdict(facts), checked=asdict(tried))
 
 
 def _tell(facts: Declared) -> None:

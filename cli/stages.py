@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from .collect import collect_command
-from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage
+from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage, show
 
 PANEL = "Stages, in order"
 STAGES = {
@@ -48,11 +48,11 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
         out: Out = None,
         dry_run: DryRun = False,
     ) -> None:
-        from .configuration import as_yaml, resolve  # Hydra is no part of `--help`
+        from .configuration import resolve  # Hydra is no part of `--help`
 
         config = resolve(words or [], config_dir)
         if show_config:
-            typer.echo(as_yaml(config), nl=False)
+            show(config)
             return
         run_stage(name, config, tuple(words or ()), config_dir, out, dry_run)
 

@@ -10,6 +10,13 @@ class UsageError(Exception):
     """
 
 
+class NoDiagnosis(UsageError):  # noqa: N818  # what happened is no error of the recording's
+    """A sound recording of which no diagnosis is possible: too short, or nothing moves in it.
+
+    The command line ends with exit code 3: nothing is to be corrected, another recording is to be made.
+    """
+
+
 CODE = 128 + signal.SIGTERM
 """The exit code of a process that ended because it was asked to."""
 

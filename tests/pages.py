@@ -67,3 +67,27 @@ def check_policy(text: str) -> Page:
     assert not any(name.startswith("on") for name in page.attributes)
     assert all(a["src"].startswith("data:image/") for tag, a in page.elements if tag == "img")
     return page
+
+
+def check_fragment(text: str) -> Page:
+    """A piece of a page needs nothing from elsewhere, runs nothing, and its style is of itself alone."""
+    page = Page(text)
+    (style,) = page.styles
+    rules = [line for line in style.splitlines() if line.strip()]
+    assert all(line.startswith(".gpsim-") for line in rules)
+    assert not page.tags & {
+        "html",
+        "head",
+        "body",
+        "script",
+        "link",
+        "iframe",
+        "object",
+        "embed",
+        "form",
+        "base",
+    }
+    assert "style" not in page.attributes
+    assert not any(name.startswith("on") for name in page.attributes)
+    assert all(a["src"].startswith("data:image/") for tag, a in page.elements if tag == "img")
+    return page

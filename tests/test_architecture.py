@@ -11,6 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 LEVELS = [
     {"cli"},
+    {"face"},
     {"stages"},
     {"reports"},
     {"trials"},
@@ -34,9 +35,9 @@ LEVELS = [
     {"diagnosis.settings"},
     {"evaluation", "policies.training"},
     {"environments"},
-    {"corrected", "policies"},
+    {"corrected", "policies", "targets", "gymtasks"},
     {"residuals", "mjcf"},
-    {"gp", "effects", "tasks", "targets", "recordings", "runs"},
+    {"gp", "effects", "tasks", "recordings", "runs"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"files"},
@@ -193,6 +194,16 @@ def test_only_stages_and_cli_know_configs_and_only_policies_know_stable_baseline
         assert not roots & {"pickle", "cPickle", "dill", "joblib", "cloudpickle"}, path
 
 
+def test_nothing_inside_imports_the_face():
+    """`import gpsim` is for those outside: inside, a name is taken from the room that has it."""
+    for path in FILES:
+        if path == ROOT / "gpsim" / "__init__.py" or room_of(module_of(path)) == "face":
+            continue
+        for name, taken in imported(path).items():
+            assert room_of(name) != "face", path
+            assert name != "gpsim" or taken <= {"__version__"}, path
+
+
 def test_every_package_is_listed():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     listed = set(project["tool"]["setuptools"]["packages"])
@@ -210,8 +221,8 @@ def test_nothing_loads_pickles_and_no_local_path_is_written_down():
 
 def test_dependencies_are_explained():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    explained = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
+    explained = (ROOT / "docs" / "reference" / "dependencies.md").read_text(encoding="utf-8")
     every = [*project["dependencies"], *chain.from_iterable(project["optional-dependencies"].values())]
     for requirement in every:
         name = re.split(r"[<>=!\[ ]", requirement)[0]
-        assert f"**{name}**" in explained, f"docs/dependencies.md does not say why {name} is there"
+        assert f"**{name}**" in explained, f"docs/reference/dependencies.md does not say why {name} is there"

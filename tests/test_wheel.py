@@ -1,4 +1,4 @@
-"""The built wheel works in an empty environment, from any folder, configs included."""
+"""The built wheel works in an empty environment, from any folder, configs included, on each Python that is there."""
 
 import ast
 import subprocess
@@ -13,8 +13,10 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+from pythons import other_pythons
 
 ROOT = Path(__file__).resolve().parent.parent
+OTHERS = other_pythons(sys.version_info.minor)
 STANDARD = {*sys.stdlib_module_names, "compression"}  # the last one from Python 3.14 on
 
 
@@ -79,31 +81,100 @@ def imports(source):
     return names
 
 
+def lent_folders():
+    """What the .pth files of this environment add: in another one they are not followed further."""
+    lines = [
+        line
+        for path in Path(sysconfig.get_paths()["purelib"]).glob("*.pth")
+        for line in path.read_text().splitlines()
+    ]
+    return [line for line in lines if Path(line).is_absolute()]
+
+
+def install(home, wheel, *options):
+    """Install the wheel into an environment without pip of its own."""
+    python = [sys.executable, "-m", "pip", "--python", str(home / "bin" / "python")]
+    command = [*python, "install", "--quiet", *options, str(wheel)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def commands(home, tmp_path):
+    """An empty folder, and how the environment's gpsim is called there."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+
+    def run(*words):
+        command = [str(home / "bin" / "gpsim"), *words]
+        return subprocess.run(command, cwd=elsewhere, capture_output=True, text=True, check=False)
+
+    return elsewhere, run
+
+
 def test_installed_into_an_empty_environment_it_runs_from_any_folder(wheel, tmp_path):
     """gpsim itself comes from the wheel alone; its dependencies are lent by the environment of the tests."""
     home = tmp_path / "env"
     venv.create(home, with_pip=False)
     site = next(home.glob("lib/python*/site-packages"))
-    (site / "lent.pth").write_text(
-        sysconfig.get_paths()["purelib"] + "\n"
-    )  # a .pth there is not followed further
-    install = [sys.executable, "-m", "pip", "--python", str(home / "bin" / "python"), "install"]
-    subprocess.run(
-        [*install, "--quiet", "--no-deps", "--ignore-installed", str(wheel)], check=True, capture_output=True
-    )
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    gpsim = str(home / "bin" / "gpsim")
-
-    def run(*words):
-        return subprocess.run([gpsim, *words], cwd=elsewhere, capture_output=True, text=True, check=False)
-
+    lent = [sysconfig.get_paths()["purelib"], *lent_folders()]
+    (site / "lent.pth").write_text("".join(f"{folder}\n" for folder in lent))
+    assert install(home, wheel, "--no-deps", "--ignore-installed").returncode == 0
+    elsewhere, run = commands(home, tmp_path)
     where = subprocess.run(
         [str(home / "bin" / "python"), "-c", "import gpsim; print(gpsim.__file__)"],
         cwd=elsewhere, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert where.stdout.startswith(str(site))
+    assert run("--version").stdout == f"gpsim {version('gpsim')}\n"
+    assert "full-loop" in run("run", "--help").stdout
     assert "n_train: 77" in run("fit-gp", "gp.n_train=77", "gp=raw", "--show-config").stdout
     made = run("collect", "budget=smoke", "collect.policy=random")
     assert made.stdout == "collect: runs/cartpole/collect/v0001\n", made.stderr
     assert (elsewhere / "runs/cartpole/collect/v0001/manifest.json").is_file()
+
+
+@pytest.mark.parametrize("python", OTHERS)
+def test_every_other_python_takes_its_code(wheel, tmp_path, python):
+    """Installed without dependencies, which are others for it: all files compile, without a warning."""
+    home = tmp_path / "env"
+    subprocess.run([OTHERS[python], "-m", "venv", "--without-pip", str(home)], check=True)
+    done = install(home, wheel, "--no-deps", "--no-compile")
+    assert done.returncode == 0, done.stderr
+    site = next(home.glob("lib/python*/site-packages"))
+    assert (site / "gpsim" / "conf" / "config.yaml").is_file()
+    compiled = subprocess.run(
+        [str(home / "bin" / "python"), "-W", "error", "-m", "compileall", "-q", str(site / "gpsim")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert compiled.returncode == 0, compiled.stdout + compiled.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("python", OTHERS)
+def test_with_its_own_dependencies_the_loop_runs_from_an_empty_folder(wheel, tmp_path, python):
+    home = tmp_path / "env"
+    subprocess.run([OTHERS[python], "-m", "venv", "--without-pip", str(home)], check=True)
+    small = [
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--no-deps",
+        "--dest",
+        str(tmp_path),
+        "typer",
+    ]
+    if subprocess.run(small, capture_output=True, check=False).returncode:
+        pytest.skip("no package registry can be reached from here")
+    done = install(home, wheel, "--constraint", str(ROOT / "constraints.txt"))
+    assert done.returncode == 0, done.stderr
+    elsewhere, run = commands(home, tmp_path)
+    assert run("--version").stdout == f"gpsim {version('gpsim')}\n"
+    assert run("--help").returncode == 0
+    made = run("run", "full-loop", "budget=smoke", "--jobs", "2")
+    assert made.returncode == 0, made.stderr
+    assert (elsewhere / made.stdout.splitlines()[-1]).is_file()
+    exported = run("export", "diagnosis", "runs/cartpole/diagnose/v0001", "--mcap")
+    assert exported.returncode == 0, exported.stderr
+    assert run("report", "--site").stdout.startswith("site: runs/site/index.html")
+    assert [path.name for path in elsewhere.iterdir()] == ["runs"]

@@ -1,6 +1,6 @@
 """A parameter of the simulator that differs from what was believed: p = ratio * p_believed.
 
-Definition: a ratio.
+Definition: a ratio; of what may be 0, as a place may, an `offset`: p = p_believed + offset.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q').
+"""Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q'), holding a body at rest up to Fs.
 
 Stribeck (1902); Armstrong-Helouvry, Dupont and Canudas de Wit (1994), equation (6).
 """

@@ -1,6 +1,6 @@
 """The thesis's covariance function (4.9): ARD RBF + ARD linear + bias, with Gaussian noise (4.5) beside it.
 
-Notation after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (GPML, 2006); docs/gp.md has
+Notation after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (GPML, 2006); docs/method/gp.md has
 the table of symbols. Noise is never part of `covariance`: whoever needs it adds it, by name.
 """
 

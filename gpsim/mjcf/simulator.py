@@ -208,7 +208,7 @@ class MjcfSimulator(Simulator):
         parameters: Parameters,
         forces: FloatArray | None = None,
     ) -> Iterator[tuple[FloatArray, Pool]]:
-        """Part by part the accelerations (B, R), and the batch that holds what else was found, until asked again."""
+        """Accelerations (B, R), part by part, and the batch that holds what else was found until it is asked again."""
         plan = Plan(self._body, (), {})
         for rows in parts(len(state)):
             count = rows.stop - rows.start

@@ -1,34 +1,41 @@
 """Recordings: what really happened, in episodes on one clock."""
 
-from gpsim.recordings.bare_table import read_bare_table
-from gpsim.recordings.export import Predictions, write_mcap, write_table
+from gpsim.recordings.bare_table import read_bare_table, recording_of
+from gpsim.recordings.channel_words import FACTORS, NOTHING, listed
+from gpsim.recordings.export import Predictions, start_times, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
 from gpsim.recordings.fitting import finds_all
 from gpsim.recordings.gaps import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
+from gpsim.recordings.guessing import Guess, System, guess
 from gpsim.recordings.import_report import EpisodeCount, ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
 from gpsim.recordings.log_parts import NamedLog
-from gpsim.recordings.mapping import ChannelSource
+from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.mapping_changes import changes_of_words, merged
-from gpsim.recordings.mapping_files import parse_mapping
+from gpsim.recordings.mapping_files import TOP_KEYS, parse_mapping
 from gpsim.recordings.names import one_line
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
-from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions
+from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions, Velocities
 from gpsim.recordings.soundness import find_bad_rows
-from gpsim.recordings.sources import FolderLog, Opener, find_logs
+from gpsim.recordings.sources import FolderLog, Opener, find_logs, is_bag_folder
 from gpsim.recordings.subsample import evenly
 from gpsim.recordings.yaml_data import parse_yaml, read_yaml
 
 __all__ = [
+    "FACTORS",
     "LONGEST_STEP",
+    "NOTHING",
+    "TOP_KEYS",
     "ChannelSource",
     "Episode",
     "EpisodeCount",
     "FolderLog",
+    "Guess",
     "HeldOut",
+    "ImportMapping",
     "ImportReport",
     "Inspection",
     "NamedLog",
@@ -38,9 +45,11 @@ __all__ = [
     "RawLog",
     "Recording",
     "Statistics",
+    "System",
     "Topic",
     "TopicCount",
     "Transitions",
+    "Velocities",
     "bag_writing",
     "bare_mapping",
     "changes_of_words",
@@ -49,8 +58,11 @@ __all__ = [
     "find_logs",
     "finds_all",
     "gaps",
+    "guess",
     "import_logs",
     "inspect_log",
+    "is_bag_folder",
+    "listed",
     "merged",
     "one_line",
     "open_log",
@@ -60,6 +72,8 @@ __all__ = [
     "read_bare_table",
     "read_recording",
     "read_yaml",
+    "recording_of",
+    "start_times",
     "steps_to_next",
     "write_mcap",
     "write_recording",

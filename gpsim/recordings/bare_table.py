@@ -37,6 +37,27 @@ def read_bare_table(
     Every fault is a UsageError that names file, episode, row and column.
     """
     table = read_frame(path)
+    return recording_of(
+        table, path, system, state, action, parameters, optional=optional, integrator=integrator
+    )
+
+
+def recording_of(
+    table: pd.DataFrame,
+    path: Path | str,
+    system: str,
+    state: Channels,
+    action: Channels,
+    parameters: Mapping[str, float],
+    *,
+    optional: Collection[str] = (),
+    integrator: str = "euler",
+    dt: float | None = None,
+) -> Recording:
+    """The same of a table that is there already; path: what messages call it.
+
+    dt: the usual step [s] where it is known, which says that t is in seconds; else the median step.
+    """
     held = Channels(tuple(c for c in state if c.name in table.columns or c.name not in optional))
     held = held if len(held) else state
     _check_spelling(path, table, (*state.names, *action.names))
@@ -55,24 +76,29 @@ def read_bare_table(
     steps = np.concatenate([np.zeros(0), *(np.diff(e.t) for e in episodes)])
     if not len(steps):
         raise UsageError(f"{path}: too short: no episode has two rows")
-    _check_seconds(path, np.concatenate([e.t for e in episodes]), float(np.median(steps)), held + action)
-    return Recording(system, held, action, episodes, float(np.median(steps)), parameters, integrator)
+    usual = float(np.median(steps))
+    if dt is None:
+        _check_seconds(path, np.concatenate([e.t for e in episodes]), usual, held + action)
+    return Recording(system, held, action, episodes, usual if dt is None else dt, parameters, integrator)
 
 
-def _check_seconds(path: Path, t: FloatArray, step: float, channels: Channels) -> None:
+def _check_seconds(path: Path | str, t: FloatArray, step: float, channels: Channels) -> None:
     """Refuse a clock that counts something else than seconds: a date says so, or what moves and is seen so seldom."""
     unit = likely_unit(t, step)
     if unit is None or not (dated(t) or any(channel.unit in MOVING for channel in channels)):
         return
-    count = round(1 / UNITS[unit])
+    count = str(round(1 / UNITS[unit]))
+    seconds = f"if it is in seconds, say so: dt={step:g}"
+    if isinstance(path, Path):
+        seconds = f"if it is in seconds, say so in a recording.yaml beside it (dt: {step:g})"
+        count = f"{count}, or `gpsim import` the table with time.scale={UNITS[unit]:.0e}"
     raise UsageError(
         f"{path}: t looks like {unit}: its usual step is {step:g}, and t is read in seconds; divide the column by "
-        f"{count}, or `gpsim import` the table with time.scale={UNITS[unit]:.0e}; if it is in seconds, say so in a "
-        f"recording.yaml beside it (dt: {step:g})"
+        f"{count}; {seconds}"
     )
 
 
-def _check_spelling(path: Path, table: pd.DataFrame, names: Sequence[str]) -> None:
+def _check_spelling(path: Path | str, table: pd.DataFrame, names: Sequence[str]) -> None:
     """A column that is nearly called as a channel that is absent would be passed over without a word."""
     columns = [str(column) for column in table.columns]
     others = [column for column in columns if column not in ("t", "episode", *names)]
@@ -91,7 +117,7 @@ def alike(name: str, columns: Sequence[str]) -> str | None:
     return lower[near[0]] if near else None
 
 
-def _check_columns(path: Path, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:
+def _check_columns(path: Path | str, table: pd.DataFrame, needed: Sequence[str], system: str) -> None:
     missing = [name for name in needed if name not in table.columns]
     if missing:
         raise UsageError(
@@ -102,7 +128,7 @@ def _check_columns(path: Path, table: pd.DataFrame, needed: Sequence[str], syste
         raise UsageError(f"{path}: column(s) {', '.join(dates)} hold dates; write numbers (t in seconds)")
 
 
-def _episode(path: Path, name: str, rows: pd.DataFrame, needed: Sequence[str], states: int) -> Episode:
+def _episode(path: Path | str, name: str, rows: pd.DataFrame, needed: Sequence[str], states: int) -> Episode:
     """One episode: the last row's action never acted, and may be empty."""
     check_name(name, f"{path}: column episode")
     try:

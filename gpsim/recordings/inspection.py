@@ -19,15 +19,15 @@ from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistic
 GAP = 5.0  # a step of this many usual steps is a gap
 System = tuple[Channels, Channels]
 """The state and action channels of a simulator."""
-_POSES = {
+POSES = {
     "geometry_msgs/msg/PoseStamped": ("pose.position", "pose.orientation"),
     "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose.pose.position", "pose.pose.orientation"),
     "geometry_msgs/msg/TransformStamped": ("transform.translation", "transform.rotation"),
     "nav_msgs/msg/Odometry": ("pose.pose.position", "pose.pose.orientation"),
     "geometry_msgs/msg/Pose": ("position", "orientation"),
 }
-_TWISTS = {"geometry_msgs/msg/Twist": "", "geometry_msgs/msg/TwistStamped": "twist."}
-_ACKERMANN = {
+TWISTS = {"geometry_msgs/msg/Twist": "", "geometry_msgs/msg/TwistStamped": "twist."}
+ACKERMANN = {
     "ackermann_msgs/msg/AckermannDrive": "",
     "ackermann_msgs/msg/AckermannDriveStamped": "drive.",
 }
@@ -99,8 +99,8 @@ def _telling(topic: Topic) -> str:
 
 def proposal(topics: tuple[Topic, ...], paces: Mapping[str, Statistics]) -> str:
     """A mapping to start from, as YAML; what could not be told is marked by a comment."""
-    pose = _first(topics, _POSES)
-    command = _first(topics, {**_ACKERMANN, **_TWISTS})
+    pose = _first(topics, POSES)
+    command = _first(topics, {**ACKERMANN, **TWISTS})
     if pose is not None:
         raw, advice = _vehicle(pose, command), "check the system, the frames and the command's units"
     elif len(topics) == 1:
@@ -128,7 +128,7 @@ def _first(topics: tuple[Topic, ...], known: Mapping[str, Any]) -> Topic | None:
 
 
 def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
-    position, orientation = _POSES[pose.type]
+    position, orientation = POSES[pose.type]
     state: dict[str, Any] = {
         axis: {"topic": pose.name, "field": f"{position}.{axis}", "unit": "m"} for axis in ("x", "y")
     }
@@ -141,12 +141,12 @@ def _vehicle(pose: Topic, command: Topic | None) -> dict[str, Any]:
     }
     action: dict[str, Any] = {}
     system = "unicycle"
-    if command is not None and command.type in _ACKERMANN:
-        system, prefix = "ackermann", _ACKERMANN[command.type]
+    if command is not None and command.type in ACKERMANN:
+        system, prefix = "ackermann", ACKERMANN[command.type]
         action["v_cmd"] = {"topic": command.name, "field": f"{prefix}speed", "unit": "m/s"}
         action["steering"] = {"topic": command.name, "field": f"{prefix}steering_angle", "unit": "rad"}
     elif command is not None:
-        prefix = _TWISTS[command.type]
+        prefix = TWISTS[command.type]
         action["v_cmd"] = {"topic": command.name, "field": f"{prefix}linear.x", "unit": "m/s"}
         action["w_cmd"] = {"topic": command.name, "field": f"{prefix}angular.z", "unit": "rad/s"}
     return {"system": system, "rate": 50, "gap_limit": 0.5, "state": state, "action": action}

@@ -30,12 +30,12 @@ WIDEST = 10_001  # samples of a smoothing window
 _CHANNEL_KEYS = (
     "topic", "field", "quaternion", "angle", "derivative_of", "unit", "wraps", "scale", "sign", "offset",
 )  # fmt: skip
-_TOP_KEYS = (*(f.name for f in fields(ImportMapping)), "dt")
+TOP_KEYS = (*(f.name for f in fields(ImportMapping)), "dt")
 
 
 def parse_mapping(raw: object, where: str = "mapping") -> ImportMapping:
     """Check a plain dictionary and build the mapping; every fault is one line with the alternatives."""
-    table = values.table(raw, where, _TOP_KEYS)
+    table = values.table(raw, where, TOP_KEYS)
     _refuse_open_questions(table, where)
     for key in ("system", "state"):
         if table.get(key) is None:

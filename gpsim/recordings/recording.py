@@ -123,6 +123,12 @@ class Recording:
                     f"episode {episode.name}: expected (state, action) columns {expected}, got {got}"
                 )
 
+    def __repr__(self) -> str:
+        return (
+            f"<Recording of {self.system}: {self.transition_count} transitions of {self.dt:.6g} s in "
+            f"{len(self.episodes)} episode(s); state {self.state.listed()}, action {self.action.listed()}>"
+        )
+
     @property
     def transition_count(self) -> int:
         """Number of transitions over all episodes."""

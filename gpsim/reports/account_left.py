@@ -8,7 +8,7 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import MissingLaw
 from gpsim.diagnosis.settings import LackOfFitSettings
 from gpsim.reports.diagnosis_text import listed
-from gpsim.reports.fact_text import combination_text
+from gpsim.reports.fact_text import combination_texts
 from gpsim.reports.lettering import shortened
 from gpsim.reports.quantities import percent
 
@@ -21,8 +21,7 @@ def left(diagnosis: Diagnosis) -> Iterator[str]:
     yield _amount(diagnosis)
     if diagnosis.log_facts:
         yield f"the log: {listed(diagnosis.log_facts, MOST_FACTS)}"
-    for combination in diagnosis.combinations[:MOST_FACTS]:
-        yield combination_text(combination)
+    yield from combination_texts(diagnosis.combinations[:MOST_FACTS])
     poor = [
         f"{percent(found.share)} % of {shortened(rate)}"
         for rate, found in diagnosis.explained.one_step.items()

@@ -13,6 +13,7 @@ from gpsim.reports.account_left import hangs_on, is_missing
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.fact_text import parameters_of
 from gpsim.reports.lettering import shortened
+from gpsim.simulators import lives_here
 
 TRAINED: Mapping[str, str] = {"cartpole": "", "unicycle": "experiment=limo "}
 """Simulators in which gpsim trains policies, and which experiment does."""
@@ -48,9 +49,8 @@ def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> 
     if diagnosis.verdict == "none" or not (learnt or any(told_effects(diagnosis))):
         return None
     if simulator is not None and simulator not in TRAINED:
-        return (
-            f"python: gpsim.stages.diagnose.read_corrected(Path({folder!r}){', gp=True' if learnt else ''})"
-        )
+        base = ", simulator" if lives_here(simulator) else ""
+        return f"python: gpsim.Diagnosis.load({folder!r}{base}).corrected({'gp=True' if learnt else ''})"
     words = TRAINED.get(simulator or "", "")
     given = shlex.quote(f"diagnosis={folder}")
     return f"gpsim train-gp-policy {words}{given}{' correction=effects+gp' if learnt else ''}"

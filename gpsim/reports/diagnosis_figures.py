@@ -34,6 +34,10 @@ class Picture:
         """What a page shows as an image."""
         return f"data:image/png;base64,{base64.b64encode(self.png).decode()}"
 
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows."""
+        return self.png
+
 
 def figures(
     found: Outcome,

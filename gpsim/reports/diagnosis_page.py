@@ -50,7 +50,7 @@ def page(
     missing: lines about what it lacks; simulator: the base's name, if it is known.
     """
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
-    first = FRONT_UNKNOWN if diagnosis.verdict == "unknown" else FRONT
+    first = front_of(diagnosis)
     account = account_of(diagnosis, simulator=simulator)
     return page_of(
         _resource("diagnosis.html.jinja"),
@@ -75,6 +75,11 @@ def page(
         trace="\n".join(trace_lines(decisions)),
         text=json.dumps(short, indent=2),
     )
+
+
+def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """The names of the pictures beside the account."""
+    return FRONT_UNKNOWN if diagnosis.verdict == "unknown" else FRONT
 
 
 def _first_rows(rows: Sequence[Row]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis.report import Combination, LogFact
@@ -61,8 +62,7 @@ def open_text(combination: Combination) -> str:
     powers = combination.exponents
     if len(powers) != len(combination.of) or len(powers) != 2:
         return "all of them may change as long as it stays"
-    alike = powers[0] * powers[1] < 0
-    return "both may be scaled alike" if alike else "one may grow as the other shrinks"
+    return "both may be scaled alike" if _is_ratio(combination) else "one may grow as the other shrinks"
 
 
 def combination_text(combination: Combination) -> str:
@@ -71,6 +71,19 @@ def combination_text(combination: Combination) -> str:
     named = all(name in combination.fixed for name in names)
     of = "" if named else f"of {_listed(names)} "
     return f"{of}only {combination.fixed} is fixed; {combination.open}"
+
+
+def combination_texts(combinations: Sequence[Combination]) -> list[str]:
+    """The same of several; ratios, which are all open in one way, share a sentence."""
+    ratios = [c for c in combinations if _is_ratio(c)]
+    if len(ratios) < 2:
+        return [combination_text(c) for c in combinations]
+    together = f"only {_listed([c.fixed for c in ratios])} are fixed: these may all be scaled alike"
+    return [together, *(combination_text(c) for c in combinations if not _is_ratio(c))]
+
+
+def _is_ratio(combination: Combination) -> bool:
+    return len(combination.exponents) == 2 and math.prod(combination.exponents) < 0.0
 
 
 def parameters_of(combination: Combination) -> str:

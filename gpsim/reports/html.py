@@ -20,11 +20,16 @@ def page_of(template: str, style: str, **content: Any) -> str:
 
     style: the one style sheet. Scripts, frames, forms and everything from elsewhere stay out, whatever a name holds.
     """
+    return fragment_of(template, head=_head(style), **content)
+
+
+def fragment_of(template: str, **content: Any) -> str:
+    """What a template makes of its content, for a page that somebody else makes."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"short": _short, "title_of": _title_of, "titles_of": _titles_of}
-    return environment.from_string(template).render(head=_head(style), **content)
+    return environment.from_string(template).render(**content)
 
 
 def security_policy(style: str) -> str:

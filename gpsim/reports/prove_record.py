@@ -1,13 +1,12 @@
-"""A proof as a text to publish: the page's tables and every miss, in Markdown."""
+"""A proof as a text to publish: the page's tables and every miss, in Markdown, from prove.json alone."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gpsim.reports.printable import printable
-from gpsim.reports.prove_misses import miss_rows
 from gpsim.reports.prove_sheets import beside, proof_sheets
 from gpsim.reports.sheets import Cell, Sheet, row
 
@@ -15,22 +14,46 @@ Json = Mapping[str, Any]
 _TAG = re.compile(r"<(?=[A-Za-z/!?])")  # what Markdown hands on as HTML
 
 
-def record(content: Json, scores: Sequence[Json]) -> str:
-    """The text, from the content of prove.json and the scores of all its trials."""
+def record(content: Json) -> str:
+    """The text, from the content of prove.json."""
     commits = ", ".join(str(commit) for commit in content["diagnosed_under"])
     head = (
         f"{content['all']['n']} worlds of 2 000 to 12 000 transitions and {content['long']['n']} longer ones, "
         f"{_rough_ones(content)}seed {content['seed']}; diagnosed with commit: {commits}."
     )
-    sheets = [sheet for sheet in (*proof_sheets(content), _misses(scores)) if sheet.rows]
-    return "\n\n".join([head, *beside(content), *map(_section, sheets)]) + "\n"
+    sections = (section(f"## {sheet.title}", sheet) for sheet in record_sheets(content))
+    return "\n\n".join([head, *beside(content), *sections]) + "\n"
+
+
+def record_sheets(content: Json) -> list[Sheet]:
+    """Every table of a proof that has rows: from the content of prove.json, or of a record that holds its tables."""
+    if "tables" in content:
+        return [_told(table) for table in content["tables"]]
+    return [sheet for sheet in (*proof_sheets(content), _misses(content)) if sheet.rows]
+
+
+def section(heading: str, sheet: Sheet) -> str:
+    """A table in Markdown below its heading, and what is to be said of it."""
+    rule = ["---"] * sheet.labels + ["---:"] * (len(sheet.columns) - sheet.labels)
+    lines = [_line(sheet.columns), _line(rule), *(_line(map(_text, cells)) for cells in sheet.rows)]
+    return "\n\n".join([heading, "\n".join(lines), *([sheet.note] if sheet.note else [])])
 
 
 def _rough_ones(content: Json) -> str:
     return f"{content['rough']['n']} rough ones, " if "rough" in content else ""
 
 
-def _misses(scores: Sequence[Json]) -> Sheet:
+def _told(table: Json) -> Sheet:
+    """A table as a record holds it: a cell is its text, or `text` and whether it is `missed`."""
+    rows = tuple(
+        tuple(Cell(c) if isinstance(c, str) else Cell(c["text"], marked=c["missed"]) for c in cells)
+        for cells in table["rows"]
+    )
+    note = " ".join(text for text in (table.get("about", ""), table["note"]) if text)
+    return Sheet(table["title"], tuple(table["columns"]), rows, labels=table["labels"], note=note)
+
+
+def _misses(content: Json) -> Sheet:
     rows = [
         row(
             m["trial"],
@@ -39,16 +62,10 @@ def _misses(scores: Sequence[Json]) -> Sheet:
             f"{m['said']} {m['error']}".strip(),
             m["equivalents"],
         )
-        for m in miss_rows(scores)
+        for m in content.get("every_miss", ())  # proofs of earlier versions list the trials alone
     ]
     columns = ("trial", "world", "truth", "said", "listed equivalents")
     return Sheet("Every miss", columns, tuple(rows), labels=len(columns))
-
-
-def _section(sheet: Sheet) -> str:
-    rule = ["---"] * sheet.labels + ["---:"] * (len(sheet.columns) - sheet.labels)
-    lines = [_line(sheet.columns), _line(rule), *(_line(map(_text, cells)) for cells in sheet.rows)]
-    return "\n\n".join([f"## {sheet.title}", "\n".join(lines), *([sheet.note] if sheet.note else [])])
 
 
 def _line(cells: Iterable[str]) -> str:

@@ -30,6 +30,15 @@ def score_lines(score: Score) -> list[str]:
     return said
 
 
+def errors_lines(rows: Sequence[tuple[str, str, float, float]], steps: int, rollouts: int) -> list[str]:
+    """A table of (what, unit, error of the base, error of the corrected), a line each."""
+    told = [(name, unit, _number(base, 3), _number(after, 3)) for name, unit, base, after in rows]
+    return [
+        f"errors of {steps} single steps and {rollouts} rollouts:",
+        *_table([("", "unit", "base", "corrected"), *told]),
+    ]
+
+
 def _row(name: str, errors: Scored) -> tuple[str, ...]:
     over = errors.over_before
     share = "diverged" if over.value is None else f"{100 * over.value:.3g} %"

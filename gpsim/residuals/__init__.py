@@ -1,6 +1,6 @@
 """Residuals: where a recording meets a simulator, what happened minus what was predicted."""
 
-from gpsim.residuals.checks import check_clock, check_match, check_rates, check_varies
+from gpsim.residuals.checks import OWN_DT, check_clock, check_match, check_rates, check_varies
 from gpsim.residuals.residuals import (
     Residuals,
     build_residuals,
@@ -8,9 +8,12 @@ from gpsim.residuals.residuals import (
     from_table,
     to_table,
 )
-from gpsim.residuals.split import first_held_out, held_out_names, holding_out
+from gpsim.residuals.split import SHARE, first_held_out, held_out_names, holding_out
+from gpsim.residuals.tables import read_table, table_recording
 
 __all__ = [
+    "OWN_DT",
+    "SHARE",
     "Residuals",
     "build_residuals",
     "check_clock",
@@ -22,5 +25,7 @@ __all__ = [
     "from_table",
     "held_out_names",
     "holding_out",
+    "read_table",
+    "table_recording",
     "to_table",
 ]

@@ -1,5 +1,6 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
+from gpsim.simulators.own import lives_here, own_simulator
 from gpsim.simulators.plant import Memory, Plant, RandomisedPlant, SimulatorPlant, part_of, restart
 from gpsim.simulators.reduced import reduced
 from gpsim.simulators.registry import SIMULATORS, make_simulator, source_file
@@ -31,7 +32,9 @@ __all__ = [
     "Simulator",
     "SimulatorPlant",
     "Unicycle",
+    "lives_here",
     "make_simulator",
+    "own_simulator",
     "part_of",
     "reduced",
     "restart",

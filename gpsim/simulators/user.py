@@ -81,16 +81,22 @@ def load_source(reference: str, source: str) -> Simulator:
         raise UsageError(
             f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
         ) from error
+    simulator = adapted(instance, reference)
+    vars(simulator)["_source"] = source
+    # Copies in other processes come from the source, which is no importable module.
+    copyreg.pickle(type(simulator), lambda known: (load_source, (known.name, vars(known)["_source"])))
+    return simulator
+
+
+def adapted(instance: Any, reference: str) -> Simulator:
+    """A user's object as a simulator called `reference`, tried once; raises UsageError."""
     if isinstance(instance, Simulator):
         simulator = instance
     else:
         simulator = _call(lambda: UserSimulator(instance, reference), "its declaration", reference)
-    # By the name of a class it derives from, the built-in one would be found.
-    vars(simulator).update(name=reference, _source=source)
+    vars(simulator)["name"] = reference  # by that of a class it derives from, the built-in one would be found
     if simulator is instance:
         _guard(simulator, reference)
-    # Copies in other processes come from the source, which is no importable module.
-    copyreg.pickle(type(simulator), lambda known: (load_source, (known.name, vars(known)["_source"])))
     _call(lambda: _check_declaration(simulator, reference), "its declaration", reference)
     _try(simulator, reference)
     return simulator

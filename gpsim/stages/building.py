@@ -13,14 +13,13 @@ from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant
 from gpsim.targets import FrictionCartPole, Limo
-from gpsim.tasks import Balance, GoalReaching, Task
+from gpsim.tasks import TASKS, Task
 
 TARGETS: Mapping[str, type[Plant]] = {"friction_cartpole": FrictionCartPole, "limo": Limo}
 RANDOMISED = ("parameters", "actions", "both")
 RECORDED = "recording"
 """The target that is known by its logs alone: nothing can be driven."""
 ALGORITHMS: Mapping[str, type[PpoSettings] | type[SacSettings]] = {"ppo": PpoSettings, "sac": SacSettings}
-TASKS: Mapping[str, type[Task]] = {"balance": Balance, "goal": GoalReaching}
 
 
 def base_plant(config: Mapping[str, Any]) -> SimulatorPlant:

@@ -17,7 +17,7 @@ from pathlib import Path
 import gpsim
 from gpsim.files import file_digest
 
-APART = ("cli", "conf", "trials")
+APART = ("cli", "conf", "face", "trials")
 """Folders that no diagnosis rests on."""
 
 

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
-from gpsim.channels import Channels
-from gpsim.corrected import EffectsPlant, GpCorrection, plant_from
-from gpsim.diagnosis import Diagnosis, diagnose
-from gpsim.diagnosis.run import Run, Workers, cores
+from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
-from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, unreadable
 from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
-from gpsim.recordings import Recording, read_bare_table, read_recording
-from gpsim.residuals import check_rates, holding_out
-from gpsim.simulators import SIMULATORS, Simulator, source_file, wrapping
+from gpsim.recordings import Recording, read_recording
+from gpsim.residuals import holding_out, read_table
+from gpsim.simulators import Simulator, lives_here, source_file
 from gpsim.stages.code import SOURCES
+from gpsim.stages.diagnosing import Question, answer, plant_of, title_of
 from gpsim.stages.diagnosis_files import write_diagnosis
 from gpsim.stages.policy_files import read_gp
-from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.stage import Request, Stage
 from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
+RECORDING = "recording"
+"""In timings.json: where the recording lay. It is no part of what the diagnosis is, and may have moved since."""
 
 
 @dataclass(frozen=True)
@@ -77,27 +76,26 @@ def why_no_gp(folder: Path) -> str | None:
     return None if gp is None else gp.why_not  # earlier versions always had one
 
 
-def read_corrected(folder: Path, gp: bool = False) -> EffectsPlant:
+def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None = None) -> EffectsPlant:
     """The corrected simulator of a finished diagnosis, to train in.
 
-    `gp` adds the Gaussian process on the remainder, if the diagnosis has one: see `why_no_gp`.
+    `gp` adds the Gaussian process on the remainder, if the diagnosis has one: see `why_no_gp`. simulator: the base, of
+    which the folder knows the name; needed only where it lives in a program alone.
     """
     artifact = read_artifact(folder, "diagnose")
-    data: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
-    _check_file(artifact, str(data["simulator"]))
-    simulator = open_simulator(str(data["simulator"]))
-    simulator = wrapping(simulator, _wrapped(simulator.state, data.get("wraps", ())))
-    correction = None
-    if gp and data["gp"]:
-        predictor, features = read_gp(artifact.path, simulator.state + simulator.action)
-        correction = GpCorrection(predictor, features, "mean", sample_noise=False)
-        data |= data.get("with_gp", {})  # it may stand in the effects' place
-    return plant_from(data, simulator, correction)
-
-
-def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
-    """A simulator's state channels, wrapping where they do and where their recording said so."""
-    return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))
+    content: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
+    name = str(content["simulator"])
+    if simulator is None and lives_here(name):
+        raise UsageError(
+            f"{folder}: corrects {name}, which only the Python program knows that made it: load it there, as "
+            "gpsim.Diagnosis.load(DIR, simulator)"
+        )
+    _check_file(artifact, name)
+    return plant_of(
+        content,
+        simulator or open_simulator(name),
+        (lambda channels: read_gp(artifact.path, channels)) if gp else None,
+    )
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:
@@ -130,22 +128,7 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
     if task.simulator is None:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
     simulator = open_simulator(task.simulator)
-    recording = read_bare_table(
-        path,
-        simulator.name,
-        simulator.state,
-        simulator.action,
-        simulator.defaults(),
-        optional=simulator.state.names if simulator.name in SIMULATORS else _optional(simulator),
-        integrator=simulator.integrator,
-    )
-    return _first(in_its_columns(recording, simulator), task.episodes), simulator
-
-
-def _optional(simulator: Simulator) -> tuple[str, ...]:
-    """States that a bare table need not have: those with a guess, and the velocities of a MuJoCo model."""
-    speeds = tuple(c.velocity for c in simulator.coordinates) if simulator.guesses_speeds else ()
-    return (*simulator.start, *speeds)
+    return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
 
 
 def _held_apart(recording: Recording, task: Task) -> Recording:
@@ -216,39 +199,13 @@ def _known(request: Request) -> Known:
     return read_known(given.get("known"), given.get("families"))
 
 
-def _check_names(simulator: Simulator) -> None:
-    """diagnosis.json has one key of its own beside the state channels (`fit.rollout`)."""
-    if "horizon_s" in simulator.state.names:
-        raise UsageError(
-            "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
-        )
-
-
-def _title(recording: Recording) -> str:
-    """Not the folder's name: the same recording elsewhere makes the same page."""
-    return f"{recording.system}, {recording.transition_count} transitions"
-
-
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
-    with blamed(simulator.name):
-        return _diagnosed(request, task, folder, recording, simulator)
-
-
-def _diagnosed(
-    request: Request, task: Task, folder: Path, recording: Recording, simulator: Simulator
-) -> Json:
     recording = _held_apart(recording, task)
-    parameters = simulator.defaults(recording.parameters)
-    sight = look(recording, simulator)
-    _check_names(simulator)
-    check_rates(sight.completed(recording), sight.simulator, parameters)
-    rng, known = generator(request.seed, "diagnose"), _known(request)
-
-    def run(workers: Workers) -> Run:
-        return Run(workers, read_thresholds(request), known=known)
-
-    with cores(request.cores) as workers:
-        found = diagnose(recording, simulator, parameters, rng, request.progress, run(workers))
-    write_diagnosis(folder, found, simulator, _title(recording))
-    return {}
+    question = Question(
+        read_thresholds(request), _known(request), request.seed, request.cores, request.progress
+    )
+    found = answer(recording, simulator, question)
+    with blamed(simulator.name):  # what draws it asks the simulator, too
+        write_diagnosis(folder, found, simulator, title_of(recording))
+    return {RECORDING: str(task.recording.resolve())}  # for whoever shows it; outside every hash

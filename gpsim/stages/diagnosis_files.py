@@ -9,8 +9,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from gpsim.artifacts import Mishaps
-from gpsim.channels import Channels
-from gpsim.corrected import EffectsPlant, ages_of, describe
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
@@ -21,9 +19,10 @@ from gpsim.reports.diagnosis_figures import Picture, figures
 from gpsim.reports.diagnosis_page import page
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
+from gpsim.stages.diagnosing import described
 from gpsim.stages.policy_files import write_gp
 
-TRACE = "trace.jsonl"
+TRACE, FIGURES = "trace.jsonl", "figures"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
@@ -51,12 +50,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
 
 def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
     write_json(folder / "diagnosis.json", diagnosis.to_dict())
-    plant = replace(found.plant, ages=ages_of(found.question.recording))
-    gp = diagnosis.remainder.gp
-    described = _described(plant, simulator.state, gp=gp is not None and gp.used)
-    if gp is not None and gp.beside == "base":
-        described["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
-    write_json(folder / "corrected.json", described)
+    write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
 
 
 def _write_trace(folder: Path, decisions: Sequence[Decision]) -> None:
@@ -76,12 +70,6 @@ def read_trace(folder: Path) -> list[Decision]:
     ]
 
 
-def _described(plant: EffectsPlant, own: Channels, *, gp: bool) -> Json:
-    """corrected.json, and which channels wrap though the simulator's own state channels do not."""
-    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
-    return describe(plant, gp=gp) | ({"wraps": wraps} if wraps else {})
-
-
 def _write_process(folder: Path, found: Outcome) -> None:
     if found.comparison.corrected is not None:
         learnt = found.comparison.corrected.learnt
@@ -90,6 +78,15 @@ def _write_process(folder: Path, found: Outcome) -> None:
 
 def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
     """Those that can be drawn, also below figures/."""
+    pictures = drawn(diagnosis, found, mishaps)
+    (folder / FIGURES).mkdir()
+    for name, picture in pictures.items():
+        (folder / FIGURES / f"{name}.png").write_bytes(picture.png)
+    return pictures
+
+
+def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
+    """Name -> picture, of those that can be drawn."""
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
     shown: Traces | None = None
     past: Course | None = None
@@ -105,7 +102,4 @@ def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Misha
     with mishaps.contained("figures are left out"):
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
         pictures |= figures(found, shown, past, contained)
-    (folder / "figures").mkdir()
-    for name, picture in pictures.items():
-        (folder / "figures" / f"{name}.png").write_bytes(picture.png)
     return pictures

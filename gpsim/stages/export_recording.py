@@ -10,8 +10,9 @@ import numpy as np
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.errors import UsageError
 from gpsim.files import written_whole
+from gpsim.mjcf import open_simulator
 from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
-from gpsim.simulators import SIMULATORS, Integrator, Simulator, make_simulator
+from gpsim.simulators import SIMULATORS, Integrator, Simulator
 
 FORMATS = ("mcap", "csv", "parquet")
 
@@ -45,7 +46,7 @@ def predict(recording: Recording) -> tuple[Predictions, list[str]]:
         return {}, [
             f"measured channels only: no simulator '{recording.system}' (there are: {', '.join(SIMULATORS)})"
         ]
-    simulator = make_simulator(recording.system)
+    simulator = open_simulator(recording.system)
     names = (recording.state.names, recording.action.names)
     if names != (simulator.state.names, simulator.action.names):
         return {}, [f"measured channels only: not the channels of the simulator {recording.system}"]

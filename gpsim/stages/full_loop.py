@@ -6,7 +6,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
-from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp
+from gpsim.stages import build_residuals, certify, collect, evaluate, fit_gp, tracking
 from gpsim.stages.building import (
     base_plant,
     drivable,
@@ -40,6 +40,7 @@ def _check(request: Request) -> None:
     """Settings that are wrong are better found now than after an hour of training."""
     if request.config["deployed"] is not None:
         raise UsageError("deployed= scores logs of a policy, without a loop: gpsim evaluate deployed=...")
+    tracking.check(request)
     base_plant(request.config)
     settings_for(request, make_task(request.config))
     evaluate.check(request)

@@ -11,14 +11,13 @@ from typing import Any, Literal
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store
 from gpsim.errors import UsageError
-from gpsim.files import Json, disk_errors, file_digest
+from gpsim.files import Json, disk_errors
 from gpsim.recordings import (
-    FolderLog,
+    ImportMapping,
     ImportReport,
     Inspection,
     NamedLog,
     Opener,
-    RawLog,
     Recording,
     bare_mapping,
     changes_of_words,
@@ -39,6 +38,7 @@ from gpsim.reports.import_figure import draw_channels
 from gpsim.reports.import_text import as_text
 from gpsim.settings import texts, truth
 from gpsim.simulators import SIMULATORS
+from gpsim.stages.log_files import digests_read, remembering
 
 STAGE_NAME = "import"
 NO_COMMANDS = (
@@ -50,6 +50,9 @@ NO_COMMANDS = (
 
 def quiet(line: str) -> None:
     """Say nothing."""
+
+
+GUESSED = "mapping (from the names in the log)"
 
 
 @dataclass(frozen=True)
@@ -68,16 +71,22 @@ def import_log(
     words: Sequence[str] = (),
     salvage: bool = False,
     say: Callable[[str], None] = quiet,
+    raw: Mapping[str, Any] | None = None,
 ) -> Imported:
     """Import `sources` into the new folder `out`, which is written whole or not at all.
 
     mapping: a name from conf/mapping or a YAML file; None for tables whose columns are the channels' names.
     words: key=value changes of the mapping. salvage: go on past damage and count it. say: is given what the person
-    should know before the logs are read, a line each.
+    should know before the logs are read, a line each. raw: the whole mapping, where it is there already.
     """
     _refuse_existing(out)
-    recording, report, raw = read_logs(sources, mapping, words, salvage, say)
-    config = {"mapping": raw, "salvage": salvage, "sources": source_digests(sources, mapping, words)}
+    if raw is None:
+        recording, report, raw = read_logs(sources, mapping, words, salvage, say)
+        digests = source_digests(sources, mapping, words)
+    else:
+        recording, report, plan = read_by(raw, GUESSED, sources, salvage, say)
+        digests = digests_read(sources, plan.layout, plan.files)
+    config = {"mapping": raw, "salvage": salvage, "sources": digests}
 
     def write(folder: Path) -> Json:
         write_import(recording, report, folder)
@@ -95,9 +104,12 @@ def try_import(
     words: Sequence[str] = (),
     salvage: bool = False,
     say: Callable[[str], None] = quiet,
+    raw: Mapping[str, Any] | None = None,
 ) -> ImportReport:
     """The report of what `import_log` would make of the same; the logs are read, nothing is written."""
     _refuse_existing(out)
+    if raw is not None:
+        return read_by(raw, GUESSED, sources, salvage, say)[1]
     return read_logs(sources, mapping, words, salvage, say)[1]
 
 
@@ -126,27 +138,39 @@ def salvages(section: Mapping[str, Any]) -> bool:
 
 def read_logs(
     sources: Sequence[Path],
-    mapping: str | None = None,
+    mapping: str | Mapping[str, Any] | None = None,
     words: Sequence[str] = (),
     salvage: bool = False,
     say: Callable[[str], None] = quiet,
 ) -> tuple[Recording, ImportReport, dict[str, Any]]:
-    """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too."""
+    """The recording, the report and the resolved mapping; nothing is written. `collect` uses it too.
+
+    mapping: a name, a file, or what such a file holds.
+    """
     opener = partial(open_log, salvage=salvage)
     changes = changes_of_words(words)
     if mapping is None:
         first = find_logs(sources, "files", str(changes.get("files", "*")), opener)[0]
         systems = {name: (simulator.state, simulator.action) for name, simulator in SIMULATORS.items()}
-        raw = _merged(bare_mapping(first, str(changes.get("system", "")), systems), changes)
+        raw = merge_changes(bare_mapping(first, str(changes.get("system", "")), systems), changes)
         where = "mapping (from the column names)"
     else:
-        raw, where = resolved_mapping(mapping, words), f"mapping {mapping}"
+        raw = resolved_mapping(mapping, words)
+        where = f"mapping {mapping}" if isinstance(mapping, str) else "mapping"
+    recording, report, _ = read_by(raw, where, sources, salvage, say)
+    return recording, report, raw
+
+
+def read_by(
+    raw: Mapping[str, Any], where: str, sources: Sequence[Path], salvage: bool, say: Callable[[str], None]
+) -> tuple[Recording, ImportReport, ImportMapping]:
+    """The recording, the report, and the mapping that was read."""
     plan = parse_mapping(raw, where)
     if not plan.action:
         say(f"{where}: {NO_COMMANDS}")
-    logs = find_logs(sources, plan.layout, plan.files, opener)
+    logs = find_logs(sources, plan.layout, plan.files, partial(open_log, salvage=salvage))
     recording, report = import_logs(logs, plan, partial(find_bad_rows, salvage=salvage))
-    return recording, report, raw
+    return recording, report, plan
 
 
 def write_import(recording: Recording, report: ImportReport, folder: Path) -> None:
@@ -166,10 +190,22 @@ def inspect_source(source: Path, salvage: bool = False) -> Inspection:
     """What a log holds and the mapping it suggests; of a folder of logs, the first, which alone is opened."""
     opener = partial(open_log, salvage=salvage)
     paths: list[Path] = []
-    found = find_logs([source], "files", "*", _remembering(paths))
+    found = find_logs([source], "files", "*", remembering(paths))
     first = NamedLog(found[0].name, opener(paths[0]))
-    ready = tuple(name for name in mapping_names() if _serves(name, source, first, opener))
-    return inspect_log(first, len(found), ready)
+    return inspect_log(first, len(found), ready_mappings(source, first, opener))
+
+
+def ready_mappings(source: Path, first: NamedLog, opener: Opener) -> tuple[str, ...]:
+    """The mappings that come with gpsim and find all they want in a source, whose first log is `first`."""
+    return tuple(name for name in mapping_names() if _serves(name, source, first, opener))
+
+
+def holds_logs(folder: Path) -> bool:
+    """Whether there are log files below a folder; none is opened."""
+    try:
+        return bool(find_logs([folder], "files", "*", remembering([])))
+    except UsageError:
+        return False
 
 
 def _serves(name: str, source: Path, first: NamedLog, opener: Opener) -> bool:
@@ -232,15 +268,16 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _merged(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+def merge_changes(raw: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping with changes."""
     if "rate" in changes or "dt" in changes:  # two ways to say one thing: the last word counts
         raw = {key: value for key, value in raw.items() if key not in ("rate", "dt")}
     return merged(raw, changes)
 
 
-def resolved_mapping(name_or_file: str, words: Sequence[str]) -> dict[str, Any]:
-    """A mapping with the changes that `words` (key=value) make to it."""
-    return _merged(read_mapping(name_or_file), changes_of_words(words))
+def resolved_mapping(given: str | Mapping[str, Any], words: Sequence[str]) -> dict[str, Any]:
+    """A mapping, or that of a name or a file, with the changes that `words` (key=value) make to it."""
+    return merge_changes(read_mapping(given) if isinstance(given, str) else given, changes_of_words(words))
 
 
 def source_digests(
@@ -255,42 +292,4 @@ def source_digests(
     if mapping is not None:
         plan = parse_mapping(resolved_mapping(mapping, words), f"mapping {mapping}")
         layout, pattern = plan.layout, plan.files
-    out: dict[str, str] = {}
-    for number, source in enumerate(sources):
-        for path in _files_read(source, layout, pattern):
-            name = path.relative_to(source).as_posix() if source.is_dir() else path.name
-            out[name if len(sources) == 1 else f"{number + 1}/{name}"] = file_digest(path)
-    return out
-
-
-def _files_read(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
-    """The files of the logs below a source, those of a ROS 2 bag's folder one by one."""
-    try:
-        if not source.exists():
-            raise UsageError(f"{source}: no such file or folder")
-        return _files_of_logs(source, layout, pattern)
-    except OSError as error:  # a folder that may not be entered
-        raise UsageError(f"{source}: cannot be read ({error.strerror or error})") from error
-
-
-def _files_of_logs(source: Path, layout: Literal["files", "folder"], pattern: str) -> list[Path]:
-    logs: list[Path] = []
-    for found in find_logs([source], layout, pattern, _remembering(logs)):
-        if isinstance(found.log, FolderLog):
-            logs += found.log.files.values()
-    return [file for log in logs for file in (_storage_of(log) if log.is_dir() else [log])]
-
-
-def _remembering(paths: list[Path]) -> Opener:
-    """An opener that opens nothing and notes what it was asked for."""
-
-    def remember(path: Path) -> RawLog:
-        paths.append(path)
-        return FolderLog({}, remember)
-
-    return remember
-
-
-def _storage_of(bag: Path) -> list[Path]:
-    stored = (p for p in bag.iterdir() if p.name == "metadata.yaml" or {".db3", ".mcap"} & set(p.suffixes))
-    return sorted(path for path in stored if path.is_file())
+    return digests_read(sources, layout, pattern)

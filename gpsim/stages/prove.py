@@ -12,6 +12,7 @@ from typing import Any
 from gpsim.artifacts import git_commit, held, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, write_json, written_whole
+from gpsim.reports.prove_misses import miss_rows
 from gpsim.reports.prove_page import page
 from gpsim.reports.prove_record import record
 from gpsim.stages.trial_jobs import Progress, run_trials
@@ -96,9 +97,10 @@ def _reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -
     scores.sort(key=lambda s: str(s["trial"]))
     undiagnosed = sorted(set(published(out)) - set(names))
     content = _facts(where, scores) | {"undiagnosed": undiagnosed} | summarise(scores)
+    content |= {"every_miss": miss_rows(scores)}
     with written_whole(out / "prove.json") as made:
         write_json(made, plain(content))
-    for name, text in (("report.html", page(content, scores)), ("record.md", record(content, scores))):
+    for name, text in (("report.html", page(content, scores)), ("record.md", record(content))):
         with written_whole(out / name) as made:
             made.write_text(text, encoding="utf-8")
     return content

@@ -243,7 +243,11 @@ def _limits(task: Mapping[str, Any]) -> dict[str, float]:
 
 def _command(request: Request, seeds: tuple[int, ...]) -> str:
     """What makes the report again, wherever its artifacts lie."""
-    given = [word for word in request.words if word.partition("=")[0].lstrip("+") not in ("seed", "runs_dir")]
+    given = [
+        word
+        for word in request.words
+        if word.partition("=")[0].lstrip("+") not in ("seed", "runs_dir", "track")
+    ]
     words = [quoted(word) for word in given]
     start = [f"seed={seeds[0]}"] if seeds[0] else []
     several = [f"--seeds {len(seeds)}"] if len(seeds) > 1 else []

@@ -12,7 +12,7 @@ from gpsim.files import Json
 from gpsim.policies.training.settings import TRAINING_FORMAT
 from gpsim.settings import choice
 from gpsim.simulators import Plant, SimulatorPlant
-from gpsim.stages import fit_gp
+from gpsim.stages import fit_gp, tracking
 from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.code import IN_NUMBERS
@@ -48,8 +48,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     parent = recipe.parents["gp" if correction == "gp" else "diagnosis"]
     plant, expected = make(request, parent), make(request.having(prediction="mean"), parent)
     purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
-    task = make_task(request.config)
-    return train(request, plant, task, f"train-gp-policy/{purpose}", folder, expected)
+    task, purpose = make_task(request.config), f"train-gp-policy/{purpose}"
+    events = tracking.events_of(request, recipe, purpose)
+    return train(request, plant, task, purpose, folder, expected, events)
 
 
 def _gp_plant(request: Request, gp: Artifact) -> CorrectedPlant:
@@ -74,9 +75,10 @@ def _left_out(request: Request) -> str | None:
 
 
 def remarks(request: Request) -> list[str]:
-    """Whether a Gaussian process that was asked for was left out."""
+    """Whether a Gaussian process that was asked for was left out, and where event files lie."""
     why = _left_out(request)
-    return [f"no Gaussian process beside the effects, as with correction=effects: {why}"] if why else []
+    said = [f"no Gaussian process beside the effects, as with correction=effects: {why}"] if why else []
+    return [*said, *tracking.remarks(request)]
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:

@@ -25,6 +25,7 @@ from gpsim.policies.training.settings import (
 )
 from gpsim.settings import choice
 from gpsim.simulators import Plant
+from gpsim.stages import tracking
 from gpsim.stages.building import (
     base_plant,
     expert_search,
@@ -63,7 +64,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     if variant == "target":
         task = task.on_target()
     model = base_plant(request.config) if variant == "randomised" else None  # the middle of what is drawn
-    return train(request, plants[variant](request.config), task, f"train-source/{variant}", folder, model)
+    purpose = f"train-source/{variant}"
+    events = tracking.events_of(request, recipe, purpose)
+    return train(request, plants[variant](request.config), task, purpose, folder, model, events)
 
 
 def settings_for(request: Request, task: Task) -> PpoSettings | SacSettings:
@@ -80,11 +83,17 @@ def settings_for(request: Request, task: Task) -> PpoSettings | SacSettings:
 
 
 def train(
-    request: Request, plant: Plant, task: Task, purpose: str, folder: Path, model: Plant | None = None
+    request: Request,
+    plant: Plant,
+    task: Task,
+    purpose: str,
+    folder: Path,
+    model: Plant | None = None,
+    events: Path | None = None,
 ) -> Json:
     """Train a policy on a plant; seeds of network and environment come from the loop's seed and the purpose.
 
-    model: what an expert looks ahead in, where that is not the plant itself.
+    model: what an expert looks ahead in, where that is not the plant itself. events: a folder for event files.
     """
     # torch takes seconds to load, and only training needs it
     from gpsim.policies.training.ppo import train_ppo
@@ -97,16 +106,20 @@ def train(
         rounds = settings.expert_rounds
         total = settings.total_steps + rounds * ROUND
         policy, curve, critic = train_ppo(
-            env, settings, weights, lambda done, _, said: request.progress(done, total, said)
+            env,
+            settings,
+            weights,
+            lambda done, _, said: request.progress(done, total, said),
+            events=events,
         )
         if rounds:
             policy, checkpoints = _improved(
-                request, policy, critic, plant, model or plant, task, purpose, settings
+                request, policy, critic, plant, model or plant, task, purpose, settings, events
             )
             write_checkpoints(folder, checkpoints)
     else:
         env = BatchedEnv(plant, task, settings.n_envs, places, settings.action_repeat)
-        policy, curve, checkpoints = train_sac(env, settings, weights, request.progress)
+        policy, curve, checkpoints = train_sac(env, settings, weights, request.progress, events)
         write_checkpoints(folder, checkpoints)
     write_policy(folder, policy)
     write_curve(folder, curve)
@@ -122,6 +135,7 @@ def _improved(
     task: Task,
     purpose: str,
     settings: PpoSettings,
+    events: Path | None,
 ) -> tuple[Policy, Checkpoints]:
     """The policy after expert iteration."""
     from gpsim.policies.training.expert_iteration import improved
@@ -142,6 +156,7 @@ def _improved(
         settings,
         seed,
         lambda turn, _, said: request.progress(total + turn * ROUND, last, said),
+        events / "expert" if events is not None else None,
     )
 
 
@@ -149,6 +164,7 @@ STAGE = Stage(
     "train-source",
     recipe,
     write,
+    remarks=tracking.remarks,
     format=TRAINING_FORMAT,
     code=IN_NUMBERS,
 )

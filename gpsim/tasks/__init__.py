@@ -2,12 +2,19 @@
 
 from gpsim.tasks.balance import Balance
 from gpsim.tasks.goal import GoalReaching
+from gpsim.tasks.own import End, OwnTask, Reward, never
+from gpsim.tasks.registry import TASKS
 from gpsim.tasks.task import Actions, Start, Task
 
 __all__ = [
+    "TASKS",
     "Actions",
     "Balance",
+    "End",
     "GoalReaching",
+    "OwnTask",
+    "Reward",
     "Start",
     "Task",
+    "never",
 ]

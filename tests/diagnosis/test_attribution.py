@@ -72,7 +72,7 @@ def test_laws_that_explain_the_same_share_it_and_neither_is_needed_alone():
 
 @pytest.mark.parametrize(
     ("importance", "needed", "spare"),
-    [(0.3, 0.001, True), (0.3, 0.1, False), (0.02, 0.001, False)],
+    [(0.3, 0.001, True), (0.3, 0.03, False), (0.3, 0.1, False), (0.02, 0.001, False)],
 )
 def test_what_explains_much_and_is_not_needed_is_spare(importance, needed, spare):
     found = SimpleNamespace(

@@ -46,11 +46,19 @@ def test_it_prints_the_account_its_parts_in_order(diagnosed):
     heads = [line.split()[0] for line in account.splitlines() if line[:1].strip()]
     assert heads == ["Verdict", "Where", "What", "Left", "Fit", "Next"]
     assert account.startswith("Verdict  ambiguous: ")
-    assert f"gpsim.stages.diagnose.read_corrected(Path({str(out)!r}))" in account or "'DIR'" in account
+    assert f"gpsim.Diagnosis.load({str(out)!r}).corrected()" in account or "'DIR'" in account
     assert "nats" not in account
     assert "nats behind the best" in ranked
     assert len(account.splitlines()) <= 25
     assert max(map(len, account.splitlines())) <= 100
+
+
+def test_it_is_exported_without_a_word_about_where_its_recording_lies(diagnosed):
+    out, _ = diagnosed
+    result = CliRunner().invoke(app, ["export", "diagnosis", str(out), "--mcap"])
+    assert result.exit_code == 0, result.output
+    assert f"export: {out}.mcap" in result.output
+    assert "/real beside /base, /corrected" in result.output
 
 
 def test_the_ranking_begins_with_the_answer_and_holds_all_that_was_fitted(diagnosed):
@@ -154,7 +162,7 @@ def test_white_noise_gets_no_gaussian_process(diagnosed):
 def test_every_key_is_told_in_the_docs(diagnosed):
     out, _ = diagnosed
     report = json.loads((out / "diagnosis.json").read_text())
-    told = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+    told = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
     part = report["fit"]["one_step"]["q_acc"]
     (effect,) = report["effects"]
     (parameter,) = effect["parameters"].values()

@@ -1,8 +1,11 @@
 """Recordings at 1 kHz are read every 10 ms, unless that would hide what was commanded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from gpsim.channels import Channels
 from gpsim.diagnosis.data.decimation import thinned
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.settings import DecimationSettings
@@ -34,6 +37,15 @@ def test_an_uneven_clock_weighs_commands_by_time():
     (slow,) = thinned(recording, DecimationSettings())[0].episodes
     u = episode.actions[:10, 0]
     assert slow.actions[0, 0] == pytest.approx((5 * u[0] + u[1:].sum()) / 14)
+
+
+def test_a_free_swing_is_thinned_too():
+    """A recording without commands at 1 kHz: nothing can be hidden."""
+    recording = record(World("slider"), episodes=2, steps=205, dt=0.001, hold=50)
+    bare = tuple(replace(episode, actions=episode.actions[:, :0]) for episode in recording.episodes)
+    slow, every = thinned(replace(recording, action=Channels(()), episodes=bare), DecimationSettings())
+    assert every == 10
+    assert [episode.actions.shape for episode in slow.episodes] == [(20, 0), (20, 0)]
 
 
 @pytest.mark.parametrize(("dt", "hold"), [(0.001, 1), (0.02, 8), (0.01, 50)])

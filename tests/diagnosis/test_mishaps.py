@@ -16,7 +16,7 @@ from gpsim.diagnosis.report import NoGp
 from gpsim.errors import UsageError
 from gpsim.recordings.files import write_recording
 from gpsim.reports import diagnosis_figures
-from gpsim.stages import diagnose, diagnosis_files
+from gpsim.stages import diagnosing, diagnosis_files
 from gpsim.stages.diagnose import read_corrected, why_no_gp
 
 from .worlds import World, record
@@ -43,7 +43,7 @@ def searched(monkeypatch):
         found[:] = found or [diagnose_recording(*given, **named)]
         return found[0]
 
-    monkeypatch.setattr(diagnose, "diagnose", once)
+    monkeypatch.setattr(diagnosing, "diagnose", once)
     return found
 
 

@@ -101,11 +101,11 @@ def test_effects_that_explain_the_same_share_it():
             "slight",
         ),  # it may stand in for what is left
         (Share(0.40, 0.3, 0.5), Share(0.003, 0.002, 0.004), 0.0002, 0, "headline"),  # nothing is left
-        (Share(0.019, 0.01, 0.03), Share(0.010, 0.005, 0.02), 0.003, 4, "slight"),
+        (Share(0.019, 0.01, 0.03), Share(0.010, 0.005, 0.02), 0.0015, 4, "slight"),
         (
             Share(0.019, 0.01, 0.03),
             Share(0.010, 0.005, 0.02),
-            0.003,
+            0.0015,
             5,
             "headline",
         ),  # a limit that is seldom met

@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -13,8 +14,7 @@ from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
-from gpsim.stages.diagnose import _wrapped
-from gpsim.stages.diagnosis_files import _described
+from gpsim.stages.diagnosing import described, plant_of
 
 from .worlds import World, record
 
@@ -84,11 +84,17 @@ def test_it_still_wraps_in_another_process(tmp_path):
 
 
 def test_the_corrected_simulator_remembers_what_wraps():
-    own = make_simulator("pendulum")
-    simulator = question_of(turned(wraps=True), own).everything.simulator
+    own, recording = make_simulator("pendulum"), turned(wraps=True)
+    simulator = question_of(recording, own).everything.simulator
     plant = EffectsPlant(simulator, own.defaults(), (PUSHED,), "fine", 2, 0.02)
-    data = _described(plant, own.state, gp=True)
+    diagnosis = SimpleNamespace(remainder=SimpleNamespace(gp=None))
+
+    def told(plant):
+        outcome = SimpleNamespace(plant=plant, question=SimpleNamespace(recording=recording))
+        return described(outcome, diagnosis, own.state)
+
+    data = told(plant)
     assert data["wraps"] == ["theta"]
-    assert _wrapped(own.state, data["wraps"]) == TURNING
-    assert "wraps" not in _described(replace(plant, simulator=own), own.state, gp=True)
+    assert plant_of(data, own).state == TURNING
+    assert "wraps" not in told(replace(plant, simulator=own))
     assert plant_from(data, own).terms == plant.terms

@@ -151,7 +151,7 @@ def test_a_root_without_drowned_directions_keeps_the_variance(seed: int) -> None
     rng = np.random.default_rng(seed)
     inputs = rng.normal(size=(120, 2))
     inputs = np.concatenate([inputs, inputs[:24]])
-    hyper = HyperParameters(1.0, np.array([2.0, 3.0]), np.array([0.5, 0.1]), 0.3, 10.0 ** rng.uniform(-3, 0))
+    hyper = HyperParameters(1.0, np.array([2.0, 3.0]), np.array([0.5, 0.1]), 0.3, 10.0 ** rng.uniform(-2, 0))
     process = condition(inputs, rng.normal(size=144), hyper, standardisation=IDENTITY_2)
     assert process.terms.root.shape[0] == 120
     assert process.terms.root.shape[1] <= 60

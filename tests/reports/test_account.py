@@ -186,8 +186,11 @@ def test_the_command_trains_in_what_was_found():
         account_of(partial(), here).command == f"gpsim train-gp-policy diagnosis={here} correction=effects+gp"
     )
     assert (
-        account_of(named(), here, "slider").command
-        == f"python: gpsim.stages.diagnose.read_corrected(Path('{here}'))"
+        account_of(named(), here, "slider").command == f"python: gpsim.Diagnosis.load('{here}').corrected()"
+    )
+    assert (
+        account_of(named(), here, "tank()").command
+        == f"python: gpsim.Diagnosis.load('{here}', simulator).corrected()"
     )
     assert account_of(named(), "my log").command == "gpsim train-gp-policy 'diagnosis=my log'"
     assert account_of(RICH["none"](), here).command is None

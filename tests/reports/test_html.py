@@ -68,5 +68,5 @@ def test_a_record_keeps_tags_and_bars_in_their_cells(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("gpsim.reports.prove_record.proof_sheets", lambda content: [sheet])
     monkeypatch.setattr("gpsim.reports.prove_record.beside", lambda content: [])
     content = {"all": {"n": 1}, "long": {"n": 0}, "seed": 1, "diagnosed_under": ["abc"]}
-    text = record(content, [])
+    text = record(content)
     assert r"| \<b>\|x y[31m | < 5 |" in text.splitlines()

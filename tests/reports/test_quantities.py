@@ -1,11 +1,12 @@
 """Numbers as a person would say them."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from gpsim.diagnosis.report import Combination, Estimate, LogFact, Share
-from gpsim.reports.fact_text import combination_text, fixed_text, log_fact_text, open_text
+from gpsim.reports.fact_text import combination_text, combination_texts, fixed_text, log_fact_text, open_text
 from gpsim.reports.quantities import brief, percent, share_text, size_text
 
 
@@ -86,5 +87,13 @@ def test_what_is_fixed_and_what_is_open_is_said():
     assert fixed_text(product) == "cart_mass · force gain^2 = 2.5 N"
     assert open_text(product) == "one may grow as the other shrinks"
     assert fixed_text(together()) == "one combination of them"
+    first, second = (replace(c, fixed=fixed_text(c), open=open_text(c)) for c in (ratio, product))
+    assert combination_texts([first, second]) == [combination_text(first), combination_text(second)]
+    said, alone = combination_texts([first, second, first])
+    assert said.startswith(
+        "only cart_mass / force gain = 2.50 (2.40 to 2.60) and cart_mass / force gain = 2.50"
+    )
+    assert said.endswith(" are fixed: these may all be scaled alike")
+    assert alone == combination_text(second)
     own = Combination(of=("cart_mass", "force gain"), fixed="their ratio", open="both scaled alike")
     assert combination_text(own) == "of cart_mass and force gain only their ratio is fixed; both scaled alike"

@@ -192,6 +192,9 @@ def test_a_trial_that_cannot_be_scored_is_wrong_and_stops_no_other(proof, fits, 
     assert content["all"]["n"] == 2
     assert content["not_scored"] == [NAME]
     assert NAME in content["misses"]
+    told = {miss["trial"]: miss for miss in json.loads((proof / "prove.json").read_text())["every_miss"]}
+    assert set(told) == set(content["misses"])
+    assert told[NAME]["error"].startswith("not scored: KeyError")
     score = json.loads((proof / "scores" / f"{NAME}.json").read_text())
     assert not score["right"]
     assert score["error"].startswith("not scored: KeyError")

@@ -1,5 +1,6 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
+from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
 from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
@@ -14,10 +15,13 @@ __all__ = [
     "EFFECTS",
     "KINDS",
     "SINCE_REVERSAL",
+    "Along",
+    "Alongside",
     "Comparison",
     "Course",
     "Trace",
     "Traces",
+    "alongside",
     "combinations",
     "compare",
     "course",

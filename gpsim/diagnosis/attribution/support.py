@@ -89,13 +89,14 @@ def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> b
 
 
 def _spare(found: Attribution, index: int, settings: Settings) -> bool:
-    """Whether a term explains much and is not needed: others do the same, and share with it what is one's.
+    """Whether a term explains much and is hardly needed: others do the same, and share with it what is one's.
 
     Beside physics that nobody names two laws are nearer to it than one.
     """
     left = 1.0 - found.share.share
     much = found.importance[index].share >= settings.attribution.headline
-    return much and not matters(found.needed[index], left, settings.attribution)
+    hardly = found.needed[index].share < settings.support.spare * left
+    return much and hardly and not matters(found.needed[index], left, settings.attribution)
 
 
 def _doubtful(hypothesis: Hypothesis, found: Attribution, index: int) -> bool:

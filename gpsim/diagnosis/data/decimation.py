@@ -41,7 +41,9 @@ def _means(episode: Episode, k: int) -> FloatArray:
 
 
 def _share_kept(recording: Recording, k: int) -> float:
-    """The least share of an action's variance that its means over blocks of k keep."""
+    """The least share of an action's variance that its means over blocks of k keep; 1 where none is recorded."""
+    if not len(recording.action):
+        return 1.0
     whole = [e.actions[: len(e) // k * k] for e in recording.episodes]
     actions = np.concatenate(whole)
     held = np.concatenate([np.repeat(_means(e, k), k, axis=0) for e in recording.episodes])

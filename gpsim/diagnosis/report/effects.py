@@ -51,8 +51,9 @@ class Odds:
 class NamedEffect:
     """One effect of an explanation.
 
-    family, site: docs/effects.md; on: the coordinate, action, channel or parameter it acts on; parameters: by name;
-    region: channel -> [low, high] in the channel's unit, where it acts; since: seconds on the recording's clock;
+    family, site: docs/reference/effects.md; on: what it acts on, a coordinate, action, channel or parameter;
+    parameters: by name; region: channel -> [low, high] in the channel's unit, where it acts; since: seconds on the
+    recording's clock;
     since_episode: the name of the first episode in which it acts; probability: of the whole explanation; evidence_gain:
     nats; explains: the share of the residual beyond noise that goes with it; importance: its part of what the account
     explains (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew;

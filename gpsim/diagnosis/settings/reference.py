@@ -11,7 +11,7 @@ from gpsim.diagnosis.settings.declare import described
 from gpsim.diagnosis.settings.settings import WHERE, Settings
 
 KNOWN = (
-    "known:                 # what you know of the base simulator; names in docs/partial_recordings.md",
+    "known:                 # what you know of the base simulator; names in docs/how-to/partial_recordings.md",
     "  fix: null            # parameters, as {cart_mass: 1.2}: taken as they are, and never asked whether they are off",
     "  bounds: null         # as {pole_mass: [0.08, 0.1], coulomb_friction.x.force: [0, 5]}, each in its unit",
     "families:              # of effects, each as `family` or `family on place`",

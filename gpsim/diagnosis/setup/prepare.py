@@ -28,7 +28,7 @@ from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.effects import closed
-from gpsim.errors import UsageError
+from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
@@ -129,11 +129,13 @@ def _check_length(recording: Recording, settings: PrepareSettings) -> None:
     count, fewest = recording.transition_count, settings.fewest_transitions
     if count >= fewest:
         return
+    short = f"too short to judge: {count} transitions, {fewest} at the least"
     single = sum(len(episode) == 0 for episode in recording.episodes)
-    hint = "record more"
     if single > 1 and 2 * single > len(recording.episodes):
-        hint = f"{single} episodes have one row: the column `episode` names episodes, it does not count rows"
-    raise UsageError(f"too short to judge: {count} transitions, {fewest} at the least; {hint}")
+        raise UsageError(
+            f"{short}; {single} episodes have one row: the column `episode` names episodes, it does not count rows"
+        )
+    raise NoDiagnosis(f"{short}; record more")
 
 
 def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tuple[Windows, Windows]:
@@ -146,7 +148,7 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
             "or take it out to hold out the last fifth"
         )
     if len(training) < prepared.fewest:
-        raise UsageError(
+        raise NoDiagnosis(
             f"too short to judge: {recording.transition_count} transitions make {len(training)} windows of "
             f"{training.length} to learn from, {prepared.fewest} are needed; record more, or hold out less"
         )

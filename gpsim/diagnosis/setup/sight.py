@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.diagnosis.setup.guesses import guess
-from gpsim.errors import UsageError
+from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.residuals import check_match
 from gpsim.simulators import SIMULATORS, Coordinate, Simulator, reduced
@@ -105,7 +105,7 @@ def check_moves(recording: Recording, simulator: Simulator, sight: Sight) -> Non
     first, last = recording.episodes[0].name, recording.episodes[-1].name
     if len(sight.held) + len(sight.constant) >= len(names):
         channel = ", ".join(names)
-        raise UsageError(
+        raise NoDiagnosis(
             f"nothing moves: {channel} never change{'s' if len(names) == 1 else ''} from episode {first} to episode "
             f"{last}; check the sensors, or record data in which something moves"
         )

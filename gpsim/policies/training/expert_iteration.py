@@ -8,15 +8,18 @@ Bagnell 2014, arXiv:1406.5979). The expert knows the simulator, not the target.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from stable_baselines3.common.logger import Logger
 
 from gpsim.channels import FloatArray
 from gpsim.environments import Episodes
 from gpsim.policies import FAILS, Expert, Policy, Visited
+from gpsim.policies.training.events import event_log, note
 from gpsim.policies.training.settings import Checkpoints, PpoSettings, Progress
 from gpsim.simulators import Memory, Plant
 
@@ -63,12 +66,32 @@ class _Round:
 
 
 def improved(
-    policy: Policy, plant: Plant, expert: Expert, settings: PpoSettings, seed: int, progress: Progress
+    policy: Policy,
+    plant: Plant,
+    expert: Expert,
+    settings: PpoSettings,
+    seed: int,
+    progress: Progress,
+    events: Path | None = None,
 ) -> tuple[Policy, Checkpoints]:
     """The policy of the round of expert iteration that did best on fresh starts in `plant`, and all rounds' scores.
 
-    Same seed, same bytes: one torch thread, draws from generators of its own.
+    Same seed, same bytes: one torch thread, draws from generators of its own. events: a folder for event files, whose
+    steps are rounds.
     """
+    with event_log(events) as log:
+        return _improved(policy, plant, expert, settings, seed, progress, log)
+
+
+def _improved(
+    policy: Policy,
+    plant: Plant,
+    expert: Expert,
+    settings: PpoSettings,
+    seed: int,
+    progress: Progress,
+    log: Logger,
+) -> tuple[Policy, Checkpoints]:
     torch.set_num_threads(1)
     rng, shuffle = np.random.default_rng(seed), torch.Generator().manual_seed(seed)
     learner = _Learner(policy, shuffle)
@@ -80,6 +103,8 @@ def improved(
         done = _played(at, plant, expert, rng)
         said = (len(observed) * settings.expert_states, float(done.score.mean()))
         rows.append((*said, float(done.lasted.mean()), float(done.length.mean())))
+        note(log, score=said[1], lasting=rows[-1][2], length=rows[-1][3])
+        log.dump(turn)
         progress(turn, settings.expert_rounds, f"expert iteration: {rows[-1][2]:.1%} of episodes last")
         if turn == settings.expert_rounds or done.lasted.all():
             break

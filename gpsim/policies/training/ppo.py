@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -13,7 +14,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from gpsim.environments import BatchedEnv
 from gpsim.policies import Policy
-from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers, silent
+from gpsim.policies.training.events import event_log, note
+from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers
 from gpsim.policies.training.settings import LearningCurve, PpoSettings, Progress, observation_scale
 
 # stable-baselines3's own choice, which naming any other option of Adam takes back
@@ -23,12 +25,17 @@ Watch = Callable[[int, Policy], None]
 
 
 def train_ppo(
-    env: BatchedEnv, settings: PpoSettings, seed: int, progress: Progress, watch: Watch | None = None
+    env: BatchedEnv,
+    settings: PpoSettings,
+    seed: int,
+    progress: Progress,
+    watch: Watch | None = None,
+    events: Path | None = None,
 ) -> tuple[Policy, LearningCurve, Policy]:
     """Train on one torch thread (two are no faster for networks of this size) and return plain arrays.
 
     The last is the critic: its one logit is the discounted return that it expects of the policy.
-    watch(steps, policy): told before every update what the policy is by then.
+    watch(steps, policy): told before every update what the policy is by then. events: a folder for event files.
     """
     torch.set_num_threads(1)
     scale = observation_scale(env.single_observation_space, settings.observation_scale)
@@ -39,8 +46,10 @@ def train_ppo(
         # A last mini-batch that is smaller than the others is harmless, and tiny budgets have one.
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
         model = _ppo(env, scale, settings, n_steps, seed)
-    model.set_logger(silent())
-    model.learn(settings.total_steps, callback=watcher)
+    with event_log(events) as log:
+        model.set_logger(log)
+        model.learn(settings.total_steps, callback=watcher)
+        log.dump(model.num_timesteps)  # of the last update
     return (
         _network(model, "policy_net", "action_net", scale),
         watcher.curve(),
@@ -97,6 +106,7 @@ class _Watcher(BaseCallback):
         finished = self.training_env.take_finished()  # type: ignore[attr-defined]
         mean = float(np.mean(finished)) if finished else float("nan")
         self._rows.append((self.num_timesteps, mean, len(finished)))
+        note(self.logger, mean_return=mean, episodes=len(finished))
         self._progress(min(self.num_timesteps, self._total), self._total, f"return {mean:.0f}")
         if self._watch is not None:
             assert isinstance(self.model, PPO)

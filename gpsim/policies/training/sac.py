@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
 from gymnasium.spaces import Box
@@ -11,7 +13,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from gpsim.environments import BatchedEnv, Episodes
 from gpsim.policies import Policy
-from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers, silent
+from gpsim.policies.training.events import event_log, note
+from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers
 from gpsim.policies.training.settings import (
     Checkpoints,
     LearningCurve,
@@ -23,12 +26,12 @@ from gpsim.tasks import GoalReaching
 
 
 def train_sac(
-    env: BatchedEnv, settings: SacSettings, seed: int, progress: Progress
+    env: BatchedEnv, settings: SacSettings, seed: int, progress: Progress, events: Path | None = None
 ) -> tuple[Policy, LearningCurve, Checkpoints]:
     """Train on one torch thread; returns the checkpoint that did best in the training simulator, and all their scores.
 
     Every `checkpoint_every` steps the most probable actions are tried there, at every control step, on starts of
-    their own that are the same each time.
+    their own that are the same each time. events: a folder for event files.
     """
     torch.set_num_threads(1)
     scale = observation_scale(env.single_observation_space, settings.observation_scale)
@@ -51,9 +54,10 @@ def train_sac(
         seed=seed,
         device="cpu",
     )
-    model.set_logger(silent())
-    model.learn(settings.total_steps, callback=[_Sharpening(settings), judge])
-    judge.judge()
+    with event_log(events) as log:
+        model.set_logger(log)
+        model.learn(settings.total_steps, callback=[_Sharpening(settings), judge])
+        judge.judge()
     return judge.best, judge.curve(), judge.checkpoints()
 
 
@@ -123,6 +127,10 @@ class _Judge(BaseCallback):
         finished = self.training_env.take_finished()  # type: ignore[attr-defined]
         mean = float(np.mean(finished)) if finished else float("nan")
         self._returns.append((self.num_timesteps, mean, len(finished)))
+        note(
+            self.logger, mean_return=mean, episodes=len(finished), score=score, success=success, length=length
+        )
+        self.logger.dump(self.num_timesteps)
         total = self._settings.total_steps
         self._progress(min(self.num_timesteps, total), total, f"success {success:.2f}, {length:.0f} steps")
 

@@ -1,4 +1,4 @@
-"""What stable-baselines3 is given and gives back: an environment in its interface, no log, plain arrays."""
+"""What stable-baselines3 is given and gives back: an environment in its interface, plain arrays."""
 
 from __future__ import annotations
 
@@ -8,16 +8,10 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from gpsim.environments import BatchedEnv
-
-
-def silent() -> Logger:
-    """A logger that keeps nothing: the library's own leaves an empty folder behind for every training."""
-    return Logger(folder=None, output_formats=[])
 
 
 def falling(start: float, anneal: bool, share: float = 0.0) -> float | Callable[[float], float]:

@@ -31,7 +31,7 @@ class Visibility:
 
     @property
     def visible(self) -> bool:
-        """Whether it counts as visible (docs/prove.md)."""
+        """Whether it counts as visible (docs/method/blind_test.md)."""
         return self.share >= LEAST_SHARE or self.rollout >= LEAST_ROLLOUT
 
 

@@ -1,0 +1,151 @@
+"""`--json`: one object on stdout, of every command; what is printed for people goes to stderr then.
+
+A command says its result with `answer`; what was warned of is there already. The object is printed when the command
+has ended, well or not: docs/reference/json.md and schema.json describe it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, TextIO
+
+import typer
+
+from gpsim.files import plain
+
+from .everywhere import Flag
+from .everywhere import Path as CommandPath
+
+SCHEMA = "gpsim.cli/1"
+NAME = "as_json"
+OPTION = "--json"
+AsJson = Annotated[
+    bool, typer.Option(OPTION, help="One JSON object on stdout: paths, verdict, figures; all else on stderr.")
+]
+KINDS = {1: "internal", 2: "bad_input", 3: "no_diagnosis", 130: "interrupted", 143: "terminated"}
+"""What went wrong, by exit code."""
+INTERRUPTED_CODE = 130
+STDOUT = 1  # its file descriptor
+
+
+@dataclass
+class Answer:
+    """What will be printed. typed: `--json` is among the words; asked: it was heard; begun: a command runs."""
+
+    typed: bool = False
+    asked: bool = False
+    begun: bool = False
+    command: CommandPath = ()
+    content: dict[str, Any] = field(default_factory=dict)
+    paths: dict[str, str] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    refused: str = ""
+    _kept: tuple[TextIO, int | None] | None = None
+
+    def reserve(self) -> None:
+        """Keep stdout for the object: whatever is printed from now on, by whomever, goes to stderr."""
+        if self._kept is not None:
+            return
+        copy: int | None = None
+        with suppress(OSError, ValueError):  # a test's stdout is no file
+            sys.stdout.flush()
+            if sys.stdout.fileno() == STDOUT:
+                copy = os.dup(STDOUT)
+                os.dup2(sys.stderr.fileno(), STDOUT)  # workers, and a user's own code in them, write there
+        self._kept, sys.stdout = (sys.stdout, copy), sys.stderr
+
+    def release(self) -> None:
+        """Give stdout back."""
+        if self._kept is None:
+            return
+        (sys.stdout, copy), self._kept = self._kept, None
+        if copy is not None:
+            with suppress(OSError):
+                os.dup2(copy, STDOUT)
+                os.close(copy)
+
+    def object(self, code: int, message: str) -> dict[str, Any]:
+        """The answer as it is printed."""
+        head: dict[str, Any] = {"schema": SCHEMA, "command": " ".join(self.command), "exit_code": code}
+        if code:
+            error = {"kind": KINDS.get(code, "failed"), "message": message or self.refused}
+            return head | {"error": error, "warnings": self.warnings}
+        return head | {"paths": self.paths, **self.content, "warnings": self.warnings}
+
+
+ANSWER: ContextVar[Answer | None] = ContextVar("answer", default=None)
+
+
+def _heard(path: CommandPath) -> None:
+    if (now := ANSWER.get()) is not None:
+        now.asked = True
+
+
+def _begins(path: CommandPath) -> None:
+    if (now := ANSWER.get()) is None or not path:
+        return
+    now.command = path
+    if now.asked:
+        now.begun = True
+        now.reserve()
+
+
+FLAG = Flag(NAME, AsJson, _heard, _begins)
+
+
+def answer(paths: Mapping[str, Path | str | None] | None = None, **content: Any) -> None:
+    """Say a command's result, once or in parts. paths: what was made, by what it is; content: JSON's own types."""
+    if (now := ANSWER.get()) is None:
+        return
+    now.paths |= {
+        name: str(Path(path).absolute()) for name, path in (paths or {}).items() if path is not None
+    }
+    now.content |= content
+
+
+def warned(line: str) -> None:
+    """A line that a reader of the result has to know."""
+    if (now := ANSWER.get()) is not None and line not in now.warnings:
+        now.warnings.append(line)
+
+
+def asked() -> bool:
+    """Whether the result is wanted as JSON."""
+    now = ANSWER.get()
+    return now is not None and now.asked
+
+
+@contextmanager
+def refusals() -> Iterator[None]:
+    """Around the reading of the command line: remember what it refused, which Typer prints in a frame."""
+    try:
+        yield
+    except Exception as error:
+        if (now := ANSWER.get()) is not None and hasattr(error, "format_message"):
+            now.refused = " ".join(str(error.format_message()).split())
+        raise
+
+
+def begin(words: Sequence[str]) -> Answer:
+    """The answer to a command line."""
+    before = words[: words.index("--")] if "--" in words else words
+    made = Answer(typed=OPTION in before)
+    ANSWER.set(made)
+    return made
+
+
+def finish(code: int, message: str = "") -> None:
+    """Print the object, if it is wanted: that of a finished command, or of an error."""
+    now = ANSWER.get()
+    if now is None or not (now.begun or (now.typed and code)):
+        return
+    now.release()
+    ANSWER.set(None)
+    print(json.dumps(plain(now.object(code, message)), allow_nan=False), flush=True)

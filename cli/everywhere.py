@@ -1,0 +1,61 @@
+"""Options that every command has, before it or behind it: added in one place."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, get_type_hints
+
+import typer
+
+Path = tuple[str, ...]
+"""Where a command stands: ("run", "full-loop"); () is gpsim itself."""
+
+
+@dataclass(frozen=True)
+class Flag:
+    """A flag of every command. annotation: as Typer reads it; heard(path): called where it was given.
+
+    begins(path): called when a command, or a group above it, begins, whether the flag was given or not.
+    """
+
+    name: str
+    annotation: Any
+    heard: Callable[[Path], None]
+    begins: Callable[[Path], None] = lambda path: None
+
+
+def add_everywhere(app: typer.Typer, flag: Flag, path: Path = ()) -> None:
+    """Give the flag to every command and every group of an app, at any depth."""
+    if app.registered_callback is not None and app.registered_callback.callback is not None:
+        app.registered_callback.callback = _with(app.registered_callback.callback, flag, path)
+    for command in app.registered_commands:
+        if command.callback is not None:
+            command.callback = _with(command.callback, flag, (*path, str(command.name)))
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            add_everywhere(group.typer_instance, flag, (*path, str(group.name)))
+
+
+def _with(function: Callable[..., Any], flag: Flag, path: Path) -> Callable[..., Any]:
+    """The same function with one keyword more, which Typer reads from its signature."""
+
+    @functools.wraps(function)
+    def heard(*arguments: Any, **named: Any) -> Any:
+        if named.pop(flag.name, False):
+            flag.heard(path)
+        flag.begins(path)
+        return function(*arguments, **named)
+
+    signature = inspect.signature(function)
+    option = inspect.Parameter(
+        flag.name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=flag.annotation
+    )
+    hints = get_type_hints(function, include_extras=True)
+    known = [p.replace(annotation=hints.get(name, p.annotation)) for name, p in signature.parameters.items()]
+    heard.__signature__ = signature.replace(parameters=[*known, option])  # type: ignore[attr-defined]
+    heard.__annotations__ = {**hints, flag.name: flag.annotation}
+    del heard.__wrapped__  # whoever asks for the signature gets this one
+    return heard

@@ -1,0 +1,95 @@
+"""docs/reference/effects.md: the catalogue, from the registry and what the files of the families say of themselves."""
+
+import inspect
+import re
+import sys
+from types import ModuleType
+
+from gpsim.effects.effect import Effect, Place
+from gpsim.effects.registry import FAMILIES
+
+from . import MADE
+
+MOST_WORDS = 5  # of a name; what is longer says more
+PLACE = Place("q", "U", loaded=True, length="L")
+ACTS_ON = {
+    "force": "a coordinate",
+    "parameter": "a parameter",
+    "actuator": "an action",
+    "vehicle": "`vehicle`",
+    "sensor": "a measured channel",
+}
+OF_MODELS = {
+    "payload": "a body",
+    "armature": "a joint",
+    "gravity_tilt": "`gravity`",
+    "joint_offset": "a joint",
+}
+"""Where families act that only [models of bodies](../how-to/mujoco.md) know."""
+HEAD = f"""# The catalogue of effects
+
+{MADE.format(source="`gpsim/effects/registry.py`")}
+It is what `gpsim diagnose` may name. Names of families and parameters are a contract of
+[diagnosis.json](files.md#diagnosisjson).
+
+In a law q is a coordinate, q' its velocity, u a command, y what a sensor says, v and w a vehicle's speed and
+turn rate; the names of the other [symbols](../method/notation.md) are those of the parameters. In a unit, U is
+the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
+COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
+TAIL = """\
+`payload`, `armature`, `gravity_tilt` and `joint_offset` are for [MuJoCo models](../how-to/mujoco.md).
+*May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
+moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
+function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be
+drawn, because the effect remembers, ages, is a number, or moves a whole pose. `coefficient` stands in the place
+of `force` where the simulator knows the normal force.
+
+Up to seven effects are named together. Several on one action, twist or sensor act in a fixed order, the
+physical one, whatever order they were found in. A family applies to every simulator that has such a place:
+coordinates, actions, parameters and channels are what [a simulator declares](../how-to/simulator.md). A family
+of your own: [bring an effect](../how-to/effect.md). Which of them a recording may be unable to tell apart:
+[limits](../method/limits.md#what-looks-alike)."""
+
+
+def effects_page() -> str:
+    """The table of families, and where each law is from."""
+    rows = [_row(family, effect) for family, effect in FAMILIES.items()]
+    heads, *lines = [f"| {' | '.join(cells)} |" for cells in (COLUMNS, *rows)]
+    table = "\n".join([heads, "|---" * len(COLUMNS) + "|", *lines])
+    sources = "\n".join(f"- `{family}`: {_source(effect)}" for family, effect in FAMILIES.items())
+    return "\n\n".join([HEAD, table, TAIL, "## Where the laws are from", sources]) + "\n"
+
+
+def _row(family: str, effect: Effect) -> list[str]:
+    pose = effect.places.__qualname__.startswith("PoseEffect")
+    return [
+        f"`{family}`",
+        "`pose`" if pose else OF_MODELS.get(family, ACTS_ON[effect.site]),
+        _law(effect),
+        ", ".join(f"`{p.name}` [{p.unit}]" for v in effect.variants for p in effect.parameters(PLACE, v)),
+        effect.function_of,
+        "region only" if effect.needs_region else "yes" if effect.gated else "no",
+    ]
+
+
+def _law(effect: Effect) -> str:
+    """The first sentence of its file, without the words before a colon that only say the family's name again."""
+    law = _parts(effect)[0].rstrip(".")
+    before, _, after = law.partition(": ")
+    told = after if after and len(before.split()) <= MOST_WORDS else law
+    return re.sub(r"\|([^|]*)\|", r"abs(\1)", told)
+
+
+def _parts(effect: Effect) -> tuple[str, str]:
+    """What the file says of itself: the law, and the source behind it."""
+    module: ModuleType = sys.modules[type(effect).__module__]
+    head, _, below = inspect.cleandoc(module.__doc__ or "").partition("\n\n")
+    head = " ".join(head.split())
+    if not below:  # law and source in one paragraph
+        law, _, source = head.partition(". ")
+        return law, source
+    return head, " ".join(below.split())
+
+
+def _source(effect: Effect) -> str:
+    return _parts(effect)[1].rstrip(".").replace("|", "\\|") + "."

@@ -1,0 +1,93 @@
+"""fit_gp: what nobody can name, as a Gaussian process on the rates."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from gpsim.corrected import PREDICTIONS, CorrectedPlant, Features, GpCorrection, Prediction
+from gpsim.errors import UsageError
+from gpsim.face.corrected import CorrectedSimulator
+from gpsim.face.recordings import read_recording
+from gpsim.face.simulators import load_simulator, simulator_of
+from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
+from gpsim.recordings import Recording
+from gpsim.residuals import SHARE, build_residuals
+from gpsim.settings import build, choice, positive, whole
+from gpsim.simulators import INTEGRATORS
+from gpsim.stages.stage import generator
+
+FEWEST = 10
+"""Transitions below which nothing is learnt, as in the stage `fit-gp`."""
+NOISE_FLOOR = 1e-3
+"""Least standard deviation of the noise, as a share of the targets': the default of conf/gp."""
+
+
+def fit_gp(
+    recording: Recording | str | Path,
+    simulator: Any = None,
+    *,
+    inputs: Sequence[str] | None = None,
+    n_train: int = 250,
+    prediction: Prediction = "mean",
+    settings: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> CorrectedSimulator:
+    """Learn what the simulator misses as one Gaussian process a rate, on the residuals of single steps.
+
+    It interpolates what was recorded and names nothing; `diagnose` names, and extrapolates.
+
+    Args:
+        recording: a recording, or a path as for `read_recording`. It must hold all of the simulator's channels.
+        simulator: as for `load_simulator`; the recording's own `system` by default.
+        inputs: channels of state and action, or `sign(...)`, `sin(...)`, `cos(...)` of one; all channels by default.
+        n_train: transitions that it is conditioned on, drawn from those that are not held out. Time goes with its cube.
+        prediction: `mean` adds the posterior's mean to the rates; `sample` draws from it anew at every step.
+        settings: of the fit: `restarts`, `max_iterations`, `minimum_improvement`, `patience`.
+        seed: of the choice of transitions and of the fit's starts.
+
+    Returns:
+        The corrected simulator; its `fits` say how each fit went. What a fit warns of is a Python warning.
+
+    Raises:
+        UsageError: recording and simulator do not go together, a channel never changes, or too little is left.
+
+    Example:
+        >>> import gpsim
+        >>> corrected = gpsim.fit_gp("slider.csv", "slider", n_train=60, settings={"restarts": 0})
+        >>> corrected.fits["q_acc"].rows
+        60
+    """
+    model = None if simulator is None else load_simulator(simulator)
+    taken = recording if isinstance(recording, Recording) else read_recording(recording, model)
+    model = model or simulator_of(None, taken.system)
+    parameters = model.defaults(taken.parameters)
+    integrator = choice(taken.integrator, INTEGRATORS, "the recording's integrator")
+    residuals = build_residuals(
+        taken,
+        model,
+        parameters,
+        integrator,  # type: ignore[arg-type]  # one of them
+        test_fraction=SHARE,
+        rng=generator(whole(seed, "seed"), "build-residuals/order"),
+    )
+    names = list(inputs) if inputs is not None else list(residuals.channels.names)
+    features = Features.of(names, residuals.channels)
+    rows = residuals.training_rows(positive(n_train, "n_train"))
+    if len(rows) < FEWEST:
+        raise UsageError(f"only {len(rows)} training transitions: record more, or hold out less")
+    bounds = Bounds(noise_std=Interval(NOISE_FLOOR, Bounds().noise_std.high))
+    how = build(FitSettings, settings or {}, "settings", bounds=bounds)
+    gps = fit_outputs(
+        features(residuals.inputs[rows]), residuals.values[rows], how, generator(seed, "fit-gp")
+    )
+    fits = {n: gp.report for n, gp in zip(residuals.rate.names, gps, strict=True) if gp.report is not None}
+    for name, fit in fits.items():
+        for text in fit.warnings:
+            warnings.warn(f"{name}: {text}", UserWarning, stacklevel=2)
+    choice(prediction, PREDICTIONS, "prediction")
+    correction = GpCorrection(Predictor(gps), features, prediction, sample_noise=False)
+    plant = CorrectedPlant(model, parameters, integrator, taken.dt, correction)  # type: ignore[arg-type]
+    return CorrectedSimulator(plant, taken, fits)

@@ -1,0 +1,130 @@
+"""export diagnosis: what was measured beside base and corrected simulator, on one clock, for Foxglove."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.artifacts import TIMINGS, Artifact, read_artifact
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.assessment import Alongside, alongside
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import Settings, read_settings
+from gpsim.errors import UsageError
+from gpsim.files import disk_errors, written_whole
+from gpsim.recordings import Recording
+from gpsim.reports.account import account_of
+from gpsim.reports.foxglove_bodies import body_of
+from gpsim.reports.foxglove_file import Shown, write_foxglove
+from gpsim.residuals import first_held_out
+from gpsim.stages import diagnose
+from gpsim.stages.users_code import blamed
+
+
+def export_diagnosis(
+    folder: Path, out: Path | None = None, recording: Path | None = None, horizon: float | None = None
+) -> tuple[Path, list[str]]:
+    """Write an MCAP of the diagnosis at `folder`; where it lies, and sentences about what is in it.
+
+    out: the new file, beside the folder without one. recording: where the recording lies now, which must be the one
+    that was diagnosed. horizon: s of every rollout, that of the diagnosis without one. Raises UsageError.
+    """
+    artifact = read_artifact(folder, "diagnose")
+    place = artifact.path if artifact.path.name not in ("", "..") else artifact.path.resolve()
+    out = out or place.with_name(f"{place.name}.mcap")
+    _check_place(out, artifact.path)
+    if horizon is not None and not 0 < horizon < np.inf:
+        raise UsageError(f"--horizon {horizon:g}: expected a time of more than 0 s")
+    found = diagnose.read_diagnosis(folder)
+    opened = _opened(artifact, recording)
+    plant = diagnose.read_corrected(folder)
+    process = found.remainder.gp is None or found.remainder.gp.used
+    with_gp = diagnose.read_corrected(folder, gp=True) if process else None
+    with blamed(plant.simulator.name):
+        along = alongside(opened, plant, with_gp, horizon or found.fit.rollout.horizon_s, _run(artifact))
+    body = body_of(plant.simulator, plant.parameters, _reach(opened))
+    facts = {
+        "verdict": found.verdict,
+        "said": account_of(found).sentence,
+        "simulator": plant.simulator.name,
+        "horizon_s": f"{along.horizon:g}",
+        "diagnosis_sha256": artifact.digest,
+    }
+    with disk_errors(out, "--out"), written_whole(out) as made:
+        count = write_foxglove(Shown(opened, along, body, first_held_out(opened), facts), made)
+    return out, _notes(opened, along, found, count, body is not None, plant.simulator.name)
+
+
+def _check_place(out: Path, folder: Path) -> None:
+    if out.exists():
+        raise UsageError(f"{out}: exists already; choose another --out")
+    if not out.parent.is_dir():
+        raise UsageError(f"{out.parent}: no such folder; make it first")
+    if folder.resolve() in out.resolve().parents:
+        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
+
+
+def _opened(artifact: Artifact, recording: Path | None) -> Recording:
+    """The recording that was diagnosed, byte for byte."""
+    config = artifact.manifest["config"]
+    place = recording or _remembered(artifact)
+    if place is None:
+        raise UsageError(
+            f"{artifact.path}: does not say where its recording lies; name it with --recording PATH"
+        )
+    if not place.exists():
+        raise UsageError(f"{place}: the recording is not there; say with --recording PATH where it lies now")
+    task = diagnose.Task(place, str(config["simulator"]), config.get("episodes"))
+    there = diagnose.digests_of(task, place if place.is_dir() else place.parent)
+    if sorted(there.values()) != sorted(config["recording"].values()):
+        raise UsageError(
+            f"{place}: not the recording that {artifact.path} diagnosed, or changed since; "
+            "name that one with --recording PATH, or diagnose this one"
+        )
+    return diagnose.open_recording(task)[0]
+
+
+def _remembered(artifact: Artifact) -> Path | None:
+    """Where the recording lay when it was diagnosed; None where nobody wrote it down."""
+    try:
+        told = json.loads((artifact.path / TIMINGS).read_text(encoding="utf-8")).get(diagnose.RECORDING)
+    except (OSError, ValueError, AttributeError):
+        return None
+    return Path(told) if isinstance(told, str) else None
+
+
+def _run(artifact: Artifact) -> Run:
+    """The settings of the diagnosis; the usual ones where an earlier version had others."""
+    given: Mapping[str, Any] = artifact.manifest["config"].get("settings") or {}
+    try:
+        return Run(settings=read_settings(given))
+    except UsageError:
+        return Run(settings=Settings())
+
+
+def _reach(recording: Recording) -> float:
+    """How far it travels along its longest channel in metres; 1 where nothing is."""
+    columns = [i for i, channel in enumerate(recording.state) if channel.unit == "m"]
+    states = np.concatenate([episode.states[:, columns] for episode in recording.episodes])
+    return float(np.ptp(states, axis=0).max()) or 1.0 if columns else 1.0
+
+
+def _notes(
+    recording: Recording, along: Alongside, found: Diagnosis, count: int, drawn: bool, simulator: str
+) -> list[str]:
+    samples = sum(len(e.t) for e in recording.episodes)
+    notes = [
+        f"{count} messages: {len(recording.episodes)} episode(s), {samples} samples",
+        f"/real beside /{', /'.join(along.models)}: rollouts of {along.horizon:g} s from measured states",
+    ]
+    if along.every > 1:
+        notes.append(f"simulated at one sample in {along.every}, as the diagnosis looked at them")
+    if not found.effects:
+        notes.append(f"no effect stands (verdict {found.verdict}): /corrected is the base")
+    if not drawn:
+        notes.append(f"numbers only: nobody knows the shape of {simulator}, so no body is drawn")
+    return notes

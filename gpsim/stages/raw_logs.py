@@ -1,0 +1,229 @@
+"""A raw log where a recording is expected: imported by the mapping that its names suggest, or one line that asks."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from gpsim.artifacts import Artifact, Recipe
+from gpsim.channels import FloatArray
+from gpsim.errors import UsageError
+from gpsim.files import Json
+from gpsim.mjcf import open_simulator
+from gpsim.recordings import (
+    TOP_KEYS,
+    Guess,
+    System,
+    Topic,
+    changes_of_words,
+    find_logs,
+    guess,
+    is_bag_folder,
+    open_log,
+    parse_mapping,
+)
+from gpsim.reports.guess_text import Asking, asked, told
+from gpsim.simulators import SIMULATORS, Simulator
+from gpsim.stages import import_log
+from gpsim.stages.log_files import digests_read
+from gpsim.stages.stage import Request, Stage
+
+BAGS = (".bag", ".db3", ".mcap", ".mat")
+TABLES = (".csv", ".parquet")
+ASIDE = ("desired", "target", "reference", "planned", "setpoint")
+
+
+@dataclass(frozen=True)
+class RawLog:
+    """A log to import. command, tail: what was typed before and behind it, for the command that a message proposes.
+
+    simulator: what it will be compared with; mapping: a name or file, instead of guessing; words: `channel=source`
+    and changes of the mapping.
+    """
+
+    path: Path
+    command: str
+    simulator: str | None = None
+    tail: str = ""
+    mapping: str | None = None
+    words: tuple[str, ...] = ()
+    salvage: bool = False
+
+
+def is_raw(path: Path, simulator: str | None) -> bool:
+    """Whether this is a log, neither a recording nor a table whose columns are called as the simulator's channels."""
+    if path.is_dir():
+        return not (path / "recording.yaml").is_file() and (
+            is_bag_folder(path) or import_log.holds_logs(path)
+        )
+    if path.suffix.lower() in BAGS:
+        return path.is_file()
+    if path.suffix.lower() not in TABLES or not path.is_file():
+        return False
+    if path.stem == "recording" and (path.parent / "recording.yaml").is_file():
+        return False
+    if simulator is None:
+        return True
+    return not _is_bare(path, simulator)
+
+
+def _is_bare(path: Path, simulator: str) -> bool:
+    """Whether a table has a column `t` and one that is called as a state of the simulator."""
+    columns = open_log(path).topics()[0].fields
+    return "t" in columns and any(name in columns for name in open_simulator(simulator).state.names)
+
+
+def reads_bare(paths: Sequence[Path], simulator: str | None, words: Sequence[str]) -> bool:
+    """Whether `gpsim import` needs no guess: `system=NAME`, and a table with its channels' names."""
+    given, changes = _given(words)
+    name = simulator or changes.get("system")
+    if simulator is not None or given or name not in SIMULATORS or len(paths) != 1 or paths[0].is_dir():
+        return False
+    topics = open_log(paths[0]).topics()
+    own = _system(str(name))
+    return len(topics) == 1 and set(own.state.names) <= set(topics[0].fields)
+
+
+def of_the_mapping(word: str) -> bool:
+    """Whether a word of the command line says something of a log, as `theta=position`, `rate=50`."""
+    key = word.partition("=")[0]
+    return "=" in word and (key.split(".")[0].split("[")[0] in TOP_KEYS or key.isidentifier())
+
+
+@dataclass(frozen=True)
+class Read:
+    """How a log will be read: the whole mapping, where it is from, and what a person should know of it."""
+
+    raw: dict[str, Any]
+    where: str
+    remarks: tuple[str, ...] = ()
+
+
+def decide(log: RawLog) -> Read:
+    """The mapping: the one that is named, or the guess; raises UsageError with the command that would do."""
+    if log.mapping is not None:
+        return Read(import_log.resolved_mapping(log.mapping, log.words), f"mapping {log.mapping}")
+    given, changes = _given(log.words)
+    layout, pattern, kinds = _layout(log, changes)
+    opener = partial(open_log, salvage=log.salvage)
+    first = find_logs([log.path], layout, pattern, opener)[0]
+    topics = first.log.topics()
+
+    def values(topic: str, field: str) -> FloatArray:
+        return first.log.series({topic: [field]})[topic].fields[field]
+
+    name = log.simulator or changes.get("system")
+    systems = [_system(str(name))] if name else [_system(each) for each in SIMULATORS]
+    known = {key: value for key, value in given.items() if name}
+    found = min((guess(topics, system, known, values) for system in systems), key=_ranked)
+    if "episodes" in changes:
+        found.switch = None
+    if kinds:
+        found.taken["files"] = pattern
+        if len(kinds) > 1:
+            found.unclear["files"] = kinds
+    if not found.complete or (name is None and not found.typed):
+        ready = () if name else import_log.ready_mappings(log.path, first, opener)
+        typed = Asking(log.command, _shown(log.path), log.words, log.tail, named=bool(name))
+        columns = [source for topic in topics for source in _columns(topic, len(topics) == 1)]
+        raise UsageError(asked(typed, found, columns, ready))
+    raw = import_log.merge_changes(found.raw, changes)
+    raw |= {"layout": layout} if layout != "files" else {}
+    raw |= {"files": pattern} if pattern != "*" else {}
+    simulator = open_simulator(found.system.name)
+    raw.setdefault("integrator", simulator.integrator)
+    return Read(
+        raw, "mapping (from the names in the log)", tuple(told(found, _shown(log.path), _own(simulator, raw)))
+    )
+
+
+def _ranked(found: Guess) -> tuple[int, float]:
+    return len(found.missing), -found.fit
+
+
+def _columns(topic: Topic, alone: bool) -> list[str]:
+    return list(topic.fields) if alone else [topic.name]
+
+
+def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
+    """`channel=source` as typed, and the changes of the mapping."""
+    given: dict[str, str] = {}
+    others = []
+    for word in words:
+        key, _, value = word.partition("=")
+        if key == "dt" or (key.isidentifier() and key not in TOP_KEYS):
+            given[key] = value
+        else:
+            others.append(word)
+    return given, changes_of_words(others)
+
+
+def _system(name: str) -> System:
+    """What the guess has to know of a simulator."""
+    simulator = open_simulator(name)
+    pairs = {c.velocity: c.name for c in simulator.coordinates if c.velocity in simulator.state.names}
+    return System(name, simulator.state, simulator.action, pairs, tuple(simulator.start))
+
+
+def _own(simulator: Simulator, raw: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
+    """Parameters that nobody gave: name -> (value, unit)."""
+    given = raw.get("parameters") or {}
+    values = simulator.defaults()
+    return {n: (values[n], p.unit) for n, p in simulator.parameters.items() if n not in given}
+
+
+def _layout(log: RawLog, changes: Mapping[str, Any]) -> tuple[Literal["files", "folder"], str, list[str]]:
+    """(layout, files, their kinds): whether a folder's tables are logs of one kind, or the topics of one log.
+
+    Tables of the same columns that are called differently may be measured and planned ones: of such, `files` are
+    those of the commonest name that is no plan's, and the kinds the names to choose from.
+    """
+    pattern = str(changes.get("files", "*"))
+    if not log.path.is_dir() or is_bag_folder(log.path) or "layout" in changes:
+        return changes.get("layout", "files"), pattern, []
+    logs = find_logs([log.path], "files", pattern, partial(open_log, salvage=log.salvage))
+    topics = [one.log.topics() for one in logs]
+    if any(len(of_log) != 1 or of_log[0].type != "table" for of_log in topics):
+        return "files", pattern, []
+    if len({of_log[0].fields for of_log in topics}) > 1:
+        return "folder", pattern, []
+    names = Counter(Path(one.name).name for one in logs)
+    measured = [name for name, _ in names.most_common() if not any(word in name.lower() for word in ASIDE)]
+    if measured and len(measured) < len(names) and pattern == "*":
+        return "files", measured[0], measured
+    return "files", pattern, []
+
+
+def _shown(path: Path) -> str:
+    return shlex.quote(str(path))
+
+
+def stage_for(log: RawLog, read: Read, say: Callable[[str], None] = import_log.quiet) -> Stage:
+    """The import as a stage: the same log, read in the same way, is imported once."""
+
+    def recipe(request: Request) -> Recipe:
+        plan = parse_mapping(read.raw, read.where)
+        digests = digests_read([log.path], plan.layout, plan.files)
+        return Recipe("import", {"mapping": read.raw, "salvage": log.salvage, "sources": digests}, {}, {})
+
+    def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+        made, report, _ = import_log.read_by(read.raw, read.where, [log.path], log.salvage, say)
+        import_log.write_import(made, report, folder)
+        for line in report.warnings:
+            say(line)
+        return {}
+
+    return Stage("import", recipe, write, format=1)
+
+
+def imported(request: Request, log: RawLog, say: Callable[[str], None]) -> tuple[Artifact, bool]:
+    """Import a log below runs/; say: is given what the person should know. Returns the recording's artifact."""
+    read = decide(log)
+    for line in read.remarks:
+        say(line)
+    return stage_for(log, read, say).make(replace(request, out=None))

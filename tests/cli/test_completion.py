@@ -1,0 +1,103 @@
+"""Shell completion: what follows, where it is cut at `=` and where not, without waiting for a library."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from gpsim.cli import completion
+
+
+def completed(line, cwd, word=None):
+    """What Bash would be given for the last word of a line."""
+    words = line.split(" ")
+    env = {
+        **os.environ,
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(words) - 1),
+        "_GPSIM_COMPLETE": "complete_bash",
+    }
+    code = (
+        "import sys; from gpsim.cli.main import main\n"
+        "try: main()\n"
+        "finally:\n"
+        "    heavy = {'torch', 'scipy', 'matplotlib', 'pandas', 'hydra', 'omegaconf'} & set(sys.modules)\n"
+        "    if heavy: print('HEAVY', heavy)\n"
+    )
+    words = [sys.executable, "-c", f"import sys; sys.argv = ['gpsim']\n{code}"]
+    ended = subprocess.run(words, env=env, capture_output=True, text=True, cwd=cwd, check=False)
+    assert "HEAVY" not in ended.stdout, ended.stdout
+    assert "Traceback" not in ended.stderr, ended.stderr
+    return ended.stdout.split()
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with artifacts, a log and a recording."""
+    for name in ("collect/v0001", "diagnose/v0001", "diagnose/v0002", "train-source/v0001"):
+        (tmp_path / "runs/cartpole" / name).mkdir(parents=True)
+        (tmp_path / "runs/cartpole" / name / "manifest.json").write_text("{}")
+    (tmp_path / "runs/cartpole/diagnose/.making").mkdir()
+    (tmp_path / "drive.bag").touch()
+    (tmp_path / "drive.txt").touch()
+    (tmp_path / "mine.yaml").touch()
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("line", "there"),
+    [
+        ("gpsim fit-gp gp.n_tr", ["gp.n_train="]),
+        ("gpsim fit-gp gp=ju", ["gp=jump"]),
+        ("gpsim fit-gp gp = ju", ["jump"]),  # as Bash cuts it
+        ("gpsim fit-gp experiment =", ["cartpole", "limo"]),
+        ("gpsim run full-loop budget=", ["budget=smoke", "budget=thesis"]),
+        ("gpsim diagnose dri", ["drive.bag"]),
+        ("gpsim diagnose --simulator pend", ["pendulum"]),
+        ("gpsim diagnose drive.bag --simulator pendulum th", ["theta=", "theta_dot="]),
+        ("gpsim diagnose x diagnose.families.only=[spring,back", []),
+        ("gpsim diagnose x diagnose.families.only=[spring,visc", ["diagnose.families.only=[spring,viscous_friction"]),
+        ("gpsim diagnose --score runs/c", ["runs/cartpole/diagnose/v0002", "runs/cartpole/diagnose/v0001", "runs/cartpole/"]),
+        ("gpsim diagnose --mapping mi", ["mine.yaml"]),
+        ("gpsim import --mapping em", ["emps"]),
+        ("gpsim export policy runs/cartpole/t", ["runs/cartpole/train-source/v0001", "runs/cartpole/train-source/"]),
+        ("gpsim export recording --format p", ["parquet"]),
+        ("gpsim build-residuals recording=runs/cartpole/co", ["recording=runs/cartpole/collect/v0001", "recording=runs/cartpole/collect/"]),
+        ("gpsim prove conceal --stratum u", ["unknown"]),
+        ("gpsim prove co", ["conceal"]),
+    ],
+)  # fmt: skip
+def test_what_may_follow(line, there, folder):
+    assert completed(line, folder) == there
+
+
+def test_every_choice_and_key_that_is_offered_is_one(folder):
+    from gpsim.cli.configuration import resolve
+
+    for group, choices in completion.groups().items():
+        for choice in choices:
+            if group not in ("budget", "experiment", "target", "task"):  # which go together
+                resolve([f"{group}={choice}"], None)
+    keys = completion._keys()
+    assert {"seed", "gp.n_train", "diagnose.windows.length", "collect.mapping"} <= set(keys)
+    config = resolve([], None)
+    assert {key.split(".")[0] for key in keys} <= set(config)
+
+
+def test_families_and_simulators_are_those_of_the_registries():
+    from gpsim.effects import FAMILIES
+    from gpsim.simulators import SIMULATORS
+
+    assert completion.families() == sorted(FAMILIES)
+    assert completion.simulators() == list(SIMULATORS)
+
+
+def test_a_folder_that_cannot_be_read_completes_to_nothing(folder):
+    assert completion.recordings("nowhere/x") == []
+
+
+def test_a_script_is_there_to_be_installed(folder):
+    env = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+    words = [sys.executable, "-m", "gpsim", "--show-completion", "bash"]
+    shown = subprocess.run(words, env=env, capture_output=True, text=True, cwd=folder, check=False).stdout
+    assert "_GPSIM_COMPLETE=complete_bash" in shown or "complete" in shown
