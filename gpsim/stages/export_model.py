@@ -24,9 +24,9 @@ def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]
     found, plant = read_diagnosis(folder), read_corrected(folder)
     if not isinstance(plant.simulator, MjcfSimulator):
         raise UsageError(
-            f"{folder}: corrects {plant.simulator.name}, which is equations, not a MuJoCo model: there is no XML to write; "
-            f"drive it in Python by gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with "
-            f"diagnosis={folder}"
+            f"{folder}: corrects {plant.simulator.name}, which is equations and no MuJoCo model, so there is no XML to "
+            f"write; drive it in Python by gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with "
+            f"`gpsim train-gp-policy diagnosis={folder}`"
         )
     if _inside(out, artifact.path):
         raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")

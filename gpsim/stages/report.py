@@ -139,7 +139,7 @@ def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
     tables = [evaluate.read_returns(artifact) for artifact in evaluated]
     certified = tables[0][1]
     returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
-    trips, steps = _trips(request, evaluated), make_task(request.config).max_steps
+    trips, steps = _trips(request, evaluated), evaluate.full_return(make_task(request.config))
     return Driven(returns, start_sets(returns, certified, steps, trips.reached if trips else None), trips)
 
 
