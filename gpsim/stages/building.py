@@ -80,7 +80,9 @@ def make_task(config: Mapping[str, Any]) -> Task:
     name, simulator, task = str(section["name"]), open_simulator(_name(config)), _task(section)
     _check_fits(f"task {name}", task, simulator)
     if isinstance(task, GymTask) and not math.isclose(task.dt, config["simulator"]["dt"], rel_tol=1e-9):
-        raise UsageError(f"simulator.dt={config['simulator']['dt']}: {name} takes control steps of {task.dt:g} s")
+        raise UsageError(
+            f"simulator.dt={config['simulator']['dt']}: {name} takes control steps of {task.dt:g} s"
+        )
     return task
 
 

@@ -9,7 +9,7 @@ from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.mjcf import Correction, Exported, MjcfSimulator, export_model
-from gpsim.reports.effect_text import noun
+from gpsim.reports.account_effects import claim_name
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 
 DIGITS = 4
@@ -47,7 +47,7 @@ def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]
 def said_of(effect: NamedEffect) -> str:
     """An effect with its numbers and their intervals, for a comment."""
     numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
-    return f"{noun(effect.family)} on {effect.place}: {', '.join(numbers)}"
+    return f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
 
 
 def _estimate(estimate: Estimate) -> str:
