@@ -188,11 +188,16 @@ def _to_actuator(mj: Any, actuator: Any, attributes: Mapping[str, Value]) -> Non
             actuator.nsample, actuator.interp = int(str(attributes["nsample"])), 1
 
 
-def written(text: str, spec: Any, changes: Sequence[Change]) -> str:
-    """MjSpec's own text (six digits) with all digits of what was changed, and a comment before each element."""
-    root = ElementTree.fromstring(
-        text, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    )
+def written(text: str, spec: Any, changes: Sequence[Change], assets: Mapping[str, str]) -> str:
+    """MjSpec's own text (six digits) with all digits of what was changed, and a comment before each element.
+
+    assets: attributes of the compiler that say where meshes and textures lie.
+    """
+    root = _parsed(text)
+    if assets:
+        compiler = root.find("compiler")
+        for name, place in assets.items():
+            compiler.set(name, place)
     parents = {child: parent for parent in root.iter() for child in parent}
     for change in changes:
         element = _element(root, spec, change)
@@ -203,6 +208,16 @@ def written(text: str, spec: Any, changes: Sequence[Change]) -> str:
         for name, value in change.attributes.items():
             target.set(name, value if isinstance(value, str) else _digits(value))
         _comment(parents, target if target in parents else element, change.comments)
+    return _text(root)
+
+
+def _parsed(text: str) -> Any:
+    return ElementTree.fromstring(
+        text, ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    )
+
+
+def _text(root: Any) -> str:
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -222,7 +237,7 @@ def _element(root: Any, spec: Any, change: Change) -> Any:
 
 
 def _digits(values: FloatArray) -> str:
-    return " ".join(repr(float(v)).removesuffix(".0") for v in np.ravel(values))
+    return " ".join(f"{v:.15g}" for v in np.ravel(values).astype(float))
 
 
 def _comment(parents: Mapping[Any, Any], element: Any, lines: Sequence[str]) -> None:

@@ -18,7 +18,7 @@ from gpsim.mjcf.naming import names_of
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.patching import Correction, Patch, patch_of
 from gpsim.mjcf.simulator import MjcfSimulator
-from gpsim.mjcf.specs import spec_of
+from gpsim.mjcf.specs import asset_places, spec_of
 
 SCHEMA = "gpsim.patch/1"
 PATCH_FILE = "patch.json"
@@ -55,12 +55,14 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
     """
     files, name = files_of(out), correction.simulator.name
     patch, body = patch_of(correction), correction.simulator.body
-    spec = spec_of(name, out.resolve().parent)
+    spec = spec_of(name)
+    assets = asset_places(spec, out.resolve().parent)
     named(spec)
-    before, changes = spec.to_xml(), changes_of(body, patch.fields, patch.motors, correction.step)
+    before = written(spec.to_xml(), spec, (), assets)
+    changes = changes_of(body, patch.fields, patch.motors, correction.step)
     effects = _account(patch, changes, said, correction)
     apply(spec, body, changes)
-    wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes)
+    wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes, assets)
     difference = largest_difference(wanted, _read_back(text, out))
     told = {"model": out.name, **patch.told}
     about = {

@@ -14,8 +14,8 @@ from gpsim.mjcf.optional import mujoco
 ASSETS = ("meshdir", "texturedir")
 
 
-def spec_of(reference: str, folder: Path) -> Any:
-    """A new MjSpec of a simulator's model, compiled once; it finds its meshes from `folder`. Raises UsageError."""
+def spec_of(reference: str) -> Any:
+    """A new MjSpec of a simulator's model, compiled once. Raises UsageError."""
     mj = mujoco()
     if not reference.startswith(GYM) and reference.rpartition(":")[0].endswith(".py"):
         made = made_by(reference)
@@ -24,7 +24,6 @@ def spec_of(reference: str, folder: Path) -> Any:
         path = file_of_environment(reference) if reference.startswith(GYM) else Path(reference)
         spec = spec_of_file(path)
     spec.compile()
-    _move_assets(spec, folder)
     return spec
 
 
@@ -52,10 +51,11 @@ def _no_spec(reference: str) -> str:
     )
 
 
-def _move_assets(spec: Any, folder: Path) -> None:
-    """Meshes and textures stay where they are: they are looked for from where the new file will lie."""
-    if not any([*spec.meshes, *spec.textures, *spec.hfields, *spec.skins]):
-        return
-    for name in ASSETS:
-        place = Path(spec.modelfiledir or ".") / getattr(spec, name)
-        setattr(spec, name, os.path.relpath(place.resolve(), folder))
+def asset_places(spec: Any, folder: Path) -> dict[str, str]:
+    """Where meshes and textures are looked for from `folder`: they stay where they are. Empty where there are none."""
+    if not any(
+        part.file for group in (spec.meshes, spec.textures, spec.hfields, spec.skins) for part in group
+    ):
+        return {}
+    places = {name: Path(spec.modelfiledir or ".") / getattr(spec, name) for name in ASSETS}
+    return {name: os.path.relpath(place.resolve(), folder) for name, place in places.items()}

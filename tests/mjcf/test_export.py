@@ -143,7 +143,8 @@ START = np.array([0.3, 0.1, -0.2, 0.4])
 @pytest.mark.parametrize("which", NATIVE)
 def test_attributes_alone_replay_to_1e5(which, tmp_path):
     plant, made = exported(tmp_path, DOUBLE, NATIVE[which])
-    assert all(e["where"] == "attribute" and e["attributes"] for e in made.effects) and not made.wrapped
+    assert all(e["where"] == "attribute" and e["attributes"] for e in made.effects)
+    assert not made.wrapped
     sent = commands(2, 1.0, DT)
     want = replayed(plant, START, sent)
     base = replayed(corrected(str(tmp_path / "robot.xml"), [])[0], START, sent)
@@ -155,8 +156,204 @@ def test_attributes_alone_replay_to_1e5(which, tmp_path):
 @pytest.mark.parametrize("which", WRAPPED)
 def test_with_the_wrapper_it_replays_to_1e4(which, tmp_path):
     plant, made = exported(tmp_path, DOUBLE, WRAPPED[which], age=20.0)
-    assert made.wrapped and all(e["why"] for e in made.effects if "wrapper" in e["where"])
+    assert made.wrapped
+    assert all(e["why"] for e in made.effects if "wrapper" in e["where"])
     sent = commands(2, 1.0, DT)
     want = replayed(plant, START, sent)
     assert apart(want, native(made, START, sent, plant.substeps)) > 1e-3  # the model alone does not say it
     assert apart(want, wrapped(made, START, sent)) < 1e-4
+
+
+def test_what_is_written_says_what_it_is(tmp_path):
+    text = DOUBLE.replace("<worldbody>", "<!-- mine --><worldbody>")
+    terms = [
+        Term("coulomb_friction", "elbow", {"force": 0.05}),
+        Term("actuator_dead_zone", "m1", {"width": 0.3}),
+    ]
+    _, correction = corrected(written(tmp_path, text), terms)
+    said = {("coulomb_friction", "elbow"): "Coulomb friction on elbow: force 0.05 N m (0.049 to 0.051)"}
+    out = tmp_path / "new"
+    out.mkdir()
+    made = export_model(correction, said, {"diagnosis": "DIR"}, out / "robot_corrected.xml")
+    model = made.files["model"].read_text()
+    assert f"<!-- {said['coulomb_friction', 'elbow']} -->" in model
+    assert 'frictionloss="0.05"' in model
+    diff = made.files["diff"].read_text().splitlines()
+    assert sum(line.startswith("-") for line in diff) == 2  # the file's name, and the one joint
+    patch = json.loads(made.files["patch"].read_text())
+    assert [(e["family"], e["where"]) for e in patch["effects"]] == [
+        ("coulomb_friction", "attribute"),
+        ("actuator_dead_zone", "wrapper"),
+    ]
+    assert patch["effects"][0]["attributes"] == ["joint elbow: frictionloss, solreffriction, solimpfriction"]
+    assert (patch["diagnosis"], patch["largest_difference"]) == ("DIR", made.difference)
+    assert made.difference < 1e-5
+
+
+def test_the_wrapper_needs_mujoco_and_numpy_alone(tmp_path):
+    _, made = exported(tmp_path, DOUBLE, WRAPPED["way"])
+    code = (
+        "import sys, robot_corrected as r; robot = r.Robot(); robot.step([1.0, 0.0]); robot.measured(); "
+        "assert not [m for m in sys.modules if m.split('.')[0] in ('gpsim', 'scipy', 'pandas', 'gymnasium')]"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=made.files["model"].parent, check=True)
+
+
+def test_what_does_nothing_leaves_the_model_as_it_is(tmp_path):
+    plant, made = exported(tmp_path, DOUBLE, [])
+    assert made.files["diff"].read_text() == ""
+    assert not made.wrapped
+    sent = commands(2, 1.0, DT)
+    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
+
+
+def test_an_encoder_that_is_off_misleads_its_servo_and_whoever_reads_it(tmp_path):
+    plant, made = exported(tmp_path, SERVO, [Term("joint_offset", "hinge", {"offset": 0.05})])
+    assert made.effects[0]["where"] == "attribute and wrapper"
+    start, sent = np.array([0.2, 0.0]), commands(1, 1.0, DT, size=0.8)
+    assert apart(replayed(plant, start, sent), wrapped(made, start, sent)) < 1e-5
+
+
+def test_commands_beyond_the_range_are_clamped_before_what_happens_to_them(tmp_path):
+    plant, made = exported(
+        tmp_path, SERVO, [Term("actuator_asymmetry", "servo", {"gain_positive": 1.3, "gain_negative": 0.9})]
+    )
+    start, sent = np.array([0.2, 0.0]), commands(1, 1.0, DT, size=3.0)
+    want = replayed(plant, start, np.clip(sent, -1.0, 1.0))
+    assert apart(want, wrapped(made, start, sent)) < 1e-5
+
+
+def test_what_has_no_name_gets_the_one_that_gpsim_calls_it_by(tmp_path):
+    text = DOUBLE.replace('<motor name="m2" joint="elbow"/>', "")
+    for name in ("elbow", "lower", "m1"):
+        text = text.replace(f'name="{name}" ', "")
+    terms = [
+        Term("viscous_friction", "joint1", {"damping": 0.04}),
+        Term("stribeck_friction", "joint1", {"force": 0.03, "static_force": 0.06, "stribeck_velocity": 0.2}),
+        Term("actuator_lag", "actuator0", {"time_constant": 0.03}),
+        Term("parameter_offset", "body2.mass", {"ratio": 1.3}),
+    ]
+    plant, made = exported(tmp_path, text, terms)
+    sent = commands(1, 1.0, DT)
+    assert apart(replayed(plant, START, sent), wrapped(made, START, sent)) < 1e-4
+    assert made.effects[0]["attributes"] == ["joint joint1: damping"]
+
+
+def test_degrees_classes_and_inertia_from_geoms(tmp_path):
+    text = DOUBLE.replace("<worldbody>", '<compiler angle="degree" inertiafromgeom="true"/><default><joint damping="0.3"/>'
+                          "</default><worldbody>")  # fmt: skip
+    terms = [
+        Term("spring", "elbow", {"stiffness": 0.4, "rest_position": 0.3}),
+        Term("viscous_friction", "elbow", {"damping": 0.28}),
+        Term("parameter_offset", "lower.mass", {"ratio": 1.2}),
+    ]
+    plant, made = exported(tmp_path, text, terms)
+    sent = commands(2, 1.0, DT)
+    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
+
+
+def test_another_control_step_takes_the_models_step_with_it(tmp_path):
+    terms = [
+        Term("stribeck_friction", "elbow", {"force": 0.03, "static_force": 0.06, "stribeck_velocity": 0.2})
+    ]
+    plant, made = exported(tmp_path, DOUBLE, terms, dt=0.0085)  # five steps of 1.7 ms
+    assert 'timestep="0.0017"' in made.files["model"].read_text()
+    sent = commands(2, 1.0, 0.0085)
+    assert apart(replayed(plant, START, sent), wrapped(made, START, sent)) < 1e-4
+
+
+def test_what_a_recording_believes_of_the_model_is_written_too(tmp_path):
+    terms = [Term("coulomb_friction", "elbow", {"force": 0.05})]
+    plant, made = exported(tmp_path, DOUBLE, terms, parameters={"upper.mass": 1.4})
+    sent = commands(2, 1.0, DT)
+    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
+
+
+def test_a_free_body_with_includes_and_a_mesh_elsewhere(tmp_path):
+    parts = tmp_path / "parts"
+    parts.mkdir()
+    points = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.2]])
+    (parts / "hull.obj").write_text(
+        "".join("v {} {} {}\n".format(*p) for p in points) + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    (tmp_path / "leg.xml").write_text('<mujoco><asset><mesh name="hull" file="hull.obj"/></asset></mujoco>')
+    text = FLOATING.replace("<mujoco>", '<mujoco><compiler meshdir="parts"/><include file="leg.xml"/>', 1)
+    text = text.replace('<geom size=".1" mass="2"', '<geom type="mesh" mesh="hull" mass="2"')
+    _, made = exported(tmp_path, text, [Term("coulomb_friction", "hip", {"force": 0.1})])
+    model = mujoco.MjModel.from_xml_path(str(made.files["model"]))
+    assert (model.nmesh, model.nq) == (1, 8)
+    assert made.difference < 1e-5
+
+
+def test_a_urdf_becomes_mjcf_with_the_motors_that_were_diagnosed(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        '<robot name="arm"><link name="base"/><link name="rod"><inertial><origin xyz="0 0 -0.4"/><mass value="1.2"/>'
+        '<inertia ixx="0.02" iyy="0.02" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="pivot" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    terms = [
+        Term("viscous_friction", "pivot", {"damping": 0.1}),
+        Term("actuator_gain", "pivot_motor", {"gain": 0.8}),
+    ]
+    plant, correction = corrected(str(path), terms)
+    made = export_model(correction, {}, {}, tmp_path / "arm_corrected.xml")
+    start, sent = np.array([0.5, 0.0]), commands(1, 1.0, DT)
+    assert apart(replayed(plant, start, sent), native(made, start, sent, plant.substeps)) < 1e-5
+
+
+FUNCTION = '''import mujoco
+TEXT = """{text}"""
+def spec():
+    return mujoco.MjSpec.from_string(TEXT)
+def model():
+    return mujoco.MjModel.from_xml_string(TEXT)
+def bare():
+    return mujoco.MjSpec.from_string(TEXT).compile()
+'''
+
+
+@pytest.mark.parametrize("name", ["spec", "model"])
+def test_a_function_that_returns_a_spec_or_reads_xml(name, tmp_path):
+    (tmp_path / "mine.py").write_text(FUNCTION.format(text=DOUBLE.replace('"', "'")))
+    plant, correction = corrected(f"{tmp_path / 'mine.py'}:{name}", NATIVE["viscous"])
+    made = export_model(correction, {}, {}, tmp_path / "robot_corrected.xml")
+    sent = commands(2, 1.0, DT)
+    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
+
+
+def test_gymnasiums_own_model(tmp_path):
+    terms = [
+        Term("coulomb_friction", "hinge", {"force": 0.3}),
+        Term("parameter_offset", "pole2.mass", {"ratio": 1.2}),
+    ]
+    plant, correction = corrected("gym:InvertedDoublePendulum-v5", terms, dt=0.05)
+    made = export_model(correction, {}, {}, tmp_path / "robot_corrected.xml")
+    start, sent = np.array([0.0, 0.0, 0.05, 0.0, -0.05, 0.0]), commands(1, 1.0, 0.05, size=0.1)
+    assert apart(replayed(plant, start, sent), native(made, start, sent, plant.substeps)) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("robot.urdf", "name it robot_corrected.xml"),
+        ("my-robot.xml", "letters, digits and _"),
+        ("no/robot_corrected.xml", "no such folder"),
+        ("there.xml", "exists already"),
+    ],
+)
+def test_where_it_cannot_go_nothing_is_written(name, said, tmp_path):
+    _, correction = corrected(written(tmp_path, DOUBLE), NATIVE["coulomb"])
+    (tmp_path / "there.py").write_text("mine")
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(UsageError, match=said):
+        export_model(correction, {}, {}, tmp_path / name)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_model_that_mujoco_has_forgotten_is_refused(tmp_path):
+    (tmp_path / "mine.py").write_text(FUNCTION.format(text=DOUBLE.replace('"', "'")))
+    _, correction = corrected(f"{tmp_path / 'mine.py'}:bare", NATIVE["coulomb"])
+    mujoco.MjModel.from_xml_string(SLIDER)  # the last XML that MuJoCo read
+    with pytest.raises(UsageError, match="return the mujoco.MjSpec instead"):
+        export_model(correction, {}, {}, tmp_path / "robot_corrected.xml")
