@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -31,11 +31,11 @@ class ChangedModel:
 
     model: str
     dt: float
-    friction: Mapping[str, float] = field(default_factory=dict)
-    damping: Mapping[str, float] = field(default_factory=dict)
-    mass: Mapping[str, float] = field(default_factory=dict)
-    gain: Mapping[str, float] = field(default_factory=dict)
-    delay: Mapping[str, float] = field(default_factory=dict)
+    friction: Mapping[str, float] | None = None
+    damping: Mapping[str, float] | None = None
+    mass: Mapping[str, float] | None = None
+    gain: Mapping[str, float] | None = None
+    delay: Mapping[str, float] | None = None
     finer: int = 4
 
     def __post_init__(self) -> None:
@@ -44,9 +44,14 @@ class ChangedModel:
         if self.finer < 1:
             raise ValueError(f"finer must be at least 1, got {self.finer}")
         for name in ("friction", "damping", "mass", "delay"):
-            for where, value in getattr(self, name).items():
+            for where, value in self.changes(name).items():
                 if not value >= 0.0:
                     raise ValueError(f"{name}.{where} must be at least 0, got {value:g}")
+
+    def changes(self, kind: str) -> Mapping[str, float]:
+        """What is other of one kind, by name: `friction`, say."""
+        given: Mapping[str, float] | None = getattr(self, kind)
+        return given or {}
 
     @property
     def state(self) -> Channels:
@@ -65,7 +70,7 @@ class ChangedModel:
 
     def begin(self, count: int, rng: np.random.Generator) -> Memory:
         """Nothing was commanded before."""
-        longest = max(self.delay.values(), default=0.0)
+        longest = max(self.changes("delay").values(), default=0.0)
         return {"commands": np.zeros((count, int(np.ceil(longest / self.dt)) + 1, len(self.action)))}
 
     def step(
@@ -93,8 +98,10 @@ class ChangedModel:
         begins = self.dt * (np.arange(self.substeps) + 0.5) / self.substeps
         out = np.empty((len(sent), self.substeps, len(self.action)))
         for i, name in enumerate(self.action.names):
-            ages = np.ceil((self.delay.get(name, 0.0) - begins) / self.dt - 1e-9)
-            out[:, :, i] = self.gain.get(name, 1.0) * sent[:, np.maximum(ages, 0).astype(np.int64), i]
+            ages = np.ceil((self.changes("delay").get(name, 0.0) - begins) / self.dt - 1e-9)
+            out[:, :, i] = (
+                self.changes("gain").get(name, 1.0) * sent[:, np.maximum(ages, 0).astype(np.int64), i]
+            )
         return out
 
     @cached_property
@@ -124,18 +131,18 @@ class ChangedModel:
         model.opt.integrator = int(mujoco.mjtIntegrator.mjINT_RK4)
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
         dofs = dict(zip((c.name for c in body.names.coordinates), body.names.dofs, strict=True))
-        for joint, force in self.friction.items():
+        for joint, force in self.changes("friction").items():
             dof = _place(joint, dofs, "friction")
             model.dof_frictionloss[dof] += force
             model.dof_solref[dof], model.dof_solimp[dof] = (-1.0, -2.0 / model.opt.timestep), HOLDS
-        for joint, damping in self.damping.items():
+        for joint, damping in self.changes("damping").items():
             model.dof_damping[_place(joint, dofs, "damping")] += damping
         bodies = {name: i for i, name in enumerate(body.names.bodies)}
-        for name, ratio in self.mass.items():
+        for name, ratio in self.changes("mass").items():
             model.body_mass[_place(name, bodies, "mass")] *= ratio
             model.body_inertia[bodies[name]] *= ratio
         for kind in ("gain", "delay"):
-            for name in getattr(self, kind):
+            for name in self.changes(kind):
                 _place(name, {n: i for i, n in enumerate(self.action.names)}, kind)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model

@@ -54,7 +54,7 @@ def test_a_policy_trains_on_the_corrected_accelerations(begun):
         (["simulator.dt=0.02"], "takes control steps of 0.05 s"),
         (["task.name=gym:Hopper-v5"], "does not go with simulator"),
         (["task.name=gym:CartPole-v1"], "not built on MuJoCo"),
-        (["target.friction={knee: 1.0}"], "the model has no knee"),
+        (["target.mass={knee: 2.0}"], "the model has no knee"),
         (["target.finer=0"], "finer must be at least 1"),
         (["policy=ppo"], "continuous; choose policy=sac"),
     ],
