@@ -131,8 +131,8 @@ def named(spec: Any) -> None:
 def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
     """Write the changes into a spec; masses and inertias that a geom had become the body's own."""
     mj = mujoco()
-    if any(c.kind == "body" for c in changes) and spec.compiler.inertiafromgeom:
-        _release_inertia(mj, spec)
+    if any(c.kind == "body" for c in changes):
+        _release_inertia(mj, spec, body)
     bodies, joints, actuators = ({e.id: e for e in g} for g in (spec.bodies, spec.joints, spec.actuators))
     for change in changes:
         if change.kind == "option":
@@ -146,11 +146,16 @@ def apply(spec: Any, body: Body, changes: Sequence[Change]) -> None:
             _to_actuator(mj, actuators[change.index], change.attributes)
 
 
-def _release_inertia(mj: Any, spec: Any) -> None:
-    """Masses that are written are to count, but only where they are written now."""
+def _release_inertia(mj: Any, spec: Any, body: Body) -> None:
+    """Masses that are written are to count: no geom's in their place, and no total to which all are scaled."""
+    if spec.compiler.settotalmass > 0.0:
+        for element in spec.bodies[1:]:
+            _to_body(element, {a: np.atleast_1d(_was(body, n)[element.id]) for a, n in INERTIAL.items()})
+        spec.compiler.settotalmass = -1.0
+        spec.compiler.inertiafromgeom = mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     if spec.compiler.inertiafromgeom == mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
-        for body in spec.bodies:
-            body.explicitinertial = body.explicitinertial and not list(body.geoms)
+        for element in spec.bodies:
+            element.explicitinertial = element.explicitinertial and not list(element.geoms)
         spec.compiler.inertiafromgeom = mj.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
 
 

@@ -333,6 +333,15 @@ def test_gymnasiums_own_model(tmp_path):
     assert apart(replayed(plant, start, sent), native(made, start, sent, plant.substeps)) < 1e-5
 
 
+@pytest.mark.filterwarnings("ignore")
+def test_a_model_whose_masses_are_scaled_to_a_total(tmp_path):
+    terms = [Term("parameter_offset", "lower.mass", {"ratio": 1.2})]
+    text = DOUBLE.replace("<worldbody>", '<compiler settotalmass="3"/><worldbody>')
+    plant, made = exported(tmp_path, text, terms)
+    sent = commands(2, 1.0, DT)
+    assert apart(replayed(plant, START, sent), native(made, START, sent, plant.substeps)) < 1e-5
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [

@@ -12,7 +12,7 @@ from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
 from gpsim.gymtasks import GymTask
-from gpsim.mjcf import load_mjcf
+from gpsim.mjcf import load_mjcf, new_environment
 from gpsim.simulators import SimulatorPlant
 from gpsim.targets import ChangedModel
 
@@ -59,6 +59,24 @@ def test_observations_and_starts_are_the_environments_own():
         task.observe(states[::-1], start.context)[::-1] == seen
     ).all()  # none depends on who was asked before
     assert (task.max_steps, GymTask(DOUBLE, 30).max_steps, task.dt) == (1000, 30, 0.05)
+
+
+@pytest.mark.parametrize("name", ["Hopper-v5", "HalfCheetah-v5", "Reacher-v5"])
+@pytest.mark.filterwarnings("ignore")
+def test_it_judges_a_transition_as_the_environment_that_made_it(name):
+    """Those of which nothing but positions and velocities counts: else MuJoCo's own quantities lag a step behind."""
+    task, (env, _) = GymTask(f"gym:{name}"), new_environment(f"gym:{name}")
+    layout = load_mjcf(f"gym:{name}").layout
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    for _ in range(5):
+        before = layout.state(env.data.qpos[None], env.data.qvel[None])
+        action = env.action_space.sample()
+        seen, reward, terminated, *_ = env.step(action)
+        after = layout.state(env.data.qpos[None], env.data.qvel[None])
+        assert task.reward(before, action[None], after, NO_CONTEXT)[0] == pytest.approx(reward, abs=1e-5)
+        assert task.terminated(after, NO_CONTEXT)[0] == terminated
+        assert task.observe(after, NO_CONTEXT)[0] == pytest.approx(seen, abs=1e-5)
 
 
 def test_what_is_not_finite_is_over_and_earns_nothing():
