@@ -33,11 +33,15 @@ SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction
 
 @dataclass
 class Change:
-    """Attributes of one element as they are to be. kind: joint, body, actuator, option; index: in the model."""
+    """Attributes of one element as they are to be. kind: joint, body, actuator, option; index: in the model.
+
+    kept: those of them that are written because others beside them must be.
+    """
 
     kind: str
     index: int
     attributes: dict[str, Value]
+    kept: tuple[str, ...] = ()
     comments: list[str] = field(default_factory=list)
 
 
@@ -91,8 +95,9 @@ def _short(values: FloatArray) -> FloatArray:
 def _bodies(body: Body, fields: Fields) -> Iterator[Change]:
     for b in range(1, body.base.nbody):
         now = {attribute: _now(body, fields, name)[b] for attribute, name in INERTIAL.items()}
-        if any((now[a] != _was(body, name)[b]).any() for a, name in INERTIAL.items()):
-            yield Change("body", b, {a: np.atleast_1d(np.array(v)) for a, v in now.items()})
+        kept = tuple(a for a, name in INERTIAL.items() if (now[a] == _was(body, name)[b]).all())
+        if len(kept) < len(INERTIAL):
+            yield Change("body", b, {a: np.atleast_1d(np.array(v)) for a, v in now.items()}, kept)
 
 
 def _actuators(body: Body, fields: Fields, motors: Sequence[Motor], step: float) -> Iterator[Change]:

@@ -132,7 +132,8 @@ def _account(
                 continue
             change.comments.append(sentence)
             called = _called(correction.simulator, change)
-            attributes.append(f"{called}: {', '.join(change.attributes)}")
+            moved = [name for name in change.attributes if name not in change.kept]
+            attributes.append(f"{called}: {', '.join(moved)}")
         made = {"family": went.term.family, "on": went.term.on, "said": sentence, "where": went.where}
         effects.append({**made, "attributes": attributes, "why": went.why})
     return effects

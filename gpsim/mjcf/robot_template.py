@@ -5,8 +5,8 @@
     robot.step(ctrl)                  # one control step, the command held
     qpos, qvel = robot.measured()     # what the sensors say; robot.data holds the truth
 
-`step` takes SUBSTEPS steps of the model. What becomes of a command on its way, friction that depends on speed or place,
-forces from outside and sensors are here; everything else is in the model. PATCH lists all of it.
+`step` takes as many steps of the model as make a control step. What becomes of a command on its way, friction that
+depends on speed or place, forces from outside and sensors are here; everything else is in the model. PATCH lists it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@ from gpsim.mjcf import Correction, Exported, MjcfSimulator, export_model
 from gpsim.reports.account_effects import claim_name
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
 
-DIGITS = 4
+DIGITS, STEP = 4, 12
+"""Of what is told, and of a control step that was taken from a log's stamps."""
 
 
 def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]]:
@@ -31,7 +32,12 @@ def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]
     if _inside(out, artifact.path):
         raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
     correction = Correction(
-        plant.simulator, plant.parameters, plant.terms, plant.dt, plant.substeps, plant.youngest
+        plant.simulator,
+        plant.parameters,
+        plant.terms,
+        float(f"{plant.dt:.{STEP}g}"),
+        plant.substeps,
+        plant.youngest,
     )
     said = {(e.family, e.place): said_of(e) for e in found.effects}
     source = {

@@ -66,14 +66,10 @@ def test_the_page_runs_on_a_smoke_budget(tmp_path):
 @pytest.mark.slow
 def test_in_full_it_finds_what_the_arm_was_made_with_and_the_policy_holds_it_out(tmp_path):
     said = played(tmp_path, quick=False)
-    assert patch(tmp_path) == {
-        ("coulomb_friction", "elbow"): "attribute",
-        ("actuator_dead_zone", "m1"): "wrapper",
-    }
-    for line in re.findall(
-        r"^    (Coulomb friction on elbow.*|actuator dead zone on m1.*)$", PAGE, flags=re.M
-    ):
-        assert line.strip() in "\n".join(said)
+    assert patch(tmp_path)["coulomb_friction", "elbow"] == "attribute"
+    assert patch(tmp_path)["actuator_dead_zone", "m1"] == "wrapper"
+    for words in ("Verdict  named", "Coulomb friction on elbow", "actuator dead zone on m1"):
+        assert any(words in text for text in said)
     shoulder, elbow = map(float, re.findall(r"(-?\d\.\d\d) rad", said[-1]))
     assert abs(shoulder - 0.6) < 0.25
     assert abs(elbow) < 0.25
