@@ -38,6 +38,7 @@ LEVELS = [
     {"corrected", "policies", "targets", "gymtasks"},
     {"residuals", "mjcf"},
     {"gp", "effects", "tasks", "recordings", "runs"},
+    {"launchers"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"files"},

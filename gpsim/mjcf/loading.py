@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest
+from gpsim.mjcf.faults import compile_fault, one_line
 from gpsim.mjcf.optional import mujoco
 
 GYM = "gym:"
@@ -134,7 +135,7 @@ def _of_file(path: Path) -> Any:
     except Terminated:
         raise
     except Exception as error:  # the compiler raises what it likes
-        raise UsageError(f"{path}: does not compile: {_said(error)}") from error
+        raise compile_fault(path, error) from error
 
 
 def spec_of_file(path: Path) -> Any:
@@ -147,7 +148,7 @@ def spec_of_file(path: Path) -> Any:
     except Terminated:
         raise
     except Exception as error:  # and so does the parser
-        raise UsageError(f"{path}: does not compile: {_said(error)}") from error
+        raise compile_fault(path, error) from error
     return spec
 
 
@@ -165,11 +166,16 @@ def _add_motors(mj: Any, spec: Any) -> None:
 
 
 def _of_function(reference: str) -> Any:
-    mj, model = mujoco(), made_by(reference)
+    mj, name = mujoco(), reference.rpartition(":")[2]
+    model = made_by(reference)
     if isinstance(model, mj.MjSpec):
-        return model.compile()
+        try:
+            return model.compile()
+        except Terminated:
+            raise
+        except Exception as error:  # as above
+            raise UsageError(f"{reference}: {name}() does not compile: {one_line(error)}") from error
     if not isinstance(model, mj.MjModel):
-        name = reference.rpartition(":")[2]
         raise UsageError(
             f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
         )
@@ -188,7 +194,7 @@ def made_by(reference: str) -> Any:
     except Terminated:
         raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
-        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {_said(error)}") from error
+        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {one_line(error)}") from error
 
 
 def _of_environment(reference: str) -> tuple[Any, float]:
@@ -219,7 +225,7 @@ def new_environment(reference: str) -> tuple[Any, int]:
     except Terminated:
         raise
     except Exception as error:  # an unknown id, or an environment whose packages are missing
-        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {_said(error)}") from error
+        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {one_line(error)}") from error
 
 
 @contextmanager
@@ -242,8 +248,3 @@ def _is_function(path: Path, name: str) -> bool:
     except (OSError, SyntaxError, UnicodeDecodeError, ValueError):
         return False
     return any(isinstance(node, ast.FunctionDef) and node.name == name for node in tree.body)
-
-
-def _said(error: BaseException) -> str:
-    """One line of what MuJoCo or somebody's code says, which may be several."""
-    return " ".join(str(error).split())[:240]
