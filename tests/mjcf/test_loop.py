@@ -56,7 +56,6 @@ def test_a_policy_trains_on_the_corrected_accelerations(begun):
         (["task.name=gym:CartPole-v1"], "not built on MuJoCo"),
         (["target.mass={knee: 2.0}"], "the model has no knee"),
         (["target.finer=0"], "finer must be at least 1"),
-        (["policy=ppo"], "continuous; choose policy=sac"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_trained(words, said, tmp_path):
@@ -65,6 +64,12 @@ def test_what_cannot_be_is_refused_before_anything_is_trained(words, said, tmp_p
     assert said in told
     assert told.count("\n") == 1
     assert not (tmp_path / "runs").exists() or not list((tmp_path / "runs").rglob("v0001"))
+
+
+def test_a_policy_of_discrete_actions_is_refused(tmp_path):
+    code, _, told = gpsim(tmp_path, "train-source", "experiment=mujoco", "policy=ppo")
+    assert code == 2
+    assert "continuous; choose policy=sac" in told
 
 
 @pytest.mark.slow
