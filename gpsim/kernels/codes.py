@@ -75,7 +75,7 @@ SECOND_KNOTS: Final = 6
 SECOND_END: Final = 7
 CURVE_WIDTH: Final = 8
 
-# The numbers of a layout: the system, the scheme and so on; the terms of each site end where the next one's begin.
+# The numbers of a layout: the system, the scheme and so on; where the terms of each site begin, and where all end.
 SYSTEM: Final = 0
 SCHEME: Final = 1
 HELD: Final = 2
@@ -83,14 +83,13 @@ STATES: Final = 3
 ACTIONS: Final = 4
 SUBSTEPS: Final = 5
 PER_SUBSTEP: Final = 6
-AHEAD: Final = 7
+LOOKS_AHEAD: Final = 7
 STILL: Final = 8
 FORCES: Final = 9
 DRY: Final = 10
-DRY_SECOND: Final = 11
-PARAMETERS: Final = 12
-TWISTS: Final = 13
-RATES: Final = 14
-TERMS: Final = 15
-CHANGING: Final = 16
-LAYOUT_WIDTH: Final = 17
+PARAMETERS: Final = 11
+TWISTS: Final = 12
+RATES: Final = 13
+TERMS: Final = 14
+CHANGING: Final = 15
+WIDTH: Final = 16

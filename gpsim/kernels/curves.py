@@ -14,16 +14,8 @@ from gpsim.kernels.codes import (
     SECOND_WRAPS,
 )
 from gpsim.kernels.compiling import compiled
+from gpsim.kernels.lanes import LANES, U, Y
 from gpsim.kernels.scalars import wrapped
-from gpsim.kernels.systems import State
-
-
-@compiled
-def channel(x: State, u: tuple[float, float], column: int) -> float:
-    """A channel of state (0 to 3) or action (4, 5)."""
-    if column < 4:
-        return x[column]
-    return u[column - 4]
 
 
 @compiled
@@ -38,31 +30,54 @@ def interval(x: float, knots: FloatArray, first: int, end: int) -> tuple[int, fl
 
 
 @compiled
-def curve(a: float, b: float, about: IntArray, knots: FloatArray, values: FloatArray, at: int) -> float:
-    """The function at its inputs, whose coefficients are values[at], ..., the second input's running fastest."""
-    left, share = interval(wrapped(a) if about[FIRST_WRAPS] else a, knots, about[FIRST_KNOTS], about[FIRST_END])
-    if about[SECOND] < 0:
-        return (1.0 - share) * values[at + left] + share * values[at + left + 1]
-    size = about[SECOND_END] - about[SECOND_KNOTS]
-    other, part = interval(wrapped(b) if about[SECOND_WRAPS] else b, knots, about[SECOND_KNOTS], about[SECOND_END])
-    low, high = at + left * size + other, at + (left + 1) * size + other
-    return (1.0 - share) * ((1.0 - part) * values[low] + part * values[low + 1]) + share * (
-        (1.0 - part) * values[high] + part * values[high + 1]
-    )
+def channel(column: int, states: int) -> int:
+    """Where a channel of state (0 to 3) or action (4, 5) lies; states: those of the begin or of a stage."""
+    return states + column * LANES if column < 4 else U + (column - 4) * LANES
+
+
+@compiled
+def curve(
+    b: FloatArray,
+    lanes: int,
+    x: int,
+    y: int,
+    at: int,
+    curves: IntArray,
+    n: int,
+    knots: FloatArray,
+    v: FloatArray,
+    to: int,
+) -> None:
+    """Fill `to` with the function n of the inputs at x and y; its coefficients are the values from `at` on."""
+    first, end = curves[n, FIRST_KNOTS], curves[n, FIRST_END]
+    for i in range(lanes):
+        a = b[x + i]
+        left, share = interval(wrapped(a) if curves[n, FIRST_WRAPS] else a, knots, first, end)
+        if curves[n, SECOND] < 0:
+            b[to + i] = (1.0 - share) * v[at + left, i] + share * v[at + left + 1, i]
+            continue
+        c = b[y + i]
+        begin, stop = curves[n, SECOND_KNOTS], curves[n, SECOND_END]
+        other, part = interval(wrapped(c) if curves[n, SECOND_WRAPS] else c, knots, begin, stop)
+        low = at + left * (stop - begin) + other
+        high = low + stop - begin
+        b[to + i] = (1.0 - share) * ((1.0 - part) * v[low, i] + part * v[low + 1, i]) + share * (
+            (1.0 - part) * v[high, i] + part * v[high + 1, i]
+        )
 
 
 @compiled
 def curve_at(
-    x: State, u: tuple[float, float], about: IntArray, knots: FloatArray, values: FloatArray, at: int
-) -> float:
-    """The function of the channels that it names."""
-    b = channel(x, u, about[SECOND]) if about[SECOND] >= 0 else 0.0
-    return curve(channel(x, u, about[FIRST]), b, about, knots, values, at)
+    b: FloatArray, lanes: int, at: int, curves: IntArray, n: int, knots: FloatArray, v: FloatArray, to: int
+) -> None:
+    """The same of the channels that the function names, in the stage's state."""
+    second = curves[n, SECOND]
+    curve(b, lanes, channel(curves[n, FIRST], Y), channel(max(second, 0), Y), at, curves, n, knots, v, to)
 
 
 @compiled
 def hat(x: float, knots: FloatArray, first: int, end: int, place: int) -> float:
-    """1 at a knot of its own, falling to 0 at its neighbours, as far out as the outer knots are constant."""
+    """1 at a knot of its own, falling to 0 at its neighbours; beyond the outer knots it is constant."""
     if x <= knots[first]:
         return 1.0 if place == 0 else 0.0
     if x >= knots[end - 1]:

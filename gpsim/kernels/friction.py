@@ -1,4 +1,4 @@
-"""Generalised forces, and dry friction that sticks, of one state (see `gpsim.effects.forces`, which this repeats)."""
+"""Generalised forces, and dry friction that sticks, for lanes of rows (see `gpsim.effects.forces`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from gpsim.kernels.codes import (
     CARTPOLE,
     COEFFICIENT,
     DRY,
-    DRY_SECOND,
     FINE,
     FORCES,
     GATE,
@@ -20,118 +19,201 @@ from gpsim.kernels.codes import (
     SYSTEM,
 )
 from gpsim.kernels.compiling import compiled
+from gpsim.kernels.lanes import (
+    AGAINST,
+    BEFORE,
+    BEGUN,
+    F1,
+    LANES,
+    LIGHTER,
+    LOAD,
+    M1,
+    MOST,
+    ONE,
+    OWN,
+    POSITION,
+    R1,
+    REACTS,
+    SPEED,
+    X1,
+    X3,
+    Y1,
+    Y2,
+    Y3,
+    F,
+    H,
+    M,
+    R,
+    Y,
+)
 from gpsim.kernels.laws import force, grip
 from gpsim.kernels.scalars import larger, sign, smaller
-from gpsim.kernels.systems import Rates, State, load, mobility, rates
+from gpsim.kernels.systems import mobility, normal_force
 
 
 @compiled
-def pushed(
+def coordinate(b: FloatArray, lanes: int, on: int) -> None:
+    """Fill POSITION and SPEED with those of a coordinate in the stage's state."""
+    if on == 0:
+        for i in range(lanes):
+            b[POSITION + i], b[SPEED + i] = b[Y + i], b[Y1 + i]
+    else:
+        for i in range(lanes):
+            b[POSITION + i], b[SPEED + i] = b[Y2 + i], b[Y3 + i]
+
+
+@compiled
+def push(
+    b: FloatArray,
+    lanes: int,
     layout: IntArray,
     terms: IntArray,
     curves: IntArray,
     knots: FloatArray,
     v: FloatArray,
     shares: FloatArray,
-    p: FloatArray,
-    x: State,
-    u: tuple[float, float],
-    begun: State,
-    step: float,
-) -> Rates:
-    """Rates under all force terms; begun: the state in which the substep began."""
-    f0, f1 = 0.0, 0.0
-    for i in range(layout[FORCES], layout[DRY]):
-        term = terms[i]
-        on = term[ON]
-        one = force(term, x[2 * on], x[2 * on + 1], v, curves, knots)
-        if term[GATE] < term[GATE_END]:
-            one *= shares[i]
-        if on == 0:
-            f0 += one
+) -> None:
+    """Fill F and F1 with the smooth forces on the coordinates."""
+    for i in range(2 * lanes):
+        b[F + i] = 0.0
+    for n in range(layout[FORCES], layout[DRY]):
+        coordinate(b, lanes, terms[n, ON])
+        force(b, lanes, terms, n, v, curves, knots)
+        if terms[n, GATE] < terms[n, GATE_END]:
+            for i in range(lanes):
+                b[ONE + i] *= shares[n, i]
+        if terms[n, ON] == 0:
+            for i in range(lanes):
+                b[F + i] += b[ONE + i]
         else:
-            f1 += one
-    r = rates(layout[SYSTEM], layout[HELD], x, u, p, f0, f1)
-    if layout[DRY] < layout[DRY_SECOND]:
-        r = rubbed(layout, terms, curves, knots, v, shares, p, x, r, begun, step, layout[DRY], layout[DRY_SECOND])
-    if layout[DRY_SECOND] < layout[PARAMETERS]:
-        r = rubbed(
-            layout, terms, curves, knots, v, shares, p, x, r, begun, step, layout[DRY_SECOND], layout[PARAMETERS]
-        )
-    return r
+            for i in range(lanes):
+                b[F1 + i] += b[ONE + i]
 
 
 @compiled
-def rubbed(
+def look_at(b: FloatArray, lanes: int, on: int, fine: bool) -> None:
+    """Fill OWN and REACTS, and BEGUN with the speed that friction is against: at the substep's begin, if it sticks."""
+    if on == 0:
+        for i in range(lanes):
+            b[OWN + i], b[REACTS + i] = b[R + i], b[M + i]
+            b[BEGUN + i] = b[X1 + i] if fine else b[Y1 + i]
+    else:
+        for i in range(lanes):
+            b[OWN + i], b[REACTS + i] = b[R1 + i], b[M1 + i]
+            b[BEGUN + i] = b[X3 + i] if fine else b[Y3 + i]
+    for i in range(lanes):
+        against = -sign(b[OWN + i] / b[REACTS + i])
+        b[AGAINST + i] = against if fine and b[BEGUN + i] == 0.0 else -sign(b[BEGUN + i])
+
+
+@compiled
+def rub(
+    b: FloatArray,
+    lanes: int,
     layout: IntArray,
     terms: IntArray,
     curves: IntArray,
     knots: FloatArray,
     v: FloatArray,
     shares: FloatArray,
-    p: FloatArray,
-    x: State,
-    r: Rates,
-    begun: State,
-    step: float,
     first: int,
     last: int,
-) -> Rates:
-    """The rates with the dry friction of the terms first to last, which share a coordinate.
+) -> None:
+    """Add to R what the dry friction of the terms first to last changes, which share a coordinate.
 
     A body that would reverse within the substep stops on the way; for the rest it is held as far as the grip allows, or
     starts the other way.
     """
-    on = terms[first, ON]
-    m0, m1 = mobility(layout[SYSTEM], layout[HELD], x, p, on)
-    own, reacts = (r[0], m0) if on == 0 else (r[1], m1)
-    fine = layout[SCHEME] == FINE
-    speed = begun[2 * on + 1] if fine else x[2 * on + 1]
-    against = -sign(speed)
-    if fine and speed == 0.0:
-        against = -sign(own / reacts)
-    weighs, loaded = False, False
-    for i in range(first, last):
-        weighs = weighs or terms[i, LAW] == COEFFICIENT
-    pressed = 0.0
-    if weighs and layout[SYSTEM] == CARTPOLE and on == 0:
-        loaded, pressed = True, load(x, r[0], r[1], p)
-    most = gripped(terms, curves, knots, v, shares, x, loaded, pressed, first, last)
+    on, fine = terms[first, ON], layout[SCHEME] == FINE
+    mobility(b, lanes, layout[SYSTEM], layout[HELD], on)
+    look_at(b, lanes, on, fine)
+    weighs = False
+    for n in range(first, last):
+        weighs = weighs or terms[n, LAW] == COEFFICIENT
+    loaded = weighs and layout[SYSTEM] == CARTPOLE and on == 0
     if loaded:
-        change = load(x, r[0] + m0, r[1] + m1, p) - pressed
-        more = gripped(terms, curves, knots, v, shares, x, True, pressed + change * against * most, first, last)
-        slope = (more - most) / most if most > 0.0 else 0.0
-        most = most / larger(1.0 - slope, 0.1)
-    friction = against * most
-    if fine:
-        after = speed + step * (own + reacts * friction)
-        if speed * after <= 0.0:
-            holding = smaller(larger(-own / reacts, -most), most)
-            moving = speed / (1.0 if speed == after else speed - after)
-            friction = moving * friction + (1.0 - moving) * holding
-    return r[0] + m0 * friction, r[1] + m1 * friction, 0.0
+        normal_force(b, lanes, 0.0)
+    for again in range(2 if loaded else 1):
+        if again:  # load and friction depend on each other, both affinely
+            for i in range(lanes):
+                b[LIGHTER + i], b[BEFORE + i] = b[LOAD + i], b[MOST + i]
+            normal_force(b, lanes, 1.0)
+            for i in range(lanes):
+                change = b[LOAD + i] - b[LIGHTER + i]
+                b[LOAD + i] = b[LIGHTER + i] + change * b[AGAINST + i] * b[BEFORE + i]
+        grips(b, lanes, terms, curves, knots, v, shares, loaded, first, last)
+    if loaded:
+        for i in range(lanes):
+            most = b[BEFORE + i]
+            slope = (b[MOST + i] - most) / most if most > 0.0 else 0.0
+            b[MOST + i] = most / larger(1.0 - slope, 0.1)
+    stick(b, lanes, fine)
+    for i in range(lanes):
+        b[R + i] += b[M + i] * b[ONE + i]
+    if layout[SYSTEM] == CARTPOLE:
+        for i in range(lanes):
+            b[R1 + i] += b[M1 + i] * b[ONE + i]
 
 
 @compiled
-def gripped(
+def stick(b: FloatArray, lanes: int, fine: bool) -> None:
+    """Fill ONE with the friction force, a mean over the substep."""
+    for i in range(lanes):
+        b[ONE + i] = b[AGAINST + i] * b[MOST + i]
+    if not fine:
+        return
+    for i in range(lanes):
+        most, moves, speed = b[MOST + i], b[ONE + i], b[BEGUN + i]
+        after = speed + b[H + i] * (b[OWN + i] + b[REACTS + i] * moves)
+        holding = smaller(larger(-b[OWN + i] / b[REACTS + i], -most), most)
+        part = speed / (1.0 if speed == after else speed - after)
+        stopped = part * moves + (1.0 - part) * holding
+        b[ONE + i] = stopped if speed * after <= 0.0 else moves
+
+
+@compiled
+def grips(
+    b: FloatArray,
+    lanes: int,
     terms: IntArray,
     curves: IntArray,
     knots: FloatArray,
     v: FloatArray,
     shares: FloatArray,
-    x: State,
     loaded: bool,
-    pressed: float,
     first: int,
     last: int,
-) -> float:
-    """The most that all of the terms first to last can hold."""
-    total = 0.0
-    for i in range(first, last):
-        term = terms[i]
-        on = term[ON]
-        one = grip(term, x[2 * on], x[2 * on + 1], v, loaded, pressed, curves, knots)
-        if term[GATE] < term[GATE_END]:
-            one *= shares[i]
-        total += one
-    return total
+) -> None:
+    """Fill MOST with the most that all of the terms first to last can hold together."""
+    for i in range(lanes):
+        b[MOST + i] = 0.0
+    for n in range(first, last):
+        coordinate(b, lanes, terms[n, ON])
+        grip(b, lanes, terms, n, v, loaded, curves, knots)
+        if terms[n, GATE] < terms[n, GATE_END]:
+            for i in range(lanes):
+                b[MOST + i] += b[ONE + i] * shares[n, i]
+        else:
+            for i in range(lanes):
+                b[MOST + i] += b[ONE + i]
+
+
+@compiled
+def rub_all(
+    b: FloatArray,
+    lanes: int,
+    layout: IntArray,
+    terms: IntArray,
+    curves: IntArray,
+    knots: FloatArray,
+    v: FloatArray,
+    shares: FloatArray,
+) -> None:
+    """Dry friction on one coordinate, then on the other; the terms of each lie together."""
+    first = layout[DRY]
+    while first < layout[PARAMETERS]:
+        last = first + 1
+        while last < layout[PARAMETERS] and terms[last, ON] == terms[first, ON]:
+            last += 1
+        rub(b, lanes, layout, terms, curves, knots, v, shares, first, last)
+        first = last

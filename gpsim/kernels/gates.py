@@ -1,4 +1,4 @@
-"""Where and when a term acts: the share of a substep, one row at a time (see `gpsim.effects.term.Gate`)."""
+"""Where and when a term acts: shares of a substep for lanes of rows (see `gpsim.effects.term.Gate`)."""
 
 from __future__ import annotations
 
@@ -10,21 +10,25 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.codes import (
     CHANNEL,
     EPISODE,
-    HAT,
+    FINE,
+    GATE,
+    GATE_END,
     HIGH,
     KIND,
     KNOTS,
     KNOTS_END,
     LOW,
     REGION,
+    SCHEME,
     SINCE,
+    TERMS,
     UNTIL,
     WRAPS,
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import channel, hat
+from gpsim.kernels.lanes import AHEAD, LANES, H, T, X
 from gpsim.kernels.scalars import larger, smaller, wrapped
-from gpsim.kernels.systems import State
 
 
 @compiled
@@ -47,38 +51,43 @@ def after(moment: float, t: float, step: float) -> float:
 
 
 @compiled
-def share(
-    first: int,
-    last: int,
+def find_shares(
+    b: FloatArray,
+    lanes: int,
+    layout: IntArray,
+    terms: IntArray,
     conditions: IntArray,
     knots: FloatArray,
     v: FloatArray,
-    begin: State,
-    end: State,
-    u: tuple[float, float],
-    t: float,
-    step: float,
-) -> float:
-    """Of the conditions first to last: how much of the time from t to t + step all of them hold."""
-    out = 1.0
-    for i in range(first, last):
-        about = conditions[i]
-        kind = about[KIND]
-        if kind == REGION:
-            low, high = v[about[LOW]], v[about[HIGH]]
-            a, b = channel(begin, u, about[CHANNEL]), channel(end, u, about[CHANNEL])
-            if about[WRAPS]:
-                turns = 2.0 * math.pi * np.rint((a - 0.5 * (low + high)) / (2.0 * math.pi))
-                a, b = a - turns, b - turns
-            out *= between(a, b, low, high)
-        elif kind == SINCE:
-            out *= after(v[about[LOW]], t, step)
-        elif kind == UNTIL:
-            out *= 1.0 - after(v[about[LOW]], t, step)
-        elif kind == EPISODE:
-            out *= 1.0 if v[about[HIGH]] >= v[about[LOW]] else 0.0
-        else:
-            x = channel(begin, u, about[CHANNEL])
-            x = wrapped(x) if about[WRAPS] else x
-            out *= hat(x, knots, about[KNOTS], about[KNOTS_END], about[LOW])
-    return out
+    shares: FloatArray,
+) -> None:
+    """Fill shares with how much of the substep each term behind a gate acts.
+
+    The base simulator's own step takes what acts at its start.
+    """
+    looking = 1.0 if layout[SCHEME] == FINE else 0.0
+    for n in range(layout[TERMS]):
+        if terms[n, GATE] == terms[n, GATE_END]:
+            continue
+        for i in range(lanes):
+            shares[n, i] = 1.0
+        for c in range(terms[n, GATE], terms[n, GATE_END]):
+            kind, low, high = conditions[c, KIND], conditions[c, LOW], conditions[c, HIGH]
+            begin, end = channel(conditions[c, CHANNEL], X), channel(conditions[c, CHANNEL], AHEAD)
+            for i in range(lanes):
+                if kind == REGION:
+                    edge, other, one, two = v[low, i], v[high, i], b[begin + i], b[end + i]
+                    if conditions[c, WRAPS]:
+                        turns = 2.0 * math.pi * np.rint((one - 0.5 * (edge + other)) / (2.0 * math.pi))
+                        one, two = one - turns, two - turns
+                    acts = between(one, two, edge, other)
+                elif kind == SINCE:
+                    acts = after(v[low, i], b[T + i], looking * b[H + i])
+                elif kind == UNTIL:
+                    acts = 1.0 - after(v[low, i], b[T + i], looking * b[H + i])
+                elif kind == EPISODE:
+                    acts = 1.0 if v[high, i] >= v[low, i] else 0.0
+                else:
+                    x = wrapped(b[begin + i]) if conditions[c, WRAPS] else b[begin + i]
+                    acts = hat(x, knots, conditions[c, KNOTS], conditions[c, KNOTS_END], low)
+                shares[n, i] *= acts

@@ -1,4 +1,4 @@
-"""Laws of force, dry friction and twist, one number at a time: what gpsim/effects writes for batches."""
+"""Laws of force, dry friction and twist for lanes of rows: what gpsim/effects writes for batches."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.codes import (
     COEFFICIENT,
+    CONSTANT,
     COULOMB,
     CURVE,
     FIRST,
@@ -16,81 +17,90 @@ from gpsim.kernels.codes import (
     SPRING,
     STEERING,
     STRIBECK,
-    SLIP,
-    TURN_CURVE,
     UNDERSTEER,
     VALUE,
     VISCOUS,
-    CONSTANT,
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import curve
+from gpsim.kernels.lanes import LANES, LOAD, ONE, OTHER, POSITION, R1, R2, SPEED, R
 from gpsim.kernels.scalars import clipped, larger
-from gpsim.kernels.systems import Rates
 
 TINY = 2.2250738585072014e-308  # the smallest normal number
 
 
 @compiled
 def force(
-    term: IntArray, position: float, speed: float, v: FloatArray, curves: IntArray, knots: FloatArray
-) -> float:
-    """A smooth force; v: all values of the row."""
-    law, at = term[LAW], term[VALUE]
+    b: FloatArray, lanes: int, terms: IntArray, n: int, v: FloatArray, curves: IntArray, knots: FloatArray
+) -> None:
+    """Fill ONE with a smooth force at POSITION and SPEED."""
+    law, at = terms[n, LAW], terms[n, VALUE]
     if law == VISCOUS:
-        return -v[at] * speed
-    if law == QUADRATIC:
-        return -v[at] * abs(speed) * speed
-    if law == SPRING:
-        return -v[at] * (position - v[at + 1])
-    if law == CONSTANT:
-        return v[at] + 0.0 * speed
-    about = curves[term[CURVE]]
-    return curve(speed if about[FIRST] else position, 0.0, about, knots, v, at)
+        for i in range(lanes):
+            b[ONE + i] = -v[at, i] * b[SPEED + i]
+    elif law == QUADRATIC:
+        for i in range(lanes):
+            b[ONE + i] = -v[at, i] * abs(b[SPEED + i]) * b[SPEED + i]
+    elif law == SPRING:
+        for i in range(lanes):
+            b[ONE + i] = -v[at, i] * (b[POSITION + i] - v[at + 1, i])
+    elif law == CONSTANT:
+        for i in range(lanes):
+            b[ONE + i] = v[at, i]
+    else:
+        about = terms[n, CURVE]
+        curve(b, lanes, SPEED if curves[about, FIRST] else POSITION, 0, at, curves, about, knots, v, ONE)
 
 
 @compiled
 def grip(
-    term: IntArray,
-    position: float,
-    speed: float,
+    b: FloatArray,
+    lanes: int,
+    terms: IntArray,
+    n: int,
     v: FloatArray,
     loaded: bool,
-    load: float,
     curves: IntArray,
     knots: FloatArray,
-) -> float:
-    """The most that dry friction can hold; loaded: the normal force is known, and is `load`."""
-    law, at = term[LAW], term[VALUE]
+) -> None:
+    """Fill ONE with the most that dry friction can hold; loaded: there is a normal force, in LOAD."""
+    law, at = terms[n, LAW], terms[n, VALUE]
     if law == COULOMB:
-        return v[at] + 0.0 * speed
-    if law == COEFFICIENT:
-        return v[at] * larger(load, 0.0) if loaded else 0.0
-    if law == STRIBECK:
-        slow = speed / v[at + 2]
-        return v[at] + larger(v[at + 1] - v[at], 0.0) * math.exp(-(slow * slow))
-    about = curves[term[CURVE]]
-    out = curve(speed if about[FIRST] else position, 0.0, about, knots, v, at)
-    if about[FIRST] and speed == 0.0:
-        out = 0.5 * (out + curve(-TINY, 0.0, about, knots, v, at))
-    return out
+        for i in range(lanes):
+            b[ONE + i] = v[at, i]
+    elif law == COEFFICIENT:
+        for i in range(lanes):
+            b[ONE + i] = v[at, i] * larger(b[LOAD + i], 0.0) if loaded else 0.0
+    elif law == STRIBECK:
+        for i in range(lanes):
+            slow = b[SPEED + i] / v[at + 2, i]
+            b[ONE + i] = v[at, i] + larger(v[at + 1, i] - v[at, i], 0.0) * math.exp(-(slow * slow))
+    else:
+        about = terms[n, CURVE]
+        of_speed = curves[about, FIRST] == 1
+        curve(b, lanes, SPEED if of_speed else POSITION, 0, at, curves, about, knots, v, ONE)
+        if of_speed:  # of what rests, the mean of both directions
+            for i in range(lanes):
+                b[POSITION + i] = -TINY if b[SPEED + i] == 0.0 else b[SPEED + i]
+            curve(b, lanes, POSITION, 0, at, curves, about, knots, v, OTHER)
+            for i in range(lanes):
+                if b[SPEED + i] == 0.0:
+                    b[ONE + i] = 0.5 * (b[ONE + i] + b[OTHER + i])
 
 
 @compiled
-def twist(law: int, at: int, r: Rates, v: FloatArray) -> Rates:
-    """What a vehicle makes of a twist (speed, sideways speed, turn rate)."""
+def twist(b: FloatArray, lanes: int, law: int, at: int, v: FloatArray) -> None:
+    """Change R to what a vehicle makes of that twist (speed, sideways speed, turn rate)."""
     if law == RADIUS:
-        most = abs(r[0]) / v[at]
-        return r[0], r[1], clipped(r[2], -most, most)
-    if law == UNDERSTEER:
-        return r[0], r[1], r[2] / larger(1.0 + v[at] * r[0] * r[0], 0.05)
-    if law == STEERING:
-        return r[0], r[1], r[2] + v[at] * r[0]
-    return r[0], r[1] - v[at] * r[0] * r[2], r[2]
-
-
-@compiled
-def turned(term: IntArray, r: Rates, v: FloatArray, curves: IntArray, knots: FloatArray) -> Rates:
-    """A free curve of speed and turn rate beside the twist."""
-    more = curve(r[0], r[2], curves[term[CURVE]], knots, v, term[VALUE])
-    return (r[0], r[1], r[2] + more) if term[LAW] == TURN_CURVE else (r[0], r[1] + more, r[2])
+        for i in range(lanes):
+            most = abs(b[R + i]) / v[at, i]
+            b[R2 + i] = clipped(b[R2 + i], -most, most)
+    elif law == UNDERSTEER:
+        for i in range(lanes):
+            b[R2 + i] /= larger(1.0 + v[at, i] * (b[R + i] * b[R + i]), 0.05)
+    elif law == STEERING:
+        for i in range(lanes):
+            b[R2 + i] += v[at, i] * b[R + i]
+    else:
+        for i in range(lanes):
+            b[R1 + i] -= v[at, i] * b[R + i] * b[R2 + i]

@@ -29,6 +29,7 @@ from gpsim.effects import (
     VehicleEffect,
 )
 from gpsim.kernels import codes, tables
+from gpsim.kernels.lanes import LANES
 from gpsim.kernels.tables import Curve, Hat, Law
 from gpsim.simulators import Whole, unwrapped, whole
 
@@ -104,7 +105,7 @@ class _Writer:
         first = [self.system, SCHEMES[chain.scheme], inner.held[0] if inner.held else -1, len(inner.kept)]
         first += [len(chain.simulator.action), 1, 0, ahead, still]
         return Program(
-            np.array([*first, *ends, int(changing)], dtype=np.int64),
+            np.array([*first, *ends, int(changing), LANES], dtype=np.int64),
             _table(self.terms, codes.TERM_WIDTH),
             _table(self.conditions, codes.CONDITION_WIDTH),
             _table(self.curves, codes.CURVE_WIDTH),
@@ -123,7 +124,7 @@ class _Writer:
         coordinates = list(dict.fromkeys(of[i].on for i in dry))
         parts = [
             [i for i in forces if i not in dry],
-            *([i for i in dry if coordinates[n : n + 1] == [of[i].on]] for n in range(2)),
+            sorted(dry, key=lambda i: coordinates.index(of[i].on)),  # those of a coordinate together
             [i for i, t in enumerate(of) if isinstance(t.effect, ParameterEffect)],
             sorted(
                 (i for i, t in enumerate(of) if isinstance(t.effect, VehicleEffect)),
@@ -132,7 +133,7 @@ class _Writer:
             [i for i, t in enumerate(of) if isinstance(t.effect, RateEffect)],
         ]
         others = [t for t in of if isinstance(t.effect, ActuatorEffect | SensorEffect)]
-        if sum(map(len, parts)) + len(others) < len(of) or len(coordinates) > 2:
+        if sum(map(len, parts)) + len(others) < len(of):
             raise _NotCompiled
         begins = []
         for part in parts:
@@ -230,7 +231,9 @@ def _law_of(term: Term) -> Law | None:
     if isinstance(effect, ForceEffect):
         if not effect.dry:
             return tables.FORCES.get(family)
-        return (tables.BY_LOAD if effect.weighs({k: np.zeros(0) for k in term.values}) else tables.DRY).get(family)
+        return (tables.BY_LOAD if effect.weighs({k: np.zeros(0) for k in term.values}) else tables.DRY).get(
+            family
+        )
     if isinstance(effect, ParameterEffect):
         return tables.PARAMETERS.get(family)
     return tables.TWISTS.get(family) if isinstance(effect, VehicleEffect) else None
