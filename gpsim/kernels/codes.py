@@ -37,6 +37,12 @@ SLIP_CURVE: Final = 35
 RATE_CURVE: Final = 40
 DRIVE_CURVE: Final = 41
 
+# Where a twist's law acts: alone, or first, further on or last of several that are one term.
+ALONE: Final = 0
+OPENING: Final = 1
+WITHIN: Final = 2
+CLOSING: Final = 3
+
 # Conditions of gates: a region of a channel, moments, an episode, a hat over a channel.
 REGION: Final = 0
 SINCE: Final = 1

@@ -14,16 +14,18 @@ from gpsim.kernels.codes import (
     LAW,
     QUADRATIC,
     RADIUS,
+    SLIP,
     SPRING,
     STEERING,
     STRIBECK,
+    TURN_CURVE,
     UNDERSTEER,
     VALUE,
     VISCOUS,
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import curve
-from gpsim.kernels.lanes import LANES, LOAD, ONE, OTHER, POSITION, R1, R2, SPEED, R
+from gpsim.kernels.lanes import LANES, LOAD, ONE, OTHER, POSITION, R1, R2, SPEED, SUM, R
 from gpsim.kernels.scalars import clipped, larger
 
 TINY = 2.2250738585072014e-308  # the smallest normal number
@@ -89,8 +91,11 @@ def grip(
 
 
 @compiled
-def twist(b: FloatArray, lanes: int, law: int, at: int, v: FloatArray) -> None:
-    """Change R to what a vehicle makes of that twist (speed, sideways speed, turn rate)."""
+def twist(
+    b: FloatArray, lanes: int, terms: IntArray, n: int, v: FloatArray, curves: IntArray, knots: FloatArray
+) -> None:
+    """Change R to what a vehicle makes of that twist (speed, sideways speed, turn rate), which was in SUM before."""
+    law, at = terms[n, LAW], terms[n, VALUE]
     if law == RADIUS:
         for i in range(lanes):
             most = abs(b[R + i]) / v[at, i]
@@ -101,6 +106,14 @@ def twist(b: FloatArray, lanes: int, law: int, at: int, v: FloatArray) -> None:
     elif law == STEERING:
         for i in range(lanes):
             b[R2 + i] += v[at, i] * b[R + i]
-    else:
+    elif law == SLIP:
         for i in range(lanes):
             b[R1 + i] -= v[at, i] * b[R + i] * b[R2 + i]
+    else:
+        curve(b, lanes, SUM, SUM + 2 * LANES, at, curves, terms[n, CURVE], knots, v, ONE)
+        if law == TURN_CURVE:
+            for i in range(lanes):
+                b[R2 + i] += b[ONE + i]
+        else:
+            for i in range(lanes):
+                b[R1 + i] += b[ONE + i]

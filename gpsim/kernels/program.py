@@ -158,8 +158,18 @@ class _Writer:
     def _write_curve(self, index: int, term: Term, curve: Curve, gate: tuple[int, int]) -> None:
         if curve.of not in tables.CURVES or len(curve.axes) > 2 or min(map(len, curve.axes)) < 2:
             raise _NotCompiled
-        own = curve.of in ("force", "grip")
+        own = curve.of in ("force", "grip", "turn", "slip")
         on = self._place(term) if own else curve.on
+        if curve.of in ("turn", "slip"):
+            on = codes.CLOSING if curve.beside else codes.ALONE
+        for place, (family, values) in enumerate(curve.beside):
+            if family not in tables.TWISTS:
+                raise _NotCompiled
+            law, names = tables.TWISTS[family]
+            self.terms.append(
+                [law, codes.WITHIN if place else codes.OPENING, len(self.columns), gate[0], gate[0], -1]
+            )
+            self.columns += [(index, "", values[name]) for name in names]
         self.terms.append([tables.CURVES[curve.of], on, len(self.columns), *gate, len(self.curves)])
         about: list[int] = []
         for axis, channel, wraps in zip(curve.axes, curve.inputs, curve.wraps, strict=True):

@@ -16,6 +16,7 @@ from gpsim.kernels.codes import (
     LAW,
     LOOKS_AHEAD,
     ON,
+    OPENING,
     PARAMETERS,
     RATES,
     RK4,
@@ -74,9 +75,10 @@ def find(
     rates(b, lanes, layout[SYSTEM], layout[HELD])
     rub_all(b, lanes, layout, terms, curves, knots, v, shares)
     for n in range(layout[TWISTS], layout[RATES]):
-        for i in range(3 * lanes):
-            b[SUM + i] = b[R + i]
-        twist(b, lanes, terms[n, LAW], terms[n, VALUE], v)
+        if terms[n, ON] <= OPENING:
+            for i in range(3 * lanes):
+                b[SUM + i] = b[R + i]
+        twist(b, lanes, terms, n, v, curves, knots)
         if terms[n, GATE] < terms[n, GATE_END]:
             for c in range(3):
                 for i in range(lanes):

@@ -41,6 +41,8 @@ TWISTS: Mapping[str, Law] = {
 CURVES: Mapping[str, int] = {
     "force": codes.FORCE_CURVE,
     "grip": codes.GRIP_CURVE,
+    "turn": codes.TURN_CURVE,
+    "slip": codes.SLIP_CURVE,
     "rate": codes.RATE_CURVE,
     "drive": codes.DRIVE_CURVE,
 }
@@ -52,15 +54,17 @@ class Curve:
 
     axes: the knots along each input; names: of the coefficients among a term's values, the last axis running fastest.
     of: what it gives; inputs: channels of state and action, whose angles may wrap; of a force or a grip its
-    coordinate's position (0) or speed (1). on: the rate or the action.
+    coordinate's position (0) or speed (1); of a turn or a slip speed and turn rate. on: the rate or the action. beside:
+    family and values of laws of the twist that act together with it.
     """
 
-    of: Literal["force", "grip", "rate", "drive"]
+    of: Literal["force", "grip", "turn", "slip", "rate", "drive"]
     axes: tuple[tuple[float, ...], ...]
     names: tuple[str, ...]
     inputs: tuple[int, ...]
     wraps: tuple[bool, ...]
     on: int = 0
+    beside: tuple[tuple[str, Mapping[str, float]], ...] = ()
 
 
 @dataclass(frozen=True)
