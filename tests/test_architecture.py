@@ -36,7 +36,7 @@ LEVELS = [
     {"evaluation", "policies.training"},
     {"environments"},
     {"corrected", "policies"},
-    {"residuals"},
+    {"residuals", "kernels"},
     {"gp", "effects", "tasks", "targets", "recordings", "runs"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},

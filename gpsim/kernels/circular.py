@@ -10,7 +10,7 @@ from typing import Final
 
 from gpsim.channels import FloatArray
 from gpsim.kernels.compiling import compiled
-from gpsim.kernels.lanes import ANGLE, COS, LANES, SIN
+from gpsim.kernels.lanes import ANGLE, COS, SIN
 
 PER_QUARTER: Final = 0.6366197723675814  # 2 / pi
 # pi / 2 in parts of 33 bits, so that products with whole numbers below 2^20 are exact.

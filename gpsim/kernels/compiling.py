@@ -1,4 +1,4 @@
-"""Functions that numba compiles, once a machine: what it made is kept on disk in a folder that this room's sources name.
+"""Functions that numba compiles, once a machine: what it makes is kept in a folder that this room's sources name.
 
 This file is imported by files of the room that hold such functions, and they by nobody until something is compiled
 (see `gpsim.kernels.program`): numba takes longer to be imported than `gpsim --help` to answer.
@@ -22,8 +22,8 @@ ROOM = Path(__file__).parent
 
 def compiled(function: Function) -> Function:
     """A function that is called by compiled ones alone; it becomes a part of them."""
-    made: Function = numba.njit(nogil=True, error_model="numpy")(function)
-    return made
+    made: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    return made  # type: ignore[no-any-return]  # called as the function itself
 
 
 def entry(signature: str) -> Callable[[Function], Function]:
@@ -31,8 +31,8 @@ def entry(signature: str) -> Callable[[Function], Function]:
 
     def make(function: Function) -> Function:
         with _kept_in(folder()):
-            made: Function = numba.njit(signature, nogil=True, error_model="numpy", cache=True)(function)
-        return made
+            made: Any = numba.njit(signature, nogil=True, error_model="numpy", cache=True)(function)
+        return made  # type: ignore[no-any-return]  # called as the function itself
 
     return make
 

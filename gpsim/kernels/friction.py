@@ -24,7 +24,6 @@ from gpsim.kernels.lanes import (
     BEFORE,
     BEGUN,
     F1,
-    LANES,
     LIGHTER,
     LOAD,
     M1,

@@ -27,7 +27,7 @@ from gpsim.kernels.codes import (
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import channel, hat
-from gpsim.kernels.lanes import AHEAD, LANES, H, T, X
+from gpsim.kernels.lanes import AHEAD, H, T, X
 from gpsim.kernels.scalars import larger, smaller, wrapped
 
 

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
+from itertools import pairwise
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def marched(
         march(*arguments, 0, rows)
         return out, passed
     with ThreadPoolExecutor(parts - 1) as pool:
-        begun = [pool.submit(march, *arguments, a, b) for a, b in zip(edges[1:-1], edges[2:], strict=True)]
+        begun = [pool.submit(march, *arguments, a, b) for a, b in pairwise(edges[1:])]
         march(*arguments, 0, edges[1])
         for other in begun:
             other.result()

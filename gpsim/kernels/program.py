@@ -176,7 +176,7 @@ class _Writer:
             column = channel if own else self._channel(channel)
             about += [column, int(wraps), len(self.knots), len(self.knots) + len(axis)]
             self.knots += axis
-        self.curves.append((about + [-1, 0, 0, 0])[: codes.CURVE_WIDTH])
+        self.curves.append([*about, -1, 0, 0, 0][: codes.CURVE_WIDTH])
         self.columns += [(index, name, np.nan) for name in curve.names]
 
     def _place(self, term: Term) -> int:

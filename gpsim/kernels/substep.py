@@ -8,7 +8,6 @@ from gpsim.kernels.codes import (
     CHANGING,
     CURVE,
     DRIVE_CURVE,
-    EULER,
     FINE,
     GATE,
     GATE_END,

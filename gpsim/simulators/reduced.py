@@ -41,7 +41,9 @@ def whole(simulator: Simulator) -> Whole:
         kept, own, held = (tuple(i) for i in (simulator._kept, simulator._own, simulator._held))
         return Whole(simulator._inner, kept, simulator._rest, own, held)
     count = len(simulator.state)
-    return Whole(simulator, tuple(range(count)), np.zeros(count), tuple(range(len(simulator.coordinates))), ())
+    return Whole(
+        simulator, tuple(range(count)), np.zeros(count), tuple(range(len(simulator.coordinates))), ()
+    )
 
 
 class _Reduced(Simulator):
