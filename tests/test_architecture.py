@@ -36,7 +36,7 @@ LEVELS = [
     {"evaluation", "policies.training"},
     {"environments"},
     {"corrected", "policies", "targets", "gymtasks"},
-    {"residuals", "mjcf"},
+    {"residuals", "kernels", "mjcf"},
     {"gp", "effects", "tasks", "recordings", "runs"},
     {"launchers"},
     {"simulators", "artifacts"},
