@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.reports.sweep_page import main_figures, sweep_page
 from gpsim.stages import grid
+from gpsim.stages.jobs import _numbered
 
 QUICK = ("budget=smoke", "collect.policy=random")
 
@@ -62,6 +63,17 @@ def test_what_points_share_is_made_once():
     places = {job.label: i for i, job in enumerate(plan.jobs)}
     assert all(places[label] < places[job.label] for job in plan.jobs for label in job.after)
     assert len(set(plan.targets)) == 4
+
+
+def test_who_makes_a_point_does_not_look_through_the_shelf_again(tmp_path, monkeypatch):
+    """Unless something may lie there that only a look finds: of a release without markers."""
+    monkeypatch.chdir(tmp_path)
+    jobs = plan_of("gp.n_train=50,80", of="fit-gp").jobs
+    assert [request.looked for request, _ in _numbered(jobs)] == [True] * 4
+    old = Path("runs/cartpole/fit-gp/v0001")
+    old.mkdir(parents=True)
+    looked = [request.looked for request, _ in _numbered(jobs)]
+    assert looked == [job.stage != "fit-gp" for job in jobs]
 
 
 def test_a_whole_loop_shares_what_does_not_depend_on_what_is_swept():
