@@ -7,8 +7,8 @@ The model: every trial passes the command and Dask's scheduler, which share a pr
 process again (the outcome). Process and file server take one trial at a time; a core pays its gap besides. Their times
 a trial are what this file and cluster_overhead.py measure; the trials' own are log-normal.
 
-Of a proof every trial has folders of its own. In a sweep all artifacts of a stage lie on one shelf, which a job looks
-through: a stat for each version that is stored, and the manifests of those that others made since its worker looked.
+Of a proof every trial has folders of its own. In a sweep all artifacts of a stage lie on one shelf, whose names a job
+lists; --looking says what it cost if every job looked at each version that is stored, as one does without markers.
 
 The run: Dask's scheduler and the command of gpsim as they are, but its cores are threads, and its trials sleep.
 """
@@ -50,6 +50,7 @@ class Costs:
     summary: float = 3e-3
 
 
+LISTINGS, NAMES = 3, 200  # of a shelf by a job; names that one answer of the file server holds
 MANIFEST = 3  # operations that reading one takes
 
 
@@ -60,11 +61,16 @@ def durations(trials: int, median: float, seed: int = 1) -> list[float]:
     return [min(median * draw.lognormvariate(0.0, SIGMA), longest) for _ in range(trials)]
 
 
-def modelled(work: list[float], cores: int, costs: Costs, shelf: bool = False) -> dict[str, float]:
-    """Wall seconds without and with the summary, and the share of the cores' time that was work.
+def shelf_operations(kind: str, stored: int, cores: int) -> float:
+    """Of one job beside so many versions. looking: a stat of each, and the manifests made since its worker looked."""
+    if kind == "proof":
+        return 0.0
+    looks = stored + MANIFEST * min(cores, stored) if kind == "looking" else 0
+    return looks + LISTINGS * stored / NAMES
 
-    shelf: whether all artifacts lie on one, as in a sweep.
-    """
+
+def modelled(work: list[float], cores: int, costs: Costs, kind: str = "proof") -> dict[str, float]:
+    """Wall seconds without and with the summary, and the share of the cores' time that was work."""
     free, stored, counter = {"process": 0.0, "files": 0.0}, 0, itertools.count()
     events: list[tuple[float, int, str, int]] = []  # when, a number that orders equals, what ends then, trial
     waiting: deque[int] = deque()
@@ -93,9 +99,9 @@ def modelled(work: list[float], cores: int, costs: Costs, shelf: bool = False) -
         elif what == "queue":
             waiting.append(trial)
         elif what == "work":
-            looked = stored + MANIFEST * min(cores, stored) if shelf else 0
+            operations = costs.operations + shelf_operations(kind, stored, cores)
             stored += 1
-            then(served("files", now, (costs.operations + looked) / costs.rate), "file", trial)
+            then(served("files", now, operations / costs.rate), "file", trial)
         elif what == "file":
             then(served("process", now, costs.process / 2), "outcome", trial)
             if waiting:
@@ -172,18 +178,20 @@ def main() -> None:
     )
     for name, value in asdict(Costs()).items():
         parser.add_argument(f"--{name}", type=type(value), default=value, help="see Costs")
+    parser.add_argument("--looking", action="store_true", help="as well: jobs that look through the shelf")
     parser.add_argument("--real", type=float, nargs="*", default=[], help="medians to run on Dask itself [s]")
     parser.add_argument("--processes", type=int, default=4, help="of the workers whose threads are the cores")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     costs = replace(Costs(), **{name: getattr(options, name) for name in asdict(Costs())})
     found: dict[str, object] = {"costs": asdict(costs)}
-    runs = [(median, options.cores, False) for median in options.medians]
-    runs += [(MEDIAN, cores, False) for cores in (100, 1000, 2000, 5000)]
-    runs += [(MEDIAN, cores, True) for cores in (20, 50, 100, 200, options.cores)]
-    for median, cores, shelf in runs:
-        told = modelled(durations(options.trials, median), cores, costs, shelf)
-        name = f"{'sweep' if shelf else 'proof'}, median {median:g} s, {cores} cores"
+    runs = [("proof", median, options.cores) for median in options.medians]
+    runs += [("proof", MEDIAN, cores) for cores in (100, 1000, 2000, 5000)]
+    kinds = ["sweep", *(["looking"] if options.looking else [])]
+    runs += [(kind, MEDIAN, cores) for kind in kinds for cores in (100, options.cores, 2000)]
+    for kind, median, cores in runs:
+        told = modelled(durations(options.trials, median), cores, costs, kind)
+        name = f"{kind}, median {median:g} s, {cores} cores"
         found[name] = told
         print(f"{name:36s}", "  ".join(f"{key} {value:8.3g}" for key, value in told.items()), flush=True)
     for median in options.real:
