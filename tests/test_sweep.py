@@ -154,3 +154,24 @@ def test_the_page_shows_the_main_figures_and_is_the_same_for_the_same_table():
     assert page == sweep_page("evaluate", swept, table.copy())
     assert "data:image/svg+xml" in page
     assert "40.5 ± 0.707" in page
+
+
+def test_of_a_fit_likelihood_and_noise_are_shown_and_not_what_repeats_a_setting():
+    rows = [
+        {"gp.n_train": n, "rows": n, "rates.x_acc.converged": True, "rates.x_acc.log_marginal_likelihood": 2.0 * n,
+         "rates.x_acc.hyper_parameters_original.noise_std": 0.25, "rates.x_acc.evaluations": 40 + n,
+         "sha256": "x", "error": None}
+        for n in (100, 250)
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    shown = main_figures(["gp.n_train"], table)
+    assert shown == [
+        "rates.x_acc.log_marginal_likelihood",
+        "rates.x_acc.hyper_parameters_original.noise_std",
+    ]
+    page = sweep_page("fit-gp", ["gp.n_train"], table)
+    assert "<th>log marginal likelihood x acc</th>" in page
+    assert ">500</td>" in page
+    others = table.drop(columns=shown)
+    assert main_figures(["gp.n_train"], others) == ["rates.x_acc.converged", "rates.x_acc.evaluations"]
+    assert ">yes</td>" in sweep_page("fit-gp", ["gp.n_train"], others)
