@@ -65,7 +65,7 @@ def test_a_function_gives_a_model_or_its_spec_and_a_class_is_no_model(tmp_path):
     assert not is_mujoco(f"{file}:System")
     with pytest.raises(UsageError, match=r"nothing\(\) returned int; it must return a mujoco.MjModel"):
         open_simulator(f"{file}:nothing")
-    with pytest.raises(UsageError, match=r"unfinished\(\) raised ValueError: Error: mass and inertia"):
+    with pytest.raises(UsageError, match=r"unfinished\(\) does not compile: Error: mass and inertia"):
         open_simulator(f"{file}:unfinished")
 
 
