@@ -47,7 +47,7 @@ class Costs:
     operations: int = 80
     rate: float = 20_000.0
     fixed: float = 20.0
-    summary: float = 3e-3
+    summary: float = 13e-3
 
 
 LISTINGS, NAMES = 3, 200  # of a shelf by a job; names that one answer of the file server holds

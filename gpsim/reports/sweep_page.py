@@ -77,9 +77,10 @@ def main_figures(swept: Sequence[str], table: pd.DataFrame) -> list[str]:
 
 def _repeats(name: str, swept: Sequence[str], table: pd.DataFrame) -> bool:
     """Whether a figure says no more than a setting that is swept, as the rows of a fit do."""
-    return any(
-        table[name].equals(table[key].astype(table[name].dtype)) for key in swept if _numeric(table, key)
-    )
+    if not _numeric(table, name):
+        return False
+    values = table[name].astype(float)
+    return any(values.equals(table[key].astype(float)) for key in swept if _numeric(table, key))
 
 
 def _is_mean(name: str) -> bool:
