@@ -35,6 +35,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/notation.md",
     "method/acceptance.md",
     "method/gp.md",
+    "method/speed.md",
     "method/blind_test.md",
     "method/proofs.md",
 )
