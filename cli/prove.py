@@ -39,6 +39,12 @@ Strata = Annotated[
         autocompletion=completion.strata,
     ),
 ]
+System = Annotated[
+    str | None,
+    typer.Option(
+        "--system", help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others."
+    ),
+]
 Answers = Annotated[
     Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
 ]
@@ -55,6 +61,7 @@ def prove_command(
     stratum: Strata = None,
     long: Long = True,
     rough: Rough = 0,
+    system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
     if context.invoked_subcommand is not None:
@@ -64,7 +71,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(out, trials, seed, jobs, stratum, long, rough)
+    conceal_command(out, trials, seed, jobs, stratum, long, rough, system)
     diagnose_command(out, jobs)
     reveal_command(out, None, jobs)
 
@@ -89,11 +96,23 @@ def conceal_command(
     stratum: Strata = None,
     long: Long = True,
     rough: Rough = 0,
+    system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
     from gpsim.stages import prove
 
-    numbers = prove.numbers_of(trials, stratum or (), long, rough)
+    if system not in (None, prove.MJCF):
+        raise UsageError(
+            f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
+        )
+    if system and (rough or not long):
+        raise UsageError(
+            "--system mjcf: its worlds are neither rough nor long; leave --rough and --no-long out"
+        )
+    if system:
+        numbers = prove.robots_numbers(trials, stratum or ())
+    else:
+        numbers = prove.numbers_of(trials, stratum or (), long, rough)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, jobs, progress)
     say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")

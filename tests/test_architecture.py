@@ -19,7 +19,7 @@ LEVELS = [
     {"trials.scoring"},
     {"trials.rivals"},
     {"trials.blinding"},
-    {"trials.drawing"},
+    {"trials.drawing", "trials.robots"},
     {"trials.truth"},
     {"trials.outside"},
     {"trials.catalogue"},

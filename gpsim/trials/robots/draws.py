@@ -27,7 +27,15 @@ UNSTABLE = ("actuator_delay", "actuator_lag", "actuator_dead_zone", "actuator_ba
 """Families that let a pole fall: where a robot can hang, it does."""
 ALIKE: tuple[frozenset[str], ...] = (
     frozenset({"coulomb_friction", "stribeck_friction"}),
-    frozenset({"actuator_gain", "actuator_asymmetry", "parameter_offset", "actuator_saturation", "actuator_dead_zone"}),
+    frozenset(
+        {
+            "actuator_gain",
+            "actuator_asymmetry",
+            "parameter_offset",
+            "actuator_saturation",
+            "actuator_dead_zone",
+        }
+    ),
     frozenset({"constant_force", "actuator_bias", "sensor_bias", "joint_offset", "spring", "gravity_tilt"}),
     frozenset({"actuator_delay", "actuator_lag", "sensor_delay"}),
     frozenset({"parameter_offset", "payload", "armature"}),
@@ -58,7 +66,11 @@ def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
     rng = np.random.default_rng([seed, number, attempt, 0])
     able = [r for r in ROBOTS.values() if family is None or places_of(family, r)]
     # The number's alone, so that a world that cannot be run leaves no robot less often.
-    robot = able[(seed + among * 5 + among // len(able)) % len(able)] if family is None else _chosen(able, seed, number)
+    robot = (
+        able[(seed + among * 5 + among // len(able)) % len(able)]
+        if family is None
+        else _chosen(able, seed, number)
+    )
     effects = _places(family, robot, SIZE[stratum], rng)
     world = _bare(seed, number, attempt, stratum, robot, effects, rng)
     pilot, _ = run(world, ())

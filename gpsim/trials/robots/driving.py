@@ -151,7 +151,9 @@ def balancing(robot: str, dt: float) -> FloatArray:
         return row[0]
 
     none = np.zeros(actions)
-    a = np.stack([after(rest + nudge * e, none) - after(rest - nudge * e, none) for e in np.eye(width)], axis=1)
+    a = np.stack(
+        [after(rest + nudge * e, none) - after(rest - nudge * e, none) for e in np.eye(width)], axis=1
+    )
     b = np.stack([after(rest, nudge * e) - after(rest, -nudge * e) for e in np.eye(actions)], axis=1)
     a, b = a / (2 * nudge), b / (2 * nudge)
     weight = np.diag([10.0 if i % 2 == 0 else 0.1 for i in range(width)])

@@ -82,7 +82,7 @@ def _package(name: str) -> Path:
 
 def _missing(name: str) -> UsageError:
     return UsageError(
-        f"prove --system mjcf: no package {name}, whose models are diagnosed; install it with: pip install 'gpsim[prove]'"
+        f"prove --system mjcf: no package {name}, whose models it takes; install it with: pip install 'gpsim[prove]'"
     )
 
 
@@ -157,7 +157,9 @@ def spec_of(name: str) -> Any:
     mj, files = mujoco(), files_of(name)
     file = ROBOTS[name].file
     include = {other: text.encode() for other, text in files.items() if other != file}
-    spec = mj.MjSpec.from_string(files[file], include=include) if include else mj.MjSpec.from_string(files[file])
+    spec = (
+        mj.MjSpec.from_string(files[file], include=include) if include else mj.MjSpec.from_string(files[file])
+    )
     if file.endswith(".urdf"):
         for joint in spec.joints:
             spec.add_actuator(name=f"{joint.name}_motor", target=joint.name, trntype=mj.mjtTrn.mjTRN_JOINT)

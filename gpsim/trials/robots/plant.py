@@ -1,8 +1,8 @@
 """What truly moves: a robot's model with its effects, by MuJoCo's accelerations and a scheme that is not MuJoCo's own.
 
-Kutta's method of third order (1901), at a quarter of the model's step or less. Laws of position and velocity are forces that
-are worked out anew at every stage; dry friction is MuJoCo's, as stiff as the step allows; masses are fields of the
-model or bodies welded to it. Nothing of `gpsim.mjcf` is used.
+Kutta's method of third order (1901), at a quarter of the model's step or less. Laws of position and velocity are
+forces that are worked out anew at every stage; dry friction is MuJoCo's, as stiff as the step allows; masses are fields
+of the model or bodies welded to it. Nothing of `gpsim.mjcf` is used.
 """
 
 from __future__ import annotations
@@ -72,7 +72,9 @@ class Plant:
     def free(self) -> FloatArray:
         """(E,) 1 where nothing touches and no joint is at its limit, as seen in the last step."""
         stop = int(self._mj.mjtConstraint.mjCNSTR_LIMIT_JOINT)
-        return np.array([d.ncon == 0 and not np.any(d.efc_type == stop) for d in self._data], dtype=np.float64)
+        return np.array(
+            [d.ncon == 0 and not np.any(d.efc_type == stop) for d in self._data], dtype=np.float64
+        )
 
     def acceleration(self, data: Any, q: FloatArray, v: FloatArray, u: FloatArray) -> FloatArray:
         """(C,) joint accelerations at positions q and velocities v (C,), u (A,) acting."""

@@ -65,7 +65,10 @@ def _payload(s: Scales, on: str, d: Dial) -> dict[str, float]:
     mass, centre = float(model.body_mass[b]), np.asarray(model.body_ipos[b])
     size = float(np.sqrt(model.body_inertia[b].max() / mass))
     at = centre + size * np.array([d.any(-0.7, 0.7) for _ in range(3)])
-    return {"mass": rounded(d.size(0.08, 0.6) * mass), **{a: rounded(float(x)) for a, x in zip("xyz", at, strict=True)}}
+    return {
+        "mass": rounded(d.size(0.08, 0.6) * mass),
+        **{a: rounded(float(x)) for a, x in zip("xyz", at, strict=True)},
+    }
 
 
 def _armature(s: Scales, on: str, d: Dial) -> dict[str, float]:
