@@ -4,7 +4,7 @@
 what truly moves, `shown` says how much each effect shows, `recorded` is the log that a user would have.
 """
 
-from gpsim.trials.robots.draws import ROBOTS_FROM, draw_robot, places_of, robot_rank, stratum_of
+from gpsim.trials.robots.draws import ROBOTS_FROM, draw_robot, places_of, planned, robot_rank, stratum_of
 from gpsim.trials.robots.driving import sound
 from gpsim.trials.robots.logs import recorded
 from gpsim.trials.robots.models import ROBOTS, Files, Layout, Robot, files_of, layout_of, spec_of
@@ -26,6 +26,7 @@ __all__ = [
     "files_of",
     "layout_of",
     "places_of",
+    "planned",
     "recorded",
     "robot_rank",
     "run",

@@ -58,21 +58,7 @@ def stratum_of(rank: int) -> tuple[Stratum, int]:
 
 def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
     """The world of a trial; `attempt` counts worlds that could not be run, or in which an effect did not show."""
-    rank = robot_rank(number)
-    assert rank is not None
-    stratum, among = stratum_of(rank)
-    turn = np.random.default_rng([seed, ROBOTS_FROM, SIZE[stratum], among // len(STRENGTHS)])
-    family = None if stratum == "none" else str(turn.permutation(sorted(STRENGTHS))[among % len(STRENGTHS)])
-    rng = np.random.default_rng([seed, number, attempt, 0])
-    able = [r for r in ROBOTS.values() if family is None or places_of(family, r)]
-    # The number's alone, so that a world that cannot be run leaves no robot less often.
-    robot = (
-        able[(seed + among * 5 + among // len(able)) % len(able)]
-        if family is None
-        else _chosen(able, seed, number)
-    )
-    effects = _places(family, robot, SIZE[stratum], rng)
-    world = _bare(seed, number, attempt, stratum, robot, effects, rng)
+    world, effects, rng = planned(seed, number, attempt)
     pilot, _ = run(world, ())
     scales = RobotScales(world, pilot)
     # What did not show is drawn stronger.
@@ -82,6 +68,25 @@ def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
         for (name, on), dial in zip(effects, dials, strict=True)
     )
     return replace(world, effects=made)
+
+
+def planned(
+    seed: int, number: int, attempt: int = 0
+) -> tuple[World, list[tuple[str, str]], np.random.Generator]:
+    """A trial's world without its effects, their families and places, and what their strengths are drawn with."""
+    rank = robot_rank(number)
+    assert rank is not None
+    stratum, among = stratum_of(rank)
+    turn = np.random.default_rng([seed, ROBOTS_FROM, SIZE[stratum], among // len(STRENGTHS)])
+    family = None if stratum == "none" else str(turn.permutation(sorted(STRENGTHS))[among % len(STRENGTHS)])
+    able = [r for r in ROBOTS.values() if family is None or places_of(family, r)]
+    # The number's alone, so that a world that cannot be run leaves no robot less often.
+    robot = able[int(np.random.default_rng([seed, number, 5]).integers(len(able)))]
+    if family is None:
+        robot = able[(seed + among) % len(able)]
+    rng = np.random.default_rng([seed, number, attempt, 0])
+    effects = _places(family, robot, SIZE[stratum], rng)
+    return _bare(seed, number, attempt, stratum, robot, effects, rng), effects, rng
 
 
 def places_of(family: str, robot: Robot) -> list[str]:
@@ -104,10 +109,6 @@ def places_of(family: str, robot: Robot) -> list[str]:
     if family in found:
         return list(found[family])
     return list(layout.action if family in catalogue.ACTUATORS else layout.joints)
-
-
-def _chosen(able: list[Robot], seed: int, number: int) -> Robot:
-    return able[int(np.random.default_rng([seed, number, 5]).integers(len(able)))]
 
 
 def _places(family: str | None, robot: Robot, size: int, rng: np.random.Generator) -> list[tuple[str, str]]:

@@ -114,6 +114,7 @@ def _model(robot: str, effects: Sequence[TrueEffect]) -> Any:
     for e in (e for e in effects if e.family == "payload"):
         load = spec.body(e.on).add_body(pos=[e.values[axis] for axis in "xyz"])
         load.explicitinertial, load.mass, load.inertia = True, e.values["mass"], [TINY] * 3
+        load.ipos = [0.0, 0.0, 0.0]
     model = spec.compile()
     # Commands stay within their ranges; what an actuator makes of them need not.
     model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)

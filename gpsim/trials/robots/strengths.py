@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,9 +11,11 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.trials import catalogue
-from gpsim.trials.catalogue.strengths import Draw
 from gpsim.trials.robots.models import layout_of, mujoco, spec_of
 from gpsim.trials.worlds import Dial, Scales, rounded
+
+Draw = Callable[[Scales, str, Dial], dict[str, float]]
+"""draw(scales, on, dial) -> parameters."""
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,12 @@ class RobotScales(Scales):
     def inertia(self, coordinate: str) -> float:
         """What a force on a joint alone has to move, the others free, where the robot began."""
         model, mj = self.model, mujoco()
-        data, whole = mj.MjData(model), np.zeros((model.nv, model.nv))
+        data, c = mj.MjData(model), layout_of(self.world.system).joints.index(coordinate)
         data.qpos[:] = self.pilot.fine[0, 0, 0::2]
         mj.mj_forward(model, data)
-        mj.mj_fullM(model, whole, data.qM) if hasattr(data, "qM") else mj.mj_fullM(model, data, whole)
-        c = layout_of(self.world.system).joints.index(coordinate)
-        return float(1.0 / np.linalg.inv(whole)[c, c])
+        pushed, column = np.eye(model.nv)[c : c + 1], np.zeros((1, model.nv))
+        mj.mj_solveM(model, data, column, pushed)
+        return float(1.0 / column[0, c])
 
     def action(self, name: str) -> float:
         """What 95 % of the commands stay below."""
