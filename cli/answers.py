@@ -76,7 +76,8 @@ class Answer:
         head: dict[str, Any] = {"schema": SCHEMA, "command": " ".join(self.command), "exit_code": code}
         if code:
             error = {"kind": KINDS.get(code, "failed"), "message": message or self.refused}
-            return head | {"error": error, "warnings": self.warnings}
+            made = {"paths": self.paths} if self.paths else {}
+            return head | {"error": error} | made | {"warnings": self.warnings}
         return head | {"paths": self.paths, **self.content, "warnings": self.warnings}
 
 

@@ -20,7 +20,7 @@ from gpsim.errors import UsageError
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 SECTIONS = (
     "simulator", "target", "task", "policy", "gp", "collect",
-    "randomise", "residuals", "diagnose", "certify", "evaluate",
+    "randomise", "residuals", "diagnose", "certify", "evaluate", "launcher",
 )  # fmt: skip
 """Settings that hold settings; the rest are values."""
 

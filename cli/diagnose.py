@@ -13,6 +13,8 @@ from gpsim.errors import UsageError
 
 from . import completion
 from .answers import answer
+from .fleet import diagnose_each, refuse_several
+from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
 from .printing import say
 from .progress import caution, note, single_progress, warn
@@ -23,7 +25,7 @@ if TYPE_CHECKING:
 Words = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[RECORDING] [KEY=VALUE]...",
+        metavar="[RECORDING]... [KEY=VALUE]...",
         help="A recording's folder or a raw log (the loop's own recording without one), then settings, as seed=1; of a "
         "raw log also what is what, as theta=deg*angle.",
         autocompletion=completion.diagnose_words,
@@ -58,6 +60,10 @@ ScoreOf = Annotated[
         help="Judge this finished diagnosis on RECORDING instead of making one; nothing is fitted.",
     ),
 ]
+Each = Annotated[
+    bool,
+    typer.Option("--each", help="Several RECORDINGs, or folders of them: an account each, a page over all."),
+]
 Explain = Annotated[
     bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
 ]
@@ -69,6 +75,7 @@ def diagnose_command(
     mapping: MappingName = None,
     out: Out = None,
     score: ScoreOf = None,
+    each: Each = False,
     explain: Explain = False,
     cores: Cores = None,
     config_dir: ConfigDir = None,
@@ -78,9 +85,16 @@ def diagnose_command(
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     from .configuration import resolve  # Hydra is no part of `--help`
 
-    recording, settings = _split(words or [])
+    recordings, settings = _split(words or [])
+    if not each:
+        refuse_several(recordings)
+    recording = recordings[0] if recordings else None
     log: RawLog | None = None
-    if recording is not None:
+    if each:
+        _check_each(recordings, score, explain, dry_run)
+        settings, of_log = _parted(settings)
+        _refuse(settings)
+    elif recording is not None:
         log, settings = _raw(recording, settings, simulator, mapping, score)
         _refuse(settings)
     elif mapping is not None:
@@ -89,6 +103,15 @@ def diagnose_command(
     if show_config:
         show(config)
         return
+    if each:
+
+        def read(path: Path) -> Path:
+            found, _ = _raw(path, of_log, simulator, mapping, None)
+            return path if found is None else _imported(found, config)
+
+        diagnose_each(recordings, simulator, read, out, config, shown_words(settings, config_dir), cores)
+        return
+    refuse_launcher("diagnose", settings)
     if score is not None:
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
         return
@@ -108,6 +131,7 @@ def diagnose_command(
         raise UsageError("diagnose: --simulator goes with a RECORDING; the loop's own is of simulator=NAME")
     if log is not None:
         recording = _imported(log, config)
+        answer({"recording": recording})
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
     stage = stage_for(task) if task else diagnose_loop.STAGE
     if dry_run:
@@ -174,14 +198,9 @@ def _raw(
     recording: Path, settings: list[str], simulator: str | None, mapping: str | None, score: Path | None
 ) -> tuple[RawLog | None, list[str]]:
     """The recording as a log that is to be imported first, if it is one, and the settings that are left."""
-    of_log = [word for word in settings if _top(word) not in (*USED, *INSTEAD)]
-    from gpsim.stages.raw_logs import (  # it takes a second that `--help` has no use for
-        RawLog,
-        is_raw,
-        of_the_mapping,
-    )
+    from gpsim.stages.raw_logs import RawLog, is_raw  # it takes a second that `--help` has no use for
 
-    of_log = [word for word in of_log if of_the_mapping(word)]
+    rest, of_log = _parted(settings)
     if (recording.is_dir() and (recording / "recording.yaml").is_file()) or score is not None:
         if mapping is not None:
             raise UsageError(
@@ -191,7 +210,15 @@ def _raw(
     if mapping is None and not is_raw(recording, simulator) and not (of_log and recording.is_file()):
         return None, settings
     log = RawLog(recording, "gpsim diagnose", simulator, mapping=mapping, words=tuple(of_log))
-    return log, [word for word in settings if word not in of_log]
+    return log, rest
+
+
+def _parted(settings: list[str]) -> tuple[list[str], list[str]]:
+    """The settings, and the words that say what is what in a raw log."""
+    from gpsim.stages.raw_logs import of_the_mapping
+
+    of_log = [word for word in settings if _top(word) not in (*USED, *INSTEAD) and of_the_mapping(word)]
+    return [word for word in settings if word not in of_log], of_log
 
 
 def _imported(log: RawLog, config: dict[str, Any]) -> Path:
@@ -202,11 +229,10 @@ def _imported(log: RawLog, config: dict[str, Any]) -> Path:
     artifact, _ = imported(Request(config), log, caution)
     warn(artifact.path)
     note(f"recording: {artifact.path} (import_report.txt says what was kept)")
-    answer({"recording": artifact.path})
     return artifact.path
 
 
-USED = ("seed", "diagnose", "experiment", "runs_dir")
+USED = ("seed", "diagnose", "experiment", "runs_dir", "launcher")
 """What counts beside a RECORDING, which brings its own simulator, parameters, integrator and clock."""
 INSTEAD = {
     "simulator": "--simulator NAME; parameters, integrator and dt are those of its recording.yaml",
@@ -227,14 +253,20 @@ def _refuse(settings: list[str]) -> None:
             )
 
 
+def _check_each(recordings: list[Path], score: Path | None, explain: bool, dry_run: bool) -> None:
+    if not recordings:
+        raise UsageError("diagnose: --each needs RECORDINGs, or folders of them")
+    wrong = {"--score": score is not None, "--explain": explain, "--dry-run": dry_run}
+    for option in (option for option, given in wrong.items() if given):
+        raise UsageError(f"diagnose: {option} goes with one RECORDING, not with --each")
+
+
 def _top(word: str) -> str:
     """The setting that a word changes, or one within it."""
     return re.split(r"[.@/=]", word.lstrip("+~"))[0]
 
 
-def _split(words: list[str]) -> tuple[Path | None, list[str]]:
-    """The recording and the settings; a word with = or a leading ~ is one, unless something of that name exists."""
+def _split(words: list[str]) -> tuple[list[Path], list[str]]:
+    """The recordings and the settings; a word with = or a leading ~ is one, unless something of that name exists."""
     recordings = [word for word in words if not ("=" in word or word.startswith("~")) or Path(word).exists()]
-    if len(recordings) > 1:
-        raise UsageError(f"diagnose: one RECORDING at a time, got {', '.join(recordings)}")
-    return Path(recordings[0]) if recordings else None, [word for word in words if word not in recordings]
+    return [Path(word) for word in recordings], [word for word in words if word not in recordings]

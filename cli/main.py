@@ -33,6 +33,7 @@ from .run import report_command, run_app, status_command
 from .runs import runs_app
 from .simulators import simulators_app
 from .stages import add_stages
+from .sweep import sweep_command
 
 LONGEST_NAME = 80  # of a file in an error
 CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
@@ -88,6 +89,11 @@ add_stages(app)
 app.command("report", rich_help_panel="Stages, in order")(report_command)
 app.add_typer(run_app, name="run", rich_help_panel="Everything at once")
 app.command(
+    "sweep",
+    short_help="Make a stage for every combination of settings.",
+    rich_help_panel="Everything at once",
+)(sweep_command)
+app.command(
     "diagnose", short_help="Say which physics the simulator lacks.", rich_help_panel="Everything at once"
 )(diagnose_command)
 app.add_typer(
@@ -119,7 +125,7 @@ app.add_typer(
 app.add_typer(
     simulators_app,
     name="simulators",
-    short_help="List simulators, show what one declares, check a MuJoCo model.",
+    short_help="List simulators, show one, check a MuJoCo model.",
     rich_help_panel="What is there",
 )
 add_everywhere(app, QUIETLY)

@@ -11,6 +11,7 @@ import typer
 
 from . import completion
 from .answers import answer, asked, warned
+from .launching import refuse_launcher, says_where
 from .printing import say
 from .progress import single_progress, warn
 
@@ -38,8 +39,9 @@ Out = Annotated[
 
 
 def shown_words(words: Sequence[str] | None, config_dir: Path | None) -> tuple[str, ...]:
-    """What was typed, for the commands that messages and reports name."""
-    return (*(words or ()), *((f"--config-dir={config_dir}",) if config_dir else ()))
+    """What was typed, for the commands that messages and reports name; where it runs is no part of what is made."""
+    kept = (word for word in words or () if not says_where(word))
+    return (*kept, *((f"--config-dir={config_dir}",) if config_dir else ()))
 
 
 def show(config: Mapping[str, Any]) -> None:
@@ -75,6 +77,7 @@ def run_stage(
 ) -> None:
     """Make a stage's artifact and print where it lies; of a dry run only how it stands with it."""
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
+    refuse_launcher(name, words)
     from gpsim.stages import registry
     from gpsim.stages.figures import figures_of, paths_of
     from gpsim.stages.stage import Request

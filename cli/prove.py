@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,16 +13,24 @@ from gpsim.errors import UsageError
 from . import completion
 from .answers import NAME as AS_JSON
 from .answers import answer
+from .launching import KEPT, LauncherWords, launcher_from_words
 from .printing import console, say
 from .progress import single_progress
 from .quiet import NAME as QUIET
+
+if TYPE_CHECKING:
+    from gpsim.launchers import Launcher
 
 CORES = os.cpu_count() or 1
 IN_FULL = ("packages", "strata", "families", "kinds", "confusion", "rivals")
 """Parts of prove.json that are long, and read there."""
 prove_app = typer.Typer(
+    cls=LauncherWords,
     invoke_without_command=True,
-    help="Conceal worlds, diagnose them blind, reveal and score; or a step of it.",
+    help=(
+        "Conceal worlds, diagnose them blind, reveal and score; or a step of it. "
+        "Words about the launcher say where it runs, as launcher=slurm launcher.queue=main."
+    ),
 )
 Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")]
 Rough = Annotated[
@@ -71,9 +79,13 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(out, trials, seed, jobs, stratum, long, rough, system)
-    diagnose_command(out, jobs)
-    reveal_command(out, None, jobs)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, system)
+    diagnose_command(context, out, jobs)
+    reveal_command(context, out, None, jobs)
+
+
+def _launcher(context: typer.Context, jobs: int) -> Launcher:
+    return launcher_from_words(context.meta.get(KEPT, ()), jobs)
 
 
 def _refuse_options(context: typer.Context, step: str) -> None:
@@ -89,6 +101,7 @@ def _refuse_options(context: typer.Context, step: str) -> None:
 
 @prove_app.command("conceal")
 def conceal_command(
+    context: typer.Context,
     out: Out,
     trials: Trials = 40,
     seed: Seed = 1,
@@ -113,32 +126,35 @@ def conceal_command(
         numbers = prove.robots_numbers(trials, stratum or ())
     else:
         numbers = prove.numbers_of(trials, stratum or (), long, rough)
+    launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
-        prove.conceal(out, seed, numbers, jobs, progress)
+        prove.conceal(out, seed, numbers, launcher, progress)
     say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
     answer({"public": out / "public", "answers": out / "private"}, seed=seed, worlds=len(numbers))
 
 
 @prove_app.command("diagnose")
-def diagnose_command(out: Out, jobs: Jobs = CORES) -> None:
+def diagnose_command(context: typer.Context, out: Out, jobs: Jobs = CORES) -> None:
     """Diagnose every recording in OUT/public, each in a process and folder that hold nothing else."""
     from gpsim.stages import prove
 
+    launcher = _launcher(context, jobs)
     with single_progress("diagnose") as progress:
-        count = prove.diagnose(out, jobs, progress)
+        count = prove.diagnose(out, launcher, progress)
     say(f"diagnose: {count} diagnoses in {out / 'diagnoses'}")
     answer({"diagnoses": out / "diagnoses"}, diagnoses=count)
 
 
 @prove_app.command("reveal")
-def reveal_command(out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
+def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
     from gpsim.reports.prove_sheets import beside, terminal_sheets
     from gpsim.reports.tables import terminal_table
     from gpsim.stages import prove
 
+    launcher = _launcher(context, jobs)
     with single_progress("reveal") as progress:
-        content = prove.reveal(out, answers, jobs, progress)
+        content = prove.reveal(out, answers, launcher, progress)
     printer = console()
     for sheet in terminal_sheets(content):
         printer.print(terminal_table(sheet, {}))

@@ -16,6 +16,7 @@ from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
 from .answers import answer, asked
+from .launching import launcher_of
 from .options import ConfigDir, DryRun, ShowConfig, Words, show, show_standing, shown_words, told
 from .printing import console, say
 from .progress import Board, note, warn
@@ -65,6 +66,7 @@ def full_loop(
     started = time.monotonic()
     request = Request(config, shown_words(words, config_dir))
     chosen = tuple(request.seed + i for i in range(seeds))
+    launcher = launcher_of(config, jobs)
     jobs_done: list[dict[str, object]] = []
     with Board(len(loop.plan(request, chosen))) as board:
 
@@ -74,7 +76,7 @@ def full_loop(
             warn(artifact.path)
             jobs_done.append({"job": job, "folder": str(artifact.path.absolute()), "made": not existed})
 
-        loop.run(request, chosen, jobs, board.update, finished)
+        loop.run(request, chosen, launcher, board.update, finished)
         artifact, _ = report.stage_for(chosen).make(request)
         gathered = report.gather(request, chosen)
         tables, notes = terminal_tables(gathered), terminal_notes(gathered)

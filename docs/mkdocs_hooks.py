@@ -23,6 +23,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "how-to/export.md",
     "how-to/export_diagnosis.md",
     "how-to/prove.md",
+    "how-to/cluster.md",
     "reference/cli.md",
     "reference/configuration.md",
     "reference/settings.md",
@@ -37,6 +38,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/gp.md",
     "method/blind_test.md",
     "method/proofs.md",
+    "method/scale.md",
 )
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 

@@ -38,6 +38,7 @@ LEVELS = [
     {"corrected", "policies"},
     {"residuals", "mjcf"},
     {"gp", "effects", "tasks", "targets", "recordings", "runs"},
+    {"launchers"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"files"},

@@ -17,6 +17,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gpsim.artifacts import keys
 from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Recipe, folder_digests, read_artifact
 from gpsim.artifacts.store import Store
 from gpsim.errors import UsageError
@@ -274,7 +275,7 @@ def refusing(real, name: str):
         ((Path, "open"), "a.txt"),
         ((Path, "open"), MANIFEST),
         ((os, "scandir"), "deep"),
-        ((Path, "iterdir"), "fit-gp"),
+        ((os, "scandir"), "fit-gp"),
     ],
 )
 def test_what_cannot_be_read_is_one_line_and_not_called_missing(store, monkeypatch, where, name):
@@ -366,3 +367,24 @@ def test_plain_json_has_no_numpy_and_nothing_infinite():
     }
     assert plain(content) == {"a": 1.5, "2": [3, True, None], "b": [None, None, "c"]}
     assert json.loads(json.dumps(plain(content))) == plain(content)
+
+
+def test_a_manifest_is_read_once_and_another_version_in_its_place_is_seen(tmp_path, monkeypatch):
+    store = Store(tmp_path, "x")
+
+    def made(n):
+        return store.publish(Recipe("s", {"n": n}, {}, {}), lambda f: (f / "a").write_text(str(n)) and None)
+
+    paths = [made(n).path for n in range(4)]
+    assert store.find(Recipe("s", {"n": 0}, {}, {})) is not None
+    read = []
+    whole = keys.read_manifest
+    monkeypatch.setattr(keys, "read_manifest", lambda path: read.append(path) or whole(path))
+    assert store.find(Recipe("s", {"n": 0}, {}, {})).path == paths[0]
+    assert store.find(Recipe("s", {"n": 9}, {}, {})) is None
+    assert read == []
+    shutil.rmtree(paths[3])
+    assert store.find(Recipe("s", {"n": 3}, {}, {})) is None
+    assert made(9).path == paths[3]
+    assert store.find(Recipe("s", {"n": 9}, {}, {})).path == paths[3]
+    assert store.find(Recipe("s", {"n": 3}, {}, {})) is None

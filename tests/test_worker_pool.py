@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from gpsim.errors import Terminated
+from gpsim.launchers import Local
 from gpsim.stages.trial_jobs import run_trials
 from gpsim.workers import WorkerDiedError, begin_worker, ends_when_asked, undisturbed, worker_pool
 
@@ -117,7 +118,7 @@ def crash(how: str) -> None:
 )
 def test_a_worker_that_is_gone_is_one_line_that_says_how(how: str, killed: bool, said: str):
     with pytest.raises(WorkerDiedError, match=f"a worker process {said}; run the same command") as caught:
-        list(run_trials(partial(crash_of, how), range(2), 2, lambda *_: None))
+        list(run_trials(partial(crash_of, how), range(2), Local(2), lambda *_: None))
     assert caught.value.killed == killed
 
 
@@ -167,9 +168,9 @@ def test_a_programs_own_processes_are_left_alone(tmp_path: Path):
     own = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
     own.start()
     try:
-        assert dict(run_trials(abs, [-1], 1, lambda *_: None)) == {-1: 1}
+        assert dict(run_trials(abs, [-1], Local(1), lambda *_: None)) == {-1: 1}
         with pytest.raises(ArithmeticError):
-            list(run_trials(partial(failing_trial, tmp_path), [0], 1, lambda *_: None))
+            list(run_trials(partial(failing_trial, tmp_path), [0], Local(1), lambda *_: None))
         assert own.is_alive()
     finally:
         own.kill()
@@ -208,19 +209,21 @@ def test_after_an_interrupt_no_further_trial_begins(tmp_path: Path, interruptibl
 
     threading.Thread(target=interrupt).start()
     with pytest.raises(KeyboardInterrupt):
-        list(run_trials(partial(slow_trial, tmp_path), range(6), 1, lambda *_: None))
+        list(run_trials(partial(slow_trial, tmp_path), range(6), Local(1), lambda *_: None))
     assert begun_after(tmp_path) == ["0"]
 
 
 def test_after_a_failure_no_further_trial_begins(tmp_path: Path):
     with pytest.raises(ArithmeticError, match="trial 0"):
-        list(run_trials(partial(failing_trial, tmp_path), range(6), 1, lambda *_: None))
+        list(run_trials(partial(failing_trial, tmp_path), range(6), Local(1), lambda *_: None))
     assert begun_after(tmp_path) == ["0"]
 
 
 def test_every_trial_is_run_once_and_told():
     told = []
-    found = dict(run_trials(abs, range(-5, 0), 2, lambda done, of, note: told.append((done, of, note))))
+    found = dict(
+        run_trials(abs, range(-5, 0), Local(2), lambda done, of, note: told.append((done, of, note)))
+    )
     assert found == {-n: n for n in range(1, 6)}
     assert [(done, of) for done, of, _ in told] == [(n, 5) for n in range(1, 6)]
     assert {note for *_, note in told} == {f"trial {n}" for n in range(-5, 0)}

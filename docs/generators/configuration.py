@@ -21,6 +21,7 @@ WHAT = {
     "task": "What a policy is to do, where it starts, and when an episode ends.",
     "policy": "How a policy is trained.",
     "gp": "What the Gaussian processes see, and how they are fitted.",
+    "launcher": "Where independent jobs run ([run on a cluster](../how-to/cluster.md)).",
     "mapping": "Which field of a log is which channel.",
 }
 

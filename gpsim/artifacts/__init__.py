@@ -1,12 +1,13 @@
 """Artifacts: versioned folders with a manifest, written whole or not at all, verified when read."""
 
 from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Artifact, Recipe, read_artifact, read_manifest
+from gpsim.artifacts.keys import VERSION, listed_once
 from gpsim.artifacts.leftovers import Leftover, erase, leftovers, sweep_all
 from gpsim.artifacts.locks import held
 from gpsim.artifacts.mishaps import Mishaps, read_warnings
 from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.artifacts.removal import hide, unneeded
-from gpsim.artifacts.store import SCHEMA, VERSION, Store
+from gpsim.artifacts.store import SCHEMA, Store
 
 __all__ = [
     "MANIFEST",
@@ -23,6 +24,7 @@ __all__ = [
     "held",
     "hide",
     "leftovers",
+    "listed_once",
     "package_versions",
     "read_artifact",
     "read_manifest",

@@ -6,7 +6,6 @@ import errno
 import fcntl
 import hashlib
 import os
-import re
 import shutil
 import time
 import uuid
@@ -27,15 +26,15 @@ from gpsim.artifacts.artifact import (
     read_artifact,
     read_manifest,
 )
+from gpsim.artifacts.keys import VERSION, entries, of_key
 from gpsim.artifacts.leftovers import sweep
 from gpsim.artifacts.locks import held
 from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.artifacts.removal import needed
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, disk_errors, unreadable, write_json
+from gpsim.files import Json, canonical, disk_errors, write_json
 
 SCHEMA = "gpsim.artifact/1"
-VERSION = re.compile(r"v(\d{4,})")
 
 
 @dataclass(frozen=True)
@@ -47,24 +46,19 @@ class Store:
 
     def versions(self, stage: str) -> Iterator[Path]:
         """Finished versions of a stage, newest first."""
-        folder = self.root / self.experiment / stage
-        if not os.path.isdir(folder):  # noqa: PTH112 - a name that cannot be is no folder, and no error here
-            return
-        try:
-            found = [p for p in folder.iterdir() if VERSION.fullmatch(p.name) and p.is_dir()]
-        except OSError as error:
-            raise unreadable(folder, error) from error
-        yield from sorted(found, key=lambda p: int(p.name[1:]), reverse=True)
+        shelf = self.root / self.experiment / stage
+        yield from (shelf / name for name, _, _ in entries(shelf))
 
     def find(self, recipe: Recipe) -> Artifact | None:
         """The artifact with the same key, verified; None when there is none yet.
 
         A version whose manifest is damaged may be the one: it is refused, not passed over.
         """
-        key = recipe.key
-        for path in self.versions(recipe.stage):
-            if read_manifest(path).key == key:
-                return read_artifact(path, recipe.stage)
+        return self._of_key(recipe.stage, recipe.key)
+
+    def _of_key(self, stage: str, key: str) -> Artifact | None:
+        for path in of_key(self.root / self.experiment / stage, key):
+            return read_artifact(path, stage)
         return None
 
     @contextmanager
@@ -107,6 +101,27 @@ class Store:
                 _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
                 path = _place(temporary, shelf, out, number)
         return read_manifest(path)
+
+    def adopt(self, folder: Path, made: Artifact, number: int | None = None) -> Artifact:
+        """Take in an artifact that was made on another machine and came back below `folder`, verified by its digest.
+
+        Where the same is here already, that one is kept. Raises UsageError for what is not the artifact `made`.
+        """
+        arrived = read_artifact(folder, made.stage)
+        if (arrived.digest, arrived.key) != (made.digest, made.key):
+            raise UsageError(f"{made.path}: came back otherwise than it was made; run again")
+        shelf = self.root / self.experiment / made.stage
+        with disk_errors(shelf):
+            _make_folder(shelf)
+            if (there := self._of_key(made.stage, made.key)) is not None:
+                return there
+            sweep(shelf)
+            with _temporary(shelf) as temporary:
+                shutil.copytree(folder, temporary, dirs_exist_ok=True)
+                for path in sorted(temporary.rglob("*")):
+                    _fsync(path)
+                _fsync(temporary)
+                return read_manifest(_place(temporary, shelf, None, number))
 
     def free_numbers(self, stage: str) -> Iterator[int]:
         """Version numbers that no finished artifact holds, ascending."""

@@ -278,7 +278,7 @@ class SensorEffect(Effect):
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Every measured channel."""
-        return simulator.state.names
+        return tuple(n for n in simulator.state.names if n not in simulator.as_measured)
 
     def reach(self, values: Values) -> float:
         """How far back [s] it looks."""

@@ -21,7 +21,7 @@ class SensorBias(SensorEffect):
     def places(self, simulator: Simulator) -> tuple[str, ...]:
         """Every measured channel; where an encoder's zero would say the same, that says it."""
         said = simulator.model_places.get("joint_offset", {})
-        return tuple(n for n in simulator.state.names if n not in said or said[n].steers)
+        return tuple(n for n in super().places(simulator) if n not in said or said[n].steers)
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Offset [the channel's]."""

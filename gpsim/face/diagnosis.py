@@ -16,7 +16,8 @@ from gpsim.diagnosis.settings import Settings, read_known, read_settings
 from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
 from gpsim.face.recordings import read_recording
-from gpsim.face.simulators import load_simulator, simulator_of
+from gpsim.face.simulators import folder_of, load_simulator, simulator_of
+from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording
 from gpsim.settings import positive, whole
 from gpsim.simulators import Simulator, lives_here
@@ -76,7 +77,8 @@ def diagnose(
     """
     model = None if simulator is None else load_simulator(simulator)
     taken = _taken(recording, model)
-    model = model or simulator_of(None, taken.system)
+    model = model or simulator_of(taken, folder_of(recording))
+    taken = in_its_columns(taken, model)
     if positive(cores, "cores") > 1 and lives_here(model.name):
         raise UsageError(
             f"cores={cores}: {model.name} lives in this process alone; use cores=1, or write it to a file and name it "

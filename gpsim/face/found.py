@@ -16,13 +16,13 @@ from gpsim.corrected import EffectsPlant, Features
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.settings import as_mapping
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, disk_errors, file_digest, written_whole
+from gpsim.files import Json, canonical, disk_errors, written_whole
 from gpsim.gp import Predictor
-from gpsim.mjcf import open_simulator
+from gpsim.mjcf import files_digest, open_simulator
 from gpsim.recordings import Recording
 from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.wording import worded
-from gpsim.simulators import Simulator, source_file
+from gpsim.simulators import Simulator
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis
 from gpsim.stages.diagnosing import Question, described, plant_of, title_of
@@ -103,11 +103,10 @@ class Made:
 
     def save(self, folder: Path) -> None:
         """What `gpsim diagnose --out` writes; instead of the recording's files its manifest names its content."""
-        source = source_file(self.name)
         config: Json = {
             "recording": {"content": content_digest(self.recording)},
             "simulator": self.name,
-            "simulator_file": file_digest(source) if source else None,
+            "simulator_file": files_digest(self.name),
             "episodes": None,
             "settings": as_mapping(self.question.settings),
         }

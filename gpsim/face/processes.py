@@ -11,8 +11,9 @@ from gpsim.corrected import PREDICTIONS, CorrectedPlant, Features, GpCorrection,
 from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
 from gpsim.face.recordings import read_recording
-from gpsim.face.simulators import load_simulator, simulator_of
+from gpsim.face.simulators import folder_of, load_simulator, simulator_of
 from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
+from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording
 from gpsim.residuals import SHARE, build_residuals
 from gpsim.settings import build, choice, positive, whole
@@ -62,7 +63,8 @@ def fit_gp(
     """
     model = None if simulator is None else load_simulator(simulator)
     taken = recording if isinstance(recording, Recording) else read_recording(recording, model)
-    model = model or simulator_of(None, taken.system)
+    model = model or simulator_of(taken, folder_of(recording))
+    taken = in_its_columns(taken, model)
     parameters = model.defaults(taken.parameters)
     integrator = choice(taken.integrator, INTEGRATORS, "the recording's integrator")
     residuals = build_residuals(

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.mjcf import open_simulator
+from gpsim.mjcf import open_simulator, simulator_name
+from gpsim.recordings import Recording
 from gpsim.simulators import Integrator, Simulator, lives_here, own_simulator
 
 
@@ -29,6 +30,7 @@ def load_simulator(
         simulator: one of
             a name: `cartpole`, `unicycle`, `ackermann`, `slider` or `pendulum`;
             a file: `"my_system.py:Tank"`, a class with `state`, `action`, `parameters` and `rates`;
+            a MuJoCo model: `"robot.xml"`, `"robot.urdf"`, `"mine.py:function"` or `"gym:ID"` (needs `gpsim[mujoco]`);
             a class of that kind, or an object of one;
             a function `rates(state, action, parameters)`, which the arguments below describe.
             `state` and `action` are mappings of channel to (B,) numbers, `parameters` of name to number; it returns
@@ -85,10 +87,16 @@ def load_simulator(
     return own_simulator(simulator, declared)
 
 
-def simulator_of(simulator: Any, system: str) -> Simulator:
-    """The simulator that is given, else the one that a recording's `system` names."""
-    if simulator is not None:
-        return load_simulator(simulator)
-    if lives_here(system):
-        raise UsageError(f"the recording is of {system}, which no file holds: give the simulator beside it")
-    return open_simulator(system)
+def simulator_of(recording: Recording, place: Path) -> Simulator:
+    """The simulator that a recording names by its `system`, or by its `model`, which may lie in `place` beside it."""
+    if lives_here(recording.system):
+        raise UsageError(
+            f"the recording is of {recording.system}, which no file holds: give the simulator beside it"
+        )
+    return open_simulator(simulator_name(None, recording, place))
+
+
+def folder_of(recording: object) -> Path:
+    """Where the files of a recording lie that is given by its path; here, where it is given itself."""
+    path = Path(recording) if isinstance(recording, str | Path) else Path()
+    return path if path.is_dir() else path.parent

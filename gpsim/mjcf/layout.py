@@ -9,13 +9,15 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.mjcf.body import Body
+from gpsim.mjcf.naming import POSE
 
 
 @dataclass(frozen=True)
 class Layout:
     """The columns of positions and velocities, and their places in qpos and qvel.
 
-    simple: of every hinge and slide joint its places in both; freed: of every free joint the first of them.
+    simple: of every hinge and slide joint its places in both; freed: of every free joint the first of them; turned:
+    of every free joint the columns of its quaternion.
     """
 
     size: int
@@ -27,6 +29,7 @@ class Layout:
     freed: tuple[tuple[int, int], ...]
     qpos: FloatArray
     qvel: FloatArray
+    turned: tuple[tuple[int, ...], ...] = ()
 
     @classmethod
     def of(cls, body: Body, state: Channels, fixed: Mapping[str, float]) -> Layout:
@@ -53,6 +56,11 @@ class Layout:
             tuple(p for j, p in enumerate(places) if j not in names.joints),
             qpos,
             qvel,
+            tuple(
+                tuple(state.index(f"{name}.{part}") for part in POSE[3:])
+                for name in names.free
+                if all(f"{name}.{part}" in state.names for part in POSE[3:])
+            ),
         )
 
     def full(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -68,6 +76,20 @@ class Layout:
         out[..., self.q_columns] = qpos[..., self.q_places]
         out[..., self.v_columns] = qvel[..., self.v_places]
         return out
+
+    def gap(self, measured: FloatArray, said: FloatArray, plain: FloatArray) -> FloatArray:
+        """(..., S): `plain` with what lies between two quaternions: how their lengths differ, and the half angle.
+
+        The imaginary part of said^-1 measured, the shorter way round: the same for q and -q. To first order it is half
+        the rotation vector, in the frame of `said`.
+        """
+        for columns in self.turned:
+            q, m = said[..., columns], measured[..., columns]
+            length = np.linalg.norm(q, axis=-1)
+            turn = _times(q * [1.0, -1.0, -1.0, -1.0], m) / np.where(length > 0.0, length, 1.0)[..., None]
+            plain[..., columns[0]] = np.linalg.norm(m, axis=-1) - length
+            plain[..., columns[1:]] = turn[..., 1:] * np.where(turn[..., :1] < 0.0, -1.0, 1.0)
+        return plain
 
     def ahead(self, state: FloatArray, step: FloatArray) -> FloatArray:
         """(B, S): about where a substep ends that begins in state (B, S)."""
@@ -94,3 +116,15 @@ def _turning(quat: FloatArray, omega: FloatArray) -> FloatArray:
     a, b, c = omega.T
     slopes = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
     return np.asarray(0.5 * np.stack(slopes, axis=1))
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(..., 4): Hamilton's product of quaternions, real part first."""
+    (w, x, y, z), (s, i, j, k) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    parts = [
+        w * s - x * i - y * j - z * k,
+        w * i + x * s + y * k - z * j,
+        w * j - x * k + y * s + z * i,
+        w * k + x * j - y * i + z * s,
+    ]
+    return np.asarray(np.stack(parts, axis=-1))

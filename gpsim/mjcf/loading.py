@@ -17,6 +17,7 @@ from xml.etree import ElementTree
 
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest
+from gpsim.mjcf.faults import compile_fault, one_line
 from gpsim.mjcf.optional import mujoco
 
 GYM = "gym:"
@@ -136,7 +137,7 @@ def _of_file(path: Path) -> Any:
     except Terminated:
         raise
     except Exception as error:  # the parser and the compiler raise what they like
-        raise UsageError(f"{path}: does not compile: {_said(error)}") from error
+        raise compile_fault(path, error) from error
 
 
 def _add_motors(mj: Any, spec: Any) -> None:
@@ -156,12 +157,12 @@ def _of_function(reference: str) -> Any:
     try:
         exec(compile(Path(file).read_text(encoding="utf-8"), file, "exec"), vars(module))
         model = getattr(module, name)()
+        if isinstance(model, mj.MjSpec):
+            model = model.compile()
     except Terminated:
         raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
-        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {_said(error)}") from error
-    if isinstance(model, mj.MjSpec):
-        return model.compile()
+        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {one_line(error)}") from error
     if not isinstance(model, mj.MjModel):
         raise UsageError(
             f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
@@ -191,7 +192,7 @@ def _environment(reference: str) -> Any:
     except Terminated:
         raise
     except Exception as error:  # an unknown id, or an environment whose packages are missing
-        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {_said(error)}") from error
+        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {one_line(error)}") from error
 
 
 @contextmanager
@@ -214,8 +215,3 @@ def _is_function(path: Path, name: str) -> bool:
     except (OSError, SyntaxError, UnicodeDecodeError, ValueError):
         return False
     return any(isinstance(node, ast.FunctionDef) and node.name == name for node in tree.body)
-
-
-def _said(error: BaseException) -> str:
-    """One line of what MuJoCo or somebody's code says, which may be several."""
-    return " ".join(str(error).split())[:240]

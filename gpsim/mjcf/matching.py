@@ -11,6 +11,10 @@ from gpsim.errors import UsageError
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.recordings import Episode, Recording
 
+OFF_LENGTH = (
+    0.1  # that a quaternion's length may be off 1: rounding and filters, not another order of columns
+)
+
 
 def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
     """The recording as the model names things; raises UsageError for what the log lacks."""
@@ -29,7 +33,7 @@ def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
         recording,
         state=state,
         action=simulator.action if commanded else recording.action,
-        episodes=episodes,
+        episodes=tuple(_oriented(e, state, simulator) for e in episodes),
         noise=noise,
     )
     _check_start(made, simulator)
@@ -67,6 +71,27 @@ def _episode(episode: Episode, columns: list[int], action: list[int], simulator:
     return replace(
         episode, states=states, actions=clamped(actions, simulator) if action else actions, weights=weights
     )
+
+
+def _oriented(episode: Episode, state: Channels, simulator: MjcfSimulator) -> Episode:
+    """Quaternions of length 1, which go from sample to sample the shorter way round: q and -q are the same."""
+    if not simulator.layout.turned:
+        return episode
+    states = np.array(episode.states)
+    for turned in simulator.layout.turned:
+        names = [simulator.state.names[i] for i in turned]
+        columns = [state.index(name) for name in names]
+        length = np.linalg.norm(states[:, columns], axis=1, keepdims=True)
+        if np.abs(length - 1.0).max() > OFF_LENGTH:
+            raise UsageError(
+                f"episode {episode.name}: {', '.join(names)} are no quaternion: its length is "
+                f"{length[np.argmax(np.abs(length - 1.0)), 0]:.3g}, not 1; check their order, real part first"
+            )
+        q = states[:, columns] / length
+        turns = np.sign((q[1:] * q[:-1]).sum(axis=1))
+        q[1:] *= np.cumprod(np.where(turns < 0.0, -1.0, 1.0))[:, None]
+        states[:, columns] = q
+    return replace(episode, states=states)
 
 
 def clamped(actions: FloatArray, simulator: MjcfSimulator) -> FloatArray:

@@ -7,6 +7,7 @@ has no name is joint0, actuator0, body0 by its number.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,7 +28,7 @@ class Names:
     """The channels of a model and where they lie in it.
 
     positions, velocities: of every state channel the place in qpos, or in qvel; -1 where it is of the other kind.
-    dofs: of every coordinate its degree of freedom; joints: its joint.
+    dofs: of every coordinate its degree of freedom; joints: its joint. drives: action -> the joint that it moves.
     """
 
     state: Channels
@@ -40,6 +41,7 @@ class Names:
     joints: tuple[int, ...]
     bodies: tuple[str, ...]
     free: tuple[str, ...]
+    drives: Mapping[str, str]
 
 
 def names_of(model: Any, where: str) -> Names:
@@ -100,7 +102,18 @@ def names_of(model: Any, where: str) -> Names:
         tuple(joints),
         tuple(_called(model, "body", b) for b in range(model.nbody)),
         tuple(free),
+        _drives(model, [c.name for c in actions]),
     )
+
+
+def _drives(model: Any, actions: Sequence[str]) -> dict[str, str]:
+    mj = mujoco()
+    kinds = (mj.mjtTrn.mjTRN_JOINT, mj.mjtTrn.mjTRN_JOINTINPARENT)
+    return {
+        name: _called(model, "joint", int(model.actuator_trnid[i, 0]))
+        for i, name in enumerate(actions)
+        if int(model.actuator_trntype[i]) in kinds
+    }
 
 
 def _called(model: Any, kind: str, index: int) -> str:

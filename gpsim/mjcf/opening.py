@@ -10,6 +10,7 @@ from gpsim.files import file_digest
 from gpsim.mjcf.loading import GYM, is_mujoco, source_of
 from gpsim.mjcf.matching import matched
 from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
+from gpsim.mjcf.stability import check_stable
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator, make_simulator, source_file
 
@@ -40,8 +41,15 @@ def simulator_name(given: str | None, recording: Recording, folder: Path) -> str
 
 
 def in_its_columns(recording: Recording, simulator: Simulator) -> Recording:
-    """The recording in the columns of a MuJoCo model; as it is for any other simulator."""
-    return matched(recording, simulator) if isinstance(simulator, MjcfSimulator) else recording
+    """The recording in the columns of a MuJoCo model; as it is for any other simulator.
+
+    Raises UsageError for what the log lacks, and where the model runs away in it.
+    """
+    if not isinstance(simulator, MjcfSimulator):
+        return recording
+    made = matched(recording, simulator)
+    check_stable(made, simulator)
+    return made
 
 
 def files_digest(name: str) -> str | Mapping[str, str] | None:

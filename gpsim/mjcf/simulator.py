@@ -55,6 +55,7 @@ class MjcfSimulator(Simulator):
         own = [i for i, c in enumerate(names.coordinates) if not {c.name, c.velocity} & set(self._fixed)]
         self.coordinates = tuple(names.coordinates[i] for i in own)  # type: ignore[misc]
         self.own_step = self._body.own_step
+        self.as_measured = tuple(n for n in self.state.names if n.rpartition(".")[0] in names.free)
         self._dofs = [names.dofs[i] for i in own]
         self.model_places = places_of(self._body, [self.state.names, [c.name for c in self.coordinates]])
         self._layout = Layout.of(self._body, self.state, self._fixed)
@@ -77,6 +78,16 @@ class MjcfSimulator(Simulator):
     def body(self) -> Body:
         """The model, its names and its knobs."""
         return self._body
+
+    @property
+    def drives(self) -> Mapping[str, str]:
+        """Of every actuator on a joint which one it drives."""
+        return self._body.names.drives
+
+    @property
+    def layout(self) -> Layout:
+        """Where its channels lie in the model's positions and velocities."""
+        return self._layout
 
     @property
     def rest_state(self) -> FloatArray:
@@ -109,6 +120,10 @@ class MjcfSimulator(Simulator):
     def steps_of(self, dt: float) -> int:
         """How many of the model's own steps a transition of dt [s] takes."""
         return max(1, int(np.ceil(dt / self.own_step - WHOLE)))
+
+    def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
+        """(..., S): what lies between; of a free joint's orientation in the tangent space."""
+        return self._layout.gap(measured, said, difference(measured, said, self.state))
 
     def rates(
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None

@@ -6,7 +6,8 @@ from gpsim.recordings.export import Predictions, start_times, write_mcap, write_
 from gpsim.recordings.files import read_recording, write_recording
 from gpsim.recordings.fitting import finds_all
 from gpsim.recordings.gaps import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
-from gpsim.recordings.guessing import Guess, System, guess
+from gpsim.recordings.guessed import Guess, System
+from gpsim.recordings.guessing import guess
 from gpsim.recordings.import_report import EpisodeCount, ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log

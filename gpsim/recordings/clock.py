@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import correlate
 
 from gpsim.channels import FloatArray, IntArray
 
@@ -159,6 +158,8 @@ def estimate_lag(
 
 def _correlation(later: FloatArray, earlier: FloatArray, reach: int) -> FloatArray:
     """sum_i later[i + k] earlier[i] for k = -reach..reach."""
+    from scipy.signal import correlate  # here: half a second that most commands need not wait for
+
     full = correlate(later, earlier, mode="full", method="fft")
     centre = len(earlier) - 1
     out = np.zeros(2 * reach + 1)

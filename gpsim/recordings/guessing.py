@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
-from gpsim.channels import Channel, Channels, FloatArray
+from gpsim.channels import Channel, FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings.channel_words import FACTORS, NOTHING, Source, read_source, short, sources_of
+from gpsim.recordings.guessed import VEHICLE, Guess, System
+from gpsim.recordings.guessing_joints import joint_command, measured_joint
 from gpsim.recordings.guessing_poses import POSE, command_of, fitting_pose, poses_of
 from gpsim.recordings.guessing_time import TIME, Clock, clock_of
 from gpsim.recordings.likeness import (
@@ -29,49 +30,6 @@ Values = Callable[[str, str], FloatArray]
 SURE = 2.0  # a fit that is more than its last word
 AS_GOOD = 0.05  # fits that differ by less are a tie
 SWITCHES = frozenset({"safety", "enable", "enabled", "armed", "estop", "deadman", "engaged"})
-VEHICLE = ("x", "y", "yaw")
-
-
-@dataclass(frozen=True)
-class System:
-    """What a log is compared with. velocities: velocity -> the position it is of; optional: need not be recorded."""
-
-    name: str
-    state: Channels
-    action: Channels
-    velocities: Mapping[str, str]
-    optional: tuple[str, ...] = ()
-
-    @property
-    def is_vehicle(self) -> bool:
-        """Whether its state is a pose in the plane."""
-        return self.state.names == VEHICLE
-
-
-@dataclass
-class Guess:
-    """A mapping, and how it came about.
-
-    taken: channel -> source as it is typed; missing: channels for which nothing sure was found, with what might be
-    theirs; unclear: channels whose source is likely, with the others; typed: every channel is told by the type of a
-    message; switch: a source that may say when the motors were on, and the words that cut the log by it; fit: how well
-    the names fit, summed.
-    """
-
-    system: System
-    raw: dict[str, Any]
-    taken: dict[str, str] = field(default_factory=dict)
-    missing: dict[str, list[str]] = field(default_factory=dict)
-    unclear: dict[str, list[str]] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
-    typed: bool = True
-    switch: tuple[str, str] | None = None
-    fit: float = 0.0
-
-    @property
-    def complete(self) -> bool:
-        """Whether nothing is left to ask."""
-        return not self.missing and not self.unclear
 
 
 def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], values: Values) -> Guess:
@@ -80,7 +38,8 @@ def guess(topics: Sequence[Topic], system: System, given: Mapping[str, str], val
     Raises UsageError where what is given cannot be.
     """
     topics = [topic for topic in topics if topic.count and not topic.fault]
-    made = Guess(system, {"system": system.name, "rate": "source"})
+    made = Guess(system, {"system": system.recorded_as or system.name, "rate": "source"})
+    made.raw |= {"model": system.model} if system.model is not None else {}
     _check_given(given, system)
     state: dict[str, Any] = {}
     action: dict[str, Any] = {}
@@ -156,10 +115,12 @@ def _state_channel(
     if name in given:
         _take(made, state, channel, read_source(name, given[name], topics), topics, used)
         return
+    if _take_typed(made, state, channel, measured_joint(name, of, topics), topics, used):
+        return
     words = _state_words(channel, None if of is None else made.taken.get(of, ""))
     if _best(made, state, channel, topics, words, NO_STATE, used):
         return
-    if of is not None and of in state:
+    if of is not None and of in state and name not in made.system.optional:
         state[name] = {"derivative_of": of, "unit": channel.unit}
         made.remarks.append(f"{name} is differentiated from {of}")
     elif of not in made.missing and name not in made.system.optional:
@@ -208,15 +169,30 @@ def _action_channel(
         _take(made, action, channel, read_source(name, given[name], topics), topics, used)
         return
     typed = command_of(name, topics)
-    if typed:
-        _take(made, action, channel, typed[0], topics, used)
-        made.fit += EXACT
-        if len(typed) > 1:
-            made.unclear[name] = [short(source, topics) for source in typed]
+    typed = typed or joint_command(name, channel.unit, made.system.drives.get(name), topics)
+    if _take_typed(made, action, channel, typed, topics, used):
         return
     words = WORDS.get(_ACTIONS.get(channel.unit, ""), (name, "u", "input"))
     if not _best(made, action, channel, topics, words, NO_ACTION, used):
         made.missing[name] = _unused(topics, used, never=NO_ACTION)
+
+
+def _take_typed(
+    made: Guess,
+    entries: dict[str, Any],
+    channel: Channel,
+    typed: Sequence[Source],
+    topics: Sequence[Topic],
+    used: set[tuple[str, str]],
+) -> bool:
+    """Take the first of the sources that the type of a message tells, if there is one."""
+    if not typed:
+        return False
+    _take(made, entries, channel, typed[0], topics, used)
+    made.fit += EXACT
+    if len(typed) > 1:
+        made.unclear[channel.name] = [short(source, topics) for source in typed]
+    return True
 
 
 def _unused(

@@ -178,6 +178,7 @@ def _recording(mapping: ImportMapping, episodes: tuple[Episode, ...], session: b
         velocities = "measured"
     return Recording(
         system=mapping.system,
+        model=mapping.model,
         state=mapping.state_channels,
         action=mapping.action_channels,
         episodes=episodes,

@@ -151,7 +151,8 @@ class ImportMapping:
 
     gap_limit [s]: a longer silence of a state topic ends the episode; hold_limit [s]: the same for commands,
     None to hold them however long it takes. commands: `hold` takes the command standing at t_k, `mean` its
-    time average over the step. layout: `files` (each file a log) or `folder` (each folder a log of topics).
+    time average over the step. layout: `files` (each file a log) or `folder` (each folder a log of topics). model:
+    of `system: mjcf` the MuJoCo model that simulates it.
     """
 
     system: str
@@ -174,6 +175,7 @@ class ImportMapping:
     held_out: HeldOutRule = made_by(default_factory=HeldOutRule)
     checks: Checks = made_by(default_factory=Checks)
     description: str = ""
+    model: str | None = None
 
     def __post_init__(self) -> None:
         if not self.state:

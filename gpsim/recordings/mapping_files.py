@@ -241,4 +241,5 @@ _READERS: dict[str, Callable[[object, str], Any]] = {
     "held_out": _held_out,
     "checks": _checks,
     "description": lambda value, _: str(value),
+    "model": lambda value, _: str(value),
 }

@@ -6,7 +6,6 @@ from math import ceil
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import savgol_coeffs
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
@@ -56,6 +55,8 @@ def _filtered(values: FloatArray, step: float, smoothing: Smoothing, derivative:
     if len(values) < 2:
         return np.zeros_like(values) if derivative else values.copy()
     if smoothing.method == "savgol":
+        from scipy.signal import savgol_coeffs  # here: half a second that most commands need not wait for
+
         kernel = savgol_coeffs(smoothing.window, smoothing.order, deriv=int(derivative), delta=step)
         inner = np.convolve(values, kernel, mode="same") if len(values) >= smoothing.window else values * 0.0
     else:

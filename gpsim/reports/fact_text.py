@@ -13,6 +13,10 @@ COUNTED: Mapping[str, tuple[str, str]] = {
     "repeated": ("{of} repeats the one before", "{of} repeat the one before"),
     "missing": ("{of} is missing", "{of} are missing"),
     "outliers": ("{of} leaps and was left out", "{of} leap and were left out"),
+    "touching": (
+        "in {of} something touches: accelerations are not compared there, rollouts are",
+        "in {of} something touches: accelerations are not compared there, rollouts are",
+    ),
 }
 MEASURED: Mapping[str, str] = {
     "quantised": "{channel} is quantised{to}",

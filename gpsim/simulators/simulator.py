@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray, difference
+from gpsim.channels import BoolArray, Channels, FloatArray, difference
 from gpsim.errors import UsageError
 
 Integrator = Literal["euler", "semi_implicit", "rk4"]
@@ -96,6 +96,7 @@ class Simulator(ABC):
         {}
     )  # a guess for every state channel that may go unmeasured
     guesses_speeds: bool = False  # may velocities go unmeasured without one?
+    as_measured: tuple[str, ...] = ()  # states of which no effect is asked
     model_places: Mapping[str, Mapping[str, ModelPlace]] = MappingProxyType(
         {}
     )  # of families that few simulators know
@@ -129,6 +130,14 @@ class Simulator(ABC):
 
     def without(self, fixed: Mapping[str, float], held: Collection[str]) -> Simulator | None:
         """The same without the states `fixed`, from a simulator that makes it itself; else None (see `reduced`)."""
+        return None
+
+    def gap(self, measured: FloatArray, said: FloatArray) -> FloatArray:
+        """(..., S): measured states minus simulated ones; in the tangent space where they lie on a curved one."""
+        return difference(measured, said, self.state)
+
+    def touching(self, state: FloatArray) -> BoolArray | None:
+        """(B,) whether something touches in each state (B, S); None of a simulator that knows no contacts."""
         return None
 
     def normal_force(

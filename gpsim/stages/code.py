@@ -15,9 +15,10 @@ import hashlib
 from pathlib import Path
 
 import gpsim
+from gpsim.errors import UsageError
 from gpsim.files import file_digest
 
-APART = ("cli", "conf", "face", "trials")
+APART = ("cli", "conf", "face", "launchers", "trials")
 """Folders that no diagnosis rests on."""
 
 
@@ -36,3 +37,18 @@ RELEASE = f"gpsim {gpsim.__version__}"
 IN_NUMBERS = ""
 SOURCES = sources_digest(Path(gpsim.__file__).parent)
 """Taken when the process starts, as the code that it runs is: files that change meanwhile change neither."""
+
+
+def code_here() -> str:
+    """Which gpsim this process runs: its release and the state of its sources."""
+    return f"{gpsim.__version__} {SOURCES}"
+
+
+def check_same_code(code: str) -> None:
+    """Raise UsageError where this process, on another machine say, runs another gpsim than `code` names."""
+    if code != code_here():
+        release = code.split(" ", 1)[0]
+        what = f"gpsim {gpsim.__version__}" if release != gpsim.__version__ else "another state of its code"
+        raise UsageError(
+            f"the worker runs {what}, the command gpsim {release}: install the same on both, and start the workers anew"
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gpsim.errors import UsageError
+from gpsim.launchers import Launcher, Update
 from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
@@ -16,7 +17,7 @@ from gpsim.stages.building import (
 )
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.evaluate import TRAINED_BY, policy_names
-from gpsim.stages.jobs import Finished, Job, Update, run_jobs
+from gpsim.stages.jobs import Finished, Job, run_jobs
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import effects_plant
 from gpsim.stages.train_source import settings_for
@@ -104,7 +105,9 @@ def _plan_seed(request: Request, seed: int) -> list[Job]:
     return jobs
 
 
-def run(request: Request, seeds: tuple[int, ...], workers: int, update: Update, finished: Finished) -> None:
+def run(
+    request: Request, seeds: tuple[int, ...], launcher: Launcher, update: Update, finished: Finished
+) -> None:
     """Make everything the report needs; what exists with the same configuration and parents is kept."""
     with blamed(request.config["simulator"]["name"]):
-        run_jobs(plan(request, seeds), workers, update, finished)
+        run_jobs(plan(request, seeds), launcher, update, finished)

@@ -1,100 +1,156 @@
-"""Independent stages side by side in worker processes; what is finished stays finished, whatever happens."""
+"""Independent stages side by side, wherever the launcher runs them; what is finished stays so, whatever happens."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing.queues import Queue
-from queue import Empty
+from functools import partial
+from pathlib import Path
 
-from gpsim.artifacts import Artifact
+from gpsim.artifacts import Artifact, listed_once
 from gpsim.errors import UsageError
-from gpsim.stages.stage import Request
-from gpsim.workers import begin_worker, worker_pool
+from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks
+from gpsim.stages.code import check_same_code, code_here
+from gpsim.stages.diagnose import Task as Recorded
+from gpsim.stages.diagnose import stage_for
+from gpsim.stages.stage import Request, Stage, silent
 
-Update = Callable[[str, int, int, str], None]
-"""update(job, done, total, note)"""
 Finished = Callable[[str, Artifact, bool], None]
 """finished(job, artifact, existed)"""
-Message = tuple[str, int, int, str]
+Failed = Callable[[str, str], None]
+"""failed(job, why)"""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One artifact to make: a stage's name and its request, after the jobs labelled `after`."""
+    """One artifact to make: a stage's name and its request, after the jobs labelled `after`.
+
+    recorded: for a stage `diagnose`, the recording of the user's that it is about instead of the loop's own.
+    """
 
     label: str
     stage: str
     request: Request
     after: tuple[str, ...] = ()
+    recorded: Recorded | None = None
+
+    @property
+    def maker(self) -> Stage:
+        """The stage itself."""
+        from gpsim.stages.registry import STAGES  # the registry holds this module's callers
+
+        return STAGES[self.stage] if self.recorded is None else stage_for(self.recorded)
 
 
-def run_jobs(jobs: Sequence[Job], workers: int, update: Update, finished: Finished) -> None:
-    """Run every job as soon as what it waits for is done; the first failure stops the rest and is raised.
+def run_jobs(
+    jobs: Sequence[Job],
+    launcher: Launcher,
+    update: Update,
+    finished: Finished,
+    failed: Failed | None = None,
+) -> None:
+    """Run every job as soon as what it waits for is done.
 
-    Existing artifacts are found, not made again. Version numbers follow the order of `jobs`, not of completion, so
+    The first failure stops the rest and is raised; with `failed` it is told to that, and what does not wait for it goes
+    on. Existing artifacts are found, not made again. Version numbers follow the order of `jobs`, not of completion, so
     that the same configuration gives the same folders.
     """
-    waiting = {
-        job.label: replace(job, request=request) for job, request in zip(jobs, _numbered(jobs), strict=True)
-    }
-    done: set[str] = set()
-    context = multiprocessing.get_context("spawn")
-    messages: Queue[Message] = context.Queue()
-    running: dict[Future[tuple[Artifact, bool]], str] = {}
-    with worker_pool(workers, _start_worker, messages, os.getpid()) as pool:
-        while waiting or running:
-            for job in [j for j in waiting.values() if done.issuperset(j.after)]:
-                if len(running) < workers:
-                    del waiting[job.label]
-                    running[pool.submit(_work, job.label, job.stage, job.request)] = job.label
-            ready, _ = wait(running, timeout=0.2, return_when=FIRST_COMPLETED)
-            for message in _drain(messages):
-                update(*message)
-            for future in ready:
-                label = running.pop(future)
-                artifact, existed = future.result()
-                done.add(label)
-                finished(label, artifact, existed)
+    made: dict[str, Artifact] = {}
+    tasks: list[Task] = []
+    behind: dict[str, tuple[str, ...]] = {}
+    with listed_once():
+        numbered = list(_numbered(jobs))
+    for job, (request, existing) in zip(jobs, numbered, strict=True):
+        behind[job.label] = job.after
+        if existing is not None:
+            made[job.label] = existing
+        else:
+            tasks.append(_task(replace(job, request=request), partial(_ancestors, job.after, behind, made)))
+    for label, artifact in made.items():
+        finished(label, artifact, True)
+    for outcome in run_tasks(launcher, tasks, update, keep_going=failed is not None):
+        if outcome.error is not None and failed is not None:
+            failed(outcome.label, _in_a_line(outcome.error))
+            continue
+        artifact, existed = outcome.result
+        made[outcome.label] = artifact
+        finished(outcome.label, artifact, existed)
 
 
-def _numbered(jobs: Sequence[Job]) -> Iterable[Request]:
+def _numbered(jobs: Sequence[Job]) -> Iterator[tuple[Request, Artifact | None]]:
     """Every job that is still to be made asks for a version of its own, in the order of the plan."""
-    from gpsim.stages.registry import STAGES  # the registry holds this module's callers
-
-    free = {job.stage: job.request.store.free_numbers(job.stage) for job in jobs}
+    free = {(job.request.store, job.stage): job.request.store.free_numbers(job.stage) for job in jobs}
     for job in jobs:
+        request = replace(job.request, progress=silent)
         try:
-            existing = job.request.store.find(STAGES[job.stage].keyed(job.request))
+            existing = request.store.find(job.maker.keyed(request)) if request.out is None else None
         except UsageError:  # a parent is not there yet, so neither is this
             existing = None
-        yield job.request if existing else replace(job.request, number=next(free[job.stage]))
+        if existing is None:
+            request = replace(request, number=next(free[request.store, job.stage]))
+        yield request, existing
 
 
-_messages: Queue[Message]
+def _task(job: Job, ancestors: Callable[[], list[Path]]) -> Task:
+    """What runs elsewhere: the job with its request, whose settings and words are plain values."""
+    root = Path(str(job.request.config["runs_dir"]))
+    return Task(
+        job.label,
+        partial(_work, job, code_here()),
+        job.after,
+        needs=lambda: [*ancestors(), *_given(job)],
+        writes=(root,),
+        keep=partial(_keep, job),
+    )
 
 
-def _start_worker(messages: Queue[Message], parent: int) -> None:
-    global _messages
-    _messages = messages
-    begin_worker(parent)
+def _work(job: Job, code: str, progress: Progress) -> tuple[Artifact, bool]:
+    check_same_code(code)
+    return job.maker.make(replace(job.request, progress=progress))
 
 
-def _work(label: str, stage: str, request: Request) -> tuple[Artifact, bool]:
-    from gpsim.stages.registry import STAGES
-
-    def progress(done: int, total: int, note: str) -> None:
-        _messages.put((label, done, total, note))
-
-    return STAGES[stage].make(replace(request, progress=progress))
+def _keep(job: Job, folder: Path, result: tuple[Artifact, bool]) -> tuple[Artifact, bool]:
+    """Take in an artifact that was made where no file system is shared."""
+    artifact, existed = result
+    return job.request.store.adopt(folder / artifact.path, artifact, job.request.number), existed
 
 
-def _drain(messages: Queue[Message]) -> Iterable[Message]:
-    while True:
-        try:
-            yield messages.get_nowait()
-        except Empty:
-            return
+def _ancestors(
+    after: tuple[str, ...], behind: dict[str, tuple[str, ...]], made: dict[str, Artifact]
+) -> list[Path]:
+    """Folders of all artifacts that a job rests on, however far back: a stage finds each by its recipe."""
+    found: dict[str, Path] = {}
+    ahead = list(after)
+    while ahead:
+        label = ahead.pop()
+        if label not in found and label in made:
+            found[label] = made[label].path
+            ahead += behind.get(label, ())
+    return list(found.values())
+
+
+def _given(job: Job) -> Iterator[Path]:
+    """Files and folders of the user's that a job reads, beside what other jobs make."""
+    from gpsim.simulators import source_file
+
+    config = job.request.config
+    source = config["collect"]["source"]
+    named = [config["recording"], config["diagnosis"], *(source if isinstance(source, list) else [source])]
+    if job.recorded is not None:
+        named = [job.recorded.recording]
+    simulator = config["simulator"]["name"] if job.recorded is None else job.recorded.simulator
+    named += [source_file(str(simulator))] if simulator else []
+    for name in named:
+        if name is not None:
+            path = Path(str(name))
+            yield (
+                path.parent if path.suffix == ".csv" and (path.parent / "recording.yaml").is_file() else path
+            )
+
+
+def _in_a_line(error: Exception) -> str:
+    if isinstance(error, UsageError):
+        return str(error)
+    lines = str(error).strip().splitlines()
+    said = [type(error).__name__, *dict.fromkeys((lines[0], lines[-1]) if lines else ())]
+    return ": ".join(said)

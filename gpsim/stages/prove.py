@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import count, islice
 from pathlib import Path
@@ -12,10 +12,11 @@ from typing import Any
 from gpsim.artifacts import git_commit, held, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, write_json, written_whole
+from gpsim.launchers import Launcher
 from gpsim.reports.prove_misses import miss_rows
 from gpsim.reports.prove_page import page
 from gpsim.reports.prove_record import record
-from gpsim.stages.trial_jobs import Progress, run_trials
+from gpsim.stages.trial_jobs import Carried, Progress, run_trials
 from gpsim.trials.blinding import (
     ANSWER,
     DIAGNOSES,
@@ -38,6 +39,7 @@ from gpsim.trials.statistics import summarise
 from gpsim.trials.worlds import STRATA
 
 CONFIG = "trials.json"
+KEPT = ("scores", "equivalents")  # folders of what a reveal keeps of each trial
 OPTION = "--out"  # names another place, where this one cannot be written
 MJCF = "mjcf"
 """What --system asks for."""
@@ -80,39 +82,43 @@ def robots_numbers(trials: int, strata: Sequence[str] = ()) -> list[int]:
     return [ROBOTS_FROM + rank for rank in islice(wanted, trials)]
 
 
-def conceal(out: Path, seed: int, numbers: Sequence[int], workers: int, progress: Progress) -> Path:
+def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, progress: Progress) -> Path:
     """Write both halves of every trial below `out`, and the answers' hashes beside the recordings."""
     with disk_errors(out, OPTION):
         _remember(out, seed)
         (out / PUBLIC).mkdir(parents=True, exist_ok=True)
-        digests = dict(run_trials(partial(_conceal_one, out, seed), numbers, workers, progress))
+        work = partial(_conceal_one, out, seed)
+        digests = dict(run_trials(work, numbers, launcher, progress, Carried(out, partial(_halves, out))))
         publish_hashes(out, {trial_name(n): digest for n, digest in digests.items()})
     return out
 
 
-def diagnose(out: Path, workers: int, progress: Progress) -> int:
+def diagnose(out: Path, launcher: Launcher, progress: Progress) -> int:
     """Diagnose every recording below OUT/public that has not been yet, blind; how many there are in all."""
     with disk_errors(out, OPTION):
         names = {int(name): name for name in sorted(published(out))}
-        for _ in run_trials(partial(_diagnose_one, out), list(names), workers, progress):
+        ahead = [number for number, name in names.items() if not (out / DIAGNOSES / name / OUTCOME).is_file()]
+        carried = Carried(out, partial(_public, out))
+        for _ in run_trials(partial(_diagnose_one, out), ahead, launcher, progress, carried):
             pass
     return len(names)
 
 
-def reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
+def reveal(out: Path, answers: Path | None, launcher: Launcher, progress: Progress) -> dict[str, Any]:
     """Score every diagnosed trial against its verified answer; write prove.json, report.html and record.md."""
     with disk_errors(out, OPTION):
-        return _reveal(out, answers, workers, progress)
+        return _reveal(out, answers, launcher, progress)
 
 
-def _reveal(out: Path, answers: Path | None, workers: int, progress: Progress) -> dict[str, Any]:
+def _reveal(out: Path, answers: Path | None, launcher: Launcher, progress: Progress) -> dict[str, Any]:
     found = (path.parent.name for path in (out / DIAGNOSES).glob(f"[0-9]*/{OUTCOME}"))
     names = sorted(name for name in found if NAME.fullmatch(name))
     if not names:
         raise UsageError(f"{out}: no diagnoses to score; make them with: gpsim prove diagnose --out {out}")
     where = answers or out / PRIVATE
     numbers = [int(name) for name in names]
-    scores = [s for _, s in run_trials(partial(_score_one, out, where), numbers, workers, progress)]
+    carried = Carried(out, partial(_everything, out, where))
+    scores = [s for _, s in run_trials(partial(_score_one, out, where), numbers, launcher, progress, carried)]
     scores.sort(key=lambda s: str(s["trial"]))
     undiagnosed = sorted(set(published(out)) - set(names))
     content = _facts(where, scores) | {"undiagnosed": undiagnosed} | summarise(scores)
@@ -150,6 +156,23 @@ def _diagnose_one(out: Path, number: int) -> float:
 
 def _score_one(out: Path, answers: Path, number: int) -> dict[str, Any]:
     return score_trial(out, answers, trial_name(number))
+
+
+def _halves(out: Path, number: int) -> Iterable[Path]:
+    """What there is already of a world that is to be concealed."""
+    return out / PUBLIC / trial_name(number), out / PRIVATE / trial_name(number)
+
+
+def _public(out: Path, number: int) -> Iterable[Path]:
+    """What a blind diagnosis may see, and the hashes that it puts on record."""
+    return out / PUBLIC / trial_name(number), out / PUBLIC / HASHES
+
+
+def _everything(out: Path, answers: Path, number: int) -> Iterable[Path]:
+    """What a score rests on, and what is kept of an earlier one."""
+    name = trial_name(number)
+    kept = (path for kind in KEPT for path in (out / kind).glob(f"{name}*"))
+    return *_public(out, number), answers / name, out / DIAGNOSES / name, *kept
 
 
 def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.mjcf import open_simulator
+from gpsim.mjcf import SYSTEM, MjcfSimulator, open_simulator
 from gpsim.recordings import (
     TOP_KEYS,
     Guess,
@@ -92,7 +92,12 @@ def reads_bare(paths: Sequence[Path], simulator: str | None, words: Sequence[str
 def of_the_mapping(word: str) -> bool:
     """Whether a word of the command line says something of a log, as `theta=position`, `rate=50`."""
     key = word.partition("=")[0]
-    return "=" in word and (key.split(".")[0].split("[")[0] in TOP_KEYS or key.isidentifier())
+    return "=" in word and (key.split(".")[0].split("[")[0] in TOP_KEYS or _is_channel(key))
+
+
+def _is_channel(key: str) -> bool:
+    """Whether it may be a channel's name, as `theta`, `root.x`."""
+    return all(part.isidentifier() for part in key.split(".")) and key.split(".")[0] not in TOP_KEYS
 
 
 @dataclass(frozen=True)
@@ -156,7 +161,7 @@ def _given(words: Sequence[str]) -> tuple[dict[str, str], dict[str, Any]]:
     others = []
     for word in words:
         key, _, value = word.partition("=")
-        if key == "dt" or (key.isidentifier() and key not in TOP_KEYS):
+        if key == "dt" or _is_channel(key):
             given[key] = value
         else:
             others.append(word)
@@ -167,11 +172,16 @@ def _system(name: str) -> System:
     """What the guess has to know of a simulator."""
     simulator = open_simulator(name)
     pairs = {c.velocity: c.name for c in simulator.coordinates if c.velocity in simulator.state.names}
-    return System(name, simulator.state, simulator.action, pairs, tuple(simulator.start))
+    system = System(name, simulator.state, simulator.action, pairs, tuple(simulator.start))
+    if not isinstance(simulator, MjcfSimulator):
+        return system
+    return replace(system, optional=tuple(pairs), drives=simulator.drives, recorded_as=SYSTEM, model=name)
 
 
 def _own(simulator: Simulator, raw: Mapping[str, Any]) -> dict[str, tuple[float, str]]:
-    """Parameters that nobody gave: name -> (value, unit)."""
+    """Parameters that nobody gave: name -> (value, unit); a MuJoCo model says its own in its file."""
+    if isinstance(simulator, MjcfSimulator):
+        return {}
     given = raw.get("parameters") or {}
     values = simulator.defaults()
     return {n: (values[n], p.unit) for n, p in simulator.parameters.items() if n not in given}

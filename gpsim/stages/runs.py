@@ -37,7 +37,8 @@ from gpsim.runs import (
     remove,
     size_of,
 )
-from gpsim.stages import import_log, report, score
+from gpsim.stages import fleet, grid, import_log, report, score
+from gpsim.stages.code import RELEASE
 from gpsim.stages.registry import STAGES
 
 Code = Mapping[str, tuple[int, str]]
@@ -48,7 +49,11 @@ def todays_code() -> Code:
     """What makes each stage's artifacts today."""
     nowhere = Path()
     stages = [*STAGES.values(), report.stage_for((0,)), score.stage_for(nowhere, nowhere)]
-    return {stage.name: (stage.format, stage.code) for stage in stages} | {import_log.STAGE_NAME: (1, "")}
+    return {stage.name: (stage.format, stage.code) for stage in stages} | {
+        import_log.STAGE_NAME: (1, ""),
+        grid.STAGE_NAME: (grid.FORMAT, RELEASE),
+        fleet.STAGE_NAME: (fleet.FORMAT, RELEASE),
+    }
 
 
 def list_runs(

@@ -1,18 +1,9 @@
-"""`gpsim` called in this process, and the smallest budget of a loop."""
+"""`gpsim` called in this process."""
 
 import sys
 
 import pytest
 from gpsim.cli.main import main
-
-TINY = (
-    "budget=smoke",
-    "policy.total_steps=640",
-    "policy.n_steps=32",
-    "evaluate.episodes=12",
-    "evaluate.rollouts=6",
-    "certify.width=4",
-)
 
 
 def called(monkeypatch, capfd, *words):

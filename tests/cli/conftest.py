@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from cli_calls import TINY, called
+from budgets import TINY
+from cli_calls import called
 
 
 @pytest.fixture

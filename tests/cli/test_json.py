@@ -8,7 +8,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
-from cli_calls import TINY
+from budgets import TINY
 from gpsim.cli.main import app
 
 from gpsim.errors import UsageError

@@ -13,18 +13,22 @@ import sys
 from pathlib import Path
 
 import pytest
+from budgets import TINY
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIAL = ROOT / "docs" / "tutorial"
 PAGES = ("first_diagnosis", "cartpole", "limo")
 QUICK = "diagnose.stepwise.total_budget=1e7 diagnose.search.budget=1e7 diagnose.form.rounds=1 diagnose.form.windows=40"
+FEW = "'diagnose.families.only=[coulomb_friction,actuator_delay]'"
 SMALL = {  # what a command of the beginning on the left gets on a smoke budget
-    "gpsim diagnose data/": f"diagnose.episodes=2 'diagnose.families.only=[coulomb_friction,actuator_delay]' {QUICK}",
+    "gpsim diagnose data/": f"diagnose.episodes=2 {FEW} {QUICK}",
     "gpsim diagnose runs/": f"'diagnose.families.only=[minimum_turning_radius,actuator_lag]' {QUICK}",
     "gpsim diagnose --score": "",
     "gpsim import": "",
     "gpsim export": "",
-    "gpsim": "budget=smoke",
+    "gpsim collect experiment=limo": "budget=smoke",
+    "gpsim train-gp-policy experiment=limo": "budget=smoke policy.total_steps=480",
+    "gpsim": f"{' '.join(TINY)} {FEW} {QUICK}",
 }
 DEADLINE = 3000  # s, of one command: a hang is no answer
 

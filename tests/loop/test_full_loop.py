@@ -13,17 +13,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from budgets import TINY
 
 from gpsim.artifacts.artifact import MANIFEST, folder_digests, read_artifact
 
-TINY = (
-    "budget=smoke",
-    "policy.total_steps=640",
-    "policy.n_steps=32",
-    "evaluate.episodes=12",
-    "evaluate.rollouts=6",
-    "certify.width=4",
-)
 LOOP = [sys.executable, "-m", "gpsim.cli.main", "run", "full-loop", *TINY]
 
 

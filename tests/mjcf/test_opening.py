@@ -1,5 +1,7 @@
 """What a model may be opened from, what a recording must hold, and what is refused: each in one line."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -22,6 +24,8 @@ def spec():
     return mujoco.MjSpec.from_string(XML)
 def nothing():
     return 3
+def unfinished():
+    return mujoco.MjSpec.from_string(XML.replace("1.3", "-1"))
 class System:
     pass
 """
@@ -61,6 +65,8 @@ def test_a_function_gives_a_model_or_its_spec_and_a_class_is_no_model(tmp_path):
     assert not is_mujoco(f"{file}:System")
     with pytest.raises(UsageError, match=r"nothing\(\) returned int; it must return a mujoco.MjModel"):
         open_simulator(f"{file}:nothing")
+    with pytest.raises(UsageError, match=r"unfinished\(\) raised ValueError: Error: mass and inertia"):
+        open_simulator(f"{file}:unfinished")
 
 
 def test_a_gymnasium_environment_gives_its_model_and_control_step():
@@ -94,11 +100,26 @@ def test_all_that_a_model_includes_is_hashed(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("<mujoco><worldbody></mujoco>", "does not compile"),
-        (PENDULUM.replace('mass="1.3"', 'mass="-1"'), "does not compile"),
         (
-            PENDULUM.replace("</worldbody>", '</worldbody><keyframe><key qpos="1 2 3"/></keyframe>'),
-            "does not compile",
+            "<mujoco>\n<worldbody>\n</mujoco>",
+            "robot.xml, line 2: does not compile: <worldbody> is not closed",
+        ),
+        (
+            PENDULUM.replace('mass="1.3"', 'mass="-1"'),
+            "robot.xml, line 2: does not compile: mass and inertia of moving bodies must be larger than mjMINVAL "
+            "(in 'rod')",
+        ),
+        (
+            PENDULUM.replace("<motor", "<mtor"),
+            "robot.xml, line 4: does not compile: unrecognized element (in <mtor>)",
+        ),
+        (
+            PENDULUM.replace("<worldbody>", '<asset><mesh name="m" file="no.stl"/></asset><worldbody>'),
+            "robot.xml, line 1: does not compile: Error opening file 'no.stl'",
+        ),
+        (
+            PENDULUM.replace("</worldbody>", '</worldbody>\n<keyframe>\n<key qpos="1 2 3"/></keyframe>'),
+            "robot.xml, line 5: does not compile: keyframe '': invalid qpos size, expected 1, got 3",
         ),
         (
             PENDULUM.replace('type="hinge"', 'type="ball"').replace('axis="0 1 0"', ""),
@@ -207,3 +228,69 @@ def test_a_free_joint_is_named_in_full(tmp_path):
     assert floating.state.names[7:13] == tuple(f"root.{c}" for c in ("vx", "vy", "vz", "wx", "wy", "wz"))
     assert [c.name for c in floating.coordinates] == ["hip"]
     assert source_of(floating.name).files
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (('kp="40" kv="3"', 'kp="4e7" kv="3"'), "at the joint hinge; servo.kp = 4e+07 is too stiff for a step of 0.002 s"),
+        (('kp="40" kv="3"', 'kp="40" kv="9e3"'), "at the joint hinge; servo.kv = 9000 is too stiff"),
+        (('damping="0.1"', 'damping="0.1" stiffness="1e7"'), "the stiffness of hinge = 1e+07 is too stiff"),
+    ],
+)  # fmt: skip
+def test_a_model_that_runs_away_is_told_with_its_parameter_and_step(change, said, tmp_path):
+    unstable = SERVO.replace(*change).replace('integrator="implicitfast"', 'integrator="Euler"')
+    written(tmp_path, unstable)
+    meta = {"model": "robot.xml", "state": {"hinge": "rad"}, "action": {"servo": "rad"}}
+    with pytest.raises(UsageError) as caught:
+        open_recording(Task(recorded(tmp_path, {"hinge": 0.5, "servo": 0.3}, meta), None))
+    assert said in str(caught.value)
+    assert re.search(r"runs away: no number at step \d+ from t = 0 s of episode 0", str(caught.value))
+    assert "\n" not in str(caught.value)
+
+
+FLOATING_META = {"model": "robot.xml", "action": {"motor": "N m"}}
+POSE = ("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz")
+
+
+def floating(folder, quaternion, leave_out=()):
+    """A recording whose base turns; the quaternion's sign changes half way."""
+    written(folder, FLOATING)
+    names = [f"root.{p}" for p in POSE if p not in leave_out]
+    rows = [",".join(["episode", "t", "hip", *names, "motor"])]
+    for k in range(40):
+        q = np.array(quaternion(0.05 * k)) * (-1.0 if k >= 20 else 1.0)
+        pose = dict(zip(POSE, [0.01 * k, 0.0, 1.0, *q, 0.5, 0.0, 0.0, 0.0, 2.5, 0.0], strict=True))
+        held = [pose[n.partition(".")[2]] for n in names]
+        rows.append(",".join([f"0,{0.02 * k:.3f},0.1", *(f"{v:.7f}" for v in held), "0.0"]))
+    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
+    state = {"hip": "rad"} | {f"root.{p}": u for p, u in zip(POSE, UNITS, strict=True) if p not in leave_out}
+    meta = {"system": "mjcf", "dt": 0.02, **FLOATING_META, "state": state}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    return folder
+
+
+UNITS = ("m", "m", "m", "1", "1", "1", "1", "m/s", "m/s", "m/s", "rad/s", "rad/s", "rad/s")
+
+
+def test_an_orientation_goes_the_shorter_way_round(tmp_path):
+    folder = floating(tmp_path, lambda angle: (1.01 * np.cos(angle / 2), 0.0, 1.01 * np.sin(angle / 2), 0.0))
+    recording, _ = open_recording(Task(folder, None))
+    columns = [recording.state.index(f"root.{p}") for p in ("qw", "qx", "qy", "qz")]
+    q = recording.episodes[0].states[:, columns]
+    assert np.linalg.norm(q, axis=1) == pytest.approx(1.0)
+    assert np.abs(np.diff(q, axis=0)).max() < 0.03
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "leave_out", "said"),
+    [
+        (lambda angle: (0.0, 0.0, 0.0, 0.2), (), "root.qw, root.qx, root.qy, root.qz are no quaternion"),
+        (lambda angle: (1.0, 0.0, 0.0, 0.0), ("vx", "wz"), "no column for the joints root.vx, root.wz"),
+    ],
+)
+def test_a_free_joint_needs_its_pose_and_its_twist(quaternion, leave_out, said, tmp_path):
+    with pytest.raises(UsageError) as caught:
+        open_recording(Task(floating(tmp_path, quaternion, leave_out), None))
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mjcf_models import DOUBLE, FLOATING, PENDULUM, SERVO, SLIDER, one_by_one, written
 
 from gpsim.channels import Channels
-from gpsim.effects import Chain, ClosedStep, Gate, Term, closed
+from gpsim.effects import FAMILIES, Chain, ClosedStep, Gate, Term, closed
 from gpsim.mjcf import load_mjcf
 from gpsim.simulators import make_simulator, reduced, wrapping
 
@@ -306,3 +306,35 @@ def test_plus_and_minus_undo_each_other(tmp_path_factory, numbers):
     angle = np.linalg.norm(change[0, 3:6])
     if angle < np.pi - 1e-3:
         np.testing.assert_allclose(back, change, atol=1e-8)
+
+
+def turned(axis, angle):
+    return np.array([np.cos(angle / 2), *(np.sin(angle / 2) * np.asarray(axis))])
+
+
+def test_a_gap_between_orientations_is_half_the_turn_between_them(tmp_path):
+    floating = load_mjcf(written(tmp_path, FLOATING))
+    said = np.tile(floating.rest_state, (3, 1))
+    said[:, 3:7] = turned([0.6, 0.0, 0.8], 1.1)
+    measured = np.array(said)
+    data_turn = turned([0.0, 1.0, 0.0], 0.02)
+    w, x, y, z = said[0, 3:7]
+    a, b, c, d = data_turn
+    product = [w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b]
+    measured[1, 3:7] = [*product, w * d + x * c - y * b + z * a]
+    measured[2, 3:7] = -measured[1, 3:7]
+    gap = floating.gap(measured, said)
+    assert gap[0] == pytest.approx(0.0, abs=1e-12)
+    for row in gap[1:]:
+        assert row[3:7] == pytest.approx([0.0, 0.0, np.sin(0.01), 0.0], abs=1e-12)
+    change = np.zeros((1, 2 * 7))
+    change[0, 3:6] = [0.01, -0.02, 0.015]
+    moved = floating.plus(said[:1], change)
+    assert 2.0 * floating.gap(moved, said[:1])[0, 4:7] == pytest.approx([0.01, -0.02, 0.015], rel=1e-3)
+
+
+def test_of_a_free_joint_no_effect_is_asked(tmp_path):
+    floating = load_mjcf(written(tmp_path, FLOATING))
+    places = [on for effect in FAMILIES.values() for on in effect.places(floating)]
+    assert "hip" in places
+    assert not [on for on in places if on.startswith("root")]

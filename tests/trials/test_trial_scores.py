@@ -10,6 +10,7 @@ from gpsim.cli.main import app
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
+from gpsim.launchers import Local
 from gpsim.stages import prove
 from gpsim.trials.blinding import (
     blind_diagnosis,
@@ -82,7 +83,7 @@ def fits(monkeypatch):
     return asked
 
 
-def run_here(work, numbers, workers, progress):
+def run_here(work, numbers, launcher, progress, carried=None):
     return [(number, work(number)) for number in numbers]
 
 
@@ -163,7 +164,7 @@ def test_recordings_that_somebody_else_concealed_are_not_drawn_anew(proof):
 def test_a_copy_beside_the_diagnoses_is_nobodys_trial(proof, fits, monkeypatch):
     monkeypatch.setattr(prove, "run_trials", run_here)
     shutil.copytree(proof / "diagnoses" / NAME, proof / "diagnoses" / f"{NAME}.bak")
-    assert prove.reveal(proof, None, 1, lambda *_: None)["all"]["n"] == 2
+    assert prove.reveal(proof, None, Local(1), lambda *_: None)["all"]["n"] == 2
 
 
 @pytest.mark.parametrize(("code", "words"), [(1, "error: the disk is full"), (-9, "killed by signal 9")])
@@ -188,7 +189,7 @@ def test_a_recording_without_a_published_hash_is_not_diagnosed(proof):
 def test_a_trial_that_cannot_be_scored_is_wrong_and_stops_no_other(proof, fits, monkeypatch):
     monkeypatch.setattr(prove, "run_trials", run_here)
     say(proof, NAME, {"verdict": "named"})
-    content = prove.reveal(proof, None, 1, lambda *_: None)
+    content = prove.reveal(proof, None, Local(1), lambda *_: None)
     assert content["all"]["n"] == 2
     assert content["not_scored"] == [NAME]
     assert NAME in content["misses"]
@@ -237,9 +238,9 @@ def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypat
     with monkeypatch.context() as during:
         during.setattr(prove if written == "prove.json" else cache, "write_json", full_disk)
         with pytest.raises(UsageError, match="proof: no space left on the device"):
-            prove.reveal(proof, None, 1, lambda *_: None)
+            prove.reveal(proof, None, Local(1), lambda *_: None)
     assert not list(proof.glob("*prove.json*"))
-    assert prove.reveal(proof, None, 1, lambda *_: None)["not_scored"] == []
+    assert prove.reveal(proof, None, Local(1), lambda *_: None)["not_scored"] == []
 
 
 @pytest.mark.parametrize("words", ["error: runs: no space left on the device; free space and run again", "Traceback:\nOSError: [Errno 28] No space left on device: 'x'"])  # fmt: skip

@@ -27,8 +27,7 @@ from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversa
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
-from gpsim.diagnosis.settings import Settings
-from gpsim.diagnosis.setup import Completions, Question, filters, undone
+from gpsim.diagnosis.setup import Completions, Question, apart, filters, undone
 from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
 
@@ -172,9 +171,9 @@ def steps_of(
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
     if question.hidden:
-        return {kind: _steps(completions.by(h), problem.run.settings, past) for kind, h in hypotheses.items()}
+        return {kind: _steps(problem, completions.by(h), past) for kind, h in hypotheses.items()}
     steps, made_by = (
-        _steps(recording, problem.run.settings, past),
+        _steps(problem, recording, past),
         filters(recording, problem.simulator, problem.run.settings.velocity_filter),
     )
     if not made_by:
@@ -194,11 +193,18 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     return chain.remembers(values) > 0.0 or chain.sensors.looks_back(values) > 0.0
 
 
-def _steps(recording: Recording, settings: Settings, past: bool = False) -> _Steps:
-    """past: without those before which nobody knows what was commanded, where there are others."""
+def _steps(problem: Problem, recording: Recording, past: bool = False) -> _Steps:
+    """Those in which nothing touches; past: without those before which nobody knows what was commanded.
+
+    Each where there are others.
+    """
+    settings = problem.run.settings
     windows = cut(recording, settings.windows, 1, most=settings.comparison.looked_at)
     held, sound = held_out_mask(recording, windows), windows.sound_ends
     windows, held = (windows.take(sound), held[sound]) if sound.any() else (windows, held)
+    ends = windows.measured[:, 0], windows.measured[:, 1]
+    free = apart(problem.simulator, settings.candidates.apart, *ends)
+    windows, held = windows.take(free), held[free]
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
         train, test = _later(train), _later(test)

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray, difference
+from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Spread
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
@@ -121,7 +121,7 @@ class Problem:
         """
         chain = hypothesis.chain(self.simulator, self.parameters, self.dt)
         said = self.simulated(chain, self.windows, starts, hypothesis.spread, thetas)
-        residual = difference(self.windows.measured[None], said, self.simulator.state)
+        residual = self.simulator.gap(self.windows.measured[None], said)
         residual *= self.root_weights
         return residual
 

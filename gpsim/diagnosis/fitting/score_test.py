@@ -53,6 +53,15 @@ class Directions:
         starts = np.broadcast_to(self.parent.starts, (len(thetas), *self.parent.starts.shape))
         return self._changes(self._from, self._rough.residuals(hypothesis, thetas, starts))
 
+    def raw(self, residuals: FloatArray) -> FloatArray:
+        """(C, W, M): what residuals (C, W, L + 1, S) in the steps of slopes take off, with nothing projected out."""
+        most = self.problem.run.settings.score_test.clipped_at
+        return np.stack([np.clip(self._flat(self._from - r), -most, most) for r in residuals])
+
+    def projected(self, changes: FloatArray) -> FloatArray:
+        """(C, W, M): such changes with what start states and the parent's parameters can explain taken off."""
+        return np.stack([self._without(change) for change in changes])
+
     def changes(self, residuals: FloatArray) -> FloatArray:
         """(C, W, M): the same for other residuals (C, W, L + 1, S)."""
         return self._changes(self.parent.residuals, residuals)

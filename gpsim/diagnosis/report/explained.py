@@ -76,7 +76,7 @@ class LogFact:
     much, in `unit`.
     """
 
-    kind: Literal["repeated", "missing", "quantised", "jitter", "outliers", "late", "drift"]
+    kind: Literal["repeated", "missing", "quantised", "jitter", "outliers", "late", "drift", "touching"]
     channel: str = ""
     count: int = 0
     value: float | None = None

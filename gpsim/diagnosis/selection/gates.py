@@ -283,6 +283,7 @@ def moments(problem: Problem) -> list[LooksAt]:
 
 def region_channels(problem: Problem) -> list[LooksAt]:
     """Where a gate may look: positions, then moments."""
-    velocities = {c.velocity for c in problem.simulator.coordinates}
-    names = [c.name for c in problem.simulator.state if c.name not in velocities]
+    simulator = problem.simulator
+    others = {*(c.velocity for c in simulator.coordinates), *simulator.as_measured}
+    names = [c.name for c in simulator.state if c.name not in others]
     return [*names, *moments(problem)]

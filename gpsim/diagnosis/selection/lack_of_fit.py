@@ -26,6 +26,8 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.elimination import on_some_windows
+from gpsim.diagnosis.selection.impulses import impulses, visited
+from gpsim.effects import closed
 
 LEAST = 1e-6  # nats, of a simulation without an error: what rounding leaves is none
 NEGLIGIBLE = (
@@ -127,10 +129,42 @@ def _all_tested(
     problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
 ) -> list[tuple[float, int]]:
     """`_tested` on all cores, a few groups at a time: what they share is sent along with each chunk."""
+    if closed(problem.simulator) is not None:
+        return _told_by_impulses(problem, at, directions, groups)
     size = problem.run.settings.lack_of_fit.groups_at_once
     chunks = [groups[i : i + size] for i in range(0, len(groups), size)]
     every = problem.run.side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
     return [found for chunk in every for found in chunk]
+
+
+def _told_by_impulses(
+    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
+) -> list[tuple[float, int]]:
+    """The same where each function is a sum of pushes: what pushes on a rate do is simulated once."""
+    rest, states = directions.rest.ravel(), visited(problem, at)
+    inputs = _inputs(problem, states[:, :-1], problem.windows.actions)
+    rates = sorted({group.rate for group in groups})
+    calls = [(problem, at, directions, r, _probe(problem, r) * problem.windows.length) for r in rates]
+    answers = dict(zip(rates, problem.run.side_by_side(impulses, calls), strict=True))
+    return [
+        _explained(
+            directions.projected(_summed(problem, g, inputs, answers[g.rate])).reshape(g.size, -1), rest
+        )
+        for g in groups
+    ]
+
+
+def _summed(problem: Problem, group: _Group, inputs: FloatArray, answers: FloatArray) -> FloatArray:
+    """(F, W, M): what each function of a group takes off, from inputs (W, L, I) and answers (L, W, M) to pushes."""
+    columns = [inputs[:, :, i] for i in group.inputs]
+    if group.memory is not None:
+        columns[1] = _past(problem, group.inputs[1] - len(problem.simulator.state), group.memory)
+    which = np.arange(group.size)[:, None, None]
+    places = np.unravel_index(which, (group.knots.shape[1],) * len(group.inputs))
+    value = np.ones((group.size, *columns[0].shape))
+    for column, knots, place in zip(columns, group.knots, places, strict=True):
+        value *= _hat(column[None], knots, place)
+    return np.asarray(np.einsum("fwl,lwm->fwm", value, answers, optimize=True))
 
 
 def _tested(
@@ -218,17 +252,23 @@ def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -
     """(F, N): how the residual changes with each function, in standard deviations."""
     chain = at.hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     windows, settings, out = problem.windows, problem.run.settings.lack_of_fit, []
-    scale = settings.probe * max(float(np.abs(_rates(problem)[:, group.rate]).mean()), 1e-9)
+    scale = _probe(problem, group.rate)
     for first in range(0, group.size, settings.functions_at_once):
         which = np.arange(first, min(first + settings.functions_at_once, group.size))
         starts = np.tile(at.starts, (len(which), 1, 1))
         thetas = np.tile(at.hypothesis.theta, (len(which), 1))
         extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
         said = problem.simulated(chain, windows, starts, at.hypothesis.spread, thetas, extra)
-        residual = difference(windows.measured[None], said, problem.simulator.state)
+        residual = problem.simulator.gap(windows.measured[None], said)
         residual *= problem.root_weights
         out.append(directions.changes(residual).reshape(len(which), -1))
     return np.concatenate(out) / scale
+
+
+def _probe(problem: Problem, rate: int) -> float:
+    """How much is added to a rate, to see how the residual changes."""
+    usual = float(np.abs(_rates(problem)[:, rate]).mean())
+    return problem.run.settings.lack_of_fit.probe * max(usual, 1e-9)
 
 
 def _rates(problem: Problem) -> FloatArray:

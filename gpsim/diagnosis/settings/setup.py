@@ -53,6 +53,12 @@ class CandidateSettings:
     reach: float = setting(
         2.0, "standard deviations", "of a position, to either side, in which a law's places are looked for"
     )
+    apart: int = setting(
+        100,
+        "transitions",
+        "without contact that must be left where accelerations leave out those that touch",
+        least=1,
+    )
 
     def __post_init__(self) -> None:
         check(self, shares=("typical",))

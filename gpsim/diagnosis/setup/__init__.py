@@ -1,6 +1,7 @@
 """Setup: from a recording to the question and to what may be missing."""
 
 from gpsim.diagnosis.setup.candidates import candidates, offers_of
+from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.latent_states import Completions, completed, smoothed
 from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
@@ -13,6 +14,7 @@ __all__ = [
     "LogLook",
     "Question",
     "Sight",
+    "apart",
     "candidates",
     "check_moves",
     "completed",

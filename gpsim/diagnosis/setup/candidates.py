@@ -9,6 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import CandidateSettings
+from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.not_asked import shows
 from gpsim.diagnosis.setup.prepare import Question
@@ -69,6 +70,7 @@ class _Sizes:
     ) -> None:
         rows = recording.transitions()
         rows = rows.take(evenly(len(rows), settings.rows))
+        rows = rows.take(apart(simulator, settings.apart, rows.states, rows.next_states))
         self._reach = settings.reach
         self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
         self._spans = {

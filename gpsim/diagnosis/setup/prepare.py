@@ -23,6 +23,7 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
+from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
@@ -120,7 +121,7 @@ def prepare(
         origin,
         sight,
         free,
-        facts=log.facts,
+        facts=(*log.facts, *contacts(simulator, seen)),
     )
 
 

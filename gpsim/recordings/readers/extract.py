@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.recordings.readers.definitions import Decoder
-from gpsim.recordings.readers.fields import Path, Selection, parse_path, stamp_path
+from gpsim.recordings.readers.fields import Named, Path, Selection, parse_path, stamp_path
 
 BLOCK = 4096
 NAN = float("nan")
@@ -84,7 +84,7 @@ def row_maker(decoder: Decoder, wanted: Sequence[str], absent: dict[str, int]) -
     paths = [parse_path(text, decoder.types, decoder.name) for text in wanted]
     selections = list(dict.fromkeys(path.selection for path in paths))
     stamp = stamp_path(decoder.types, decoder.name)
-    if selections == [None] and stamp and not any(isinstance(s, int) for p in paths for s in p.steps):
+    if selections == [None] and stamp and all(isinstance(s, str) for p in paths for s in p.steps):
         prefix = ".".join(stamp)
         get = attrgetter(*(".".join(map(str, p.steps)) for p in paths), f"{prefix}.sec", f"{prefix}.nanosec")
         return lambda message: (get(message),)
@@ -126,7 +126,7 @@ def _stamp(path: tuple[str, ...] | None) -> Callable[[Any], tuple[float, float]]
 
 
 def _getter(path: Path, absent: dict[str, int]) -> Callable[[Any], float]:
-    """Follow attributes and indices; an index beyond the array's end is NaN and counted."""
+    """Follow attributes and indices; an index beyond the array's end, or a name not there, is NaN and counted."""
     steps: list[Callable[[Any], Any]] = []
     names: list[str] = []
     for step in path.steps:
@@ -136,7 +136,7 @@ def _getter(path: Path, absent: dict[str, int]) -> Callable[[Any], float]:
         if names:
             steps.append(attrgetter(".".join(names)))
             names = []
-        steps.append(_at(step))
+        steps.append(_at(step) if isinstance(step, int) else _beside(step))
     if names:
         steps.append(attrgetter(".".join(names)))
     if len(steps) == 1 and isinstance(steps[0], attrgetter):
@@ -146,7 +146,7 @@ def _getter(path: Path, absent: dict[str, int]) -> Callable[[Any], float]:
         try:
             for step in steps:
                 value = step(value)
-        except IndexError:
+        except (IndexError, ValueError):  # an array too short, a name that is not there
             absent[path.text] = absent.get(path.text, 0) + 1
             return NAN
         return float(value)
@@ -156,6 +156,21 @@ def _getter(path: Path, absent: dict[str, int]) -> Callable[[Any], float]:
 
 def _at(index: int) -> Callable[[Any], Any]:
     return lambda array: array[index]
+
+
+def _beside(step: Named) -> Callable[[Any], Any]:
+    """The number beside a name; where it is in the list is remembered as long as the list says the same."""
+    array, names = attrgetter(step.array), attrgetter(step.names)
+    place = 0
+
+    def get(message: Any) -> Any:
+        nonlocal place
+        held = names(message)
+        if place >= len(held) or held[place] != step.name:
+            place = held.index(step.name)
+        return array(message)[place]
+
+    return get
 
 
 def _never(path: Path, absent: dict[str, int]) -> Callable[[Any], float]:

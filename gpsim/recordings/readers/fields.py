@@ -4,9 +4,11 @@
     data.3, pose.covariance.0                                     an element of an array, counted from 0
     transforms.0.transform.translation.x                          the first message of an array of messages
     transforms[child_frame_id=base_link].transform.translation.x  those whose field has this value
+    position[name=elbow]                                          the number beside that name, as of a JointState
 
 A selection may name several fields, as [header.frame_id=map,child_frame_id=base_link]. It makes one row for every
-element that matches, with that element's own header stamp; a message without a match makes no row.
+element that matches, with that element's own header stamp; a message without a match makes no row. A name selects the
+number at the place where a list of texts of the same message holds it, which may be another one in every message.
 """
 
 from __future__ import annotations
@@ -30,9 +32,11 @@ _NUMBERS = frozenset(
     ["bool", "byte", "char", "octet", "float32", "float64", "float128"]
     + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 )  # fmt: skip
+_TEXTS = frozenset({"string", "wstring"})
 _SEGMENT = re.compile(r"(?P<index>\d{1,9})|(?P<name>[A-Za-z_]\w*)(\[(?P<where>[^\]]*)\])?", re.ASCII)
 _SELECTABLE = re.compile(r"[^\],\s]([^\],]*[^\],\s])?|")  # what a selection in brackets can ask for
 _SELECTOR_KEYS = ("child_frame_id", "name", "joint_name", "id")
+_NAMERS = ("name", "names", "joint_names")  # lists of texts that name what lists of numbers beside them hold
 
 
 class PathError(Exception):
@@ -49,17 +53,26 @@ class Selection:
 
 
 @dataclass(frozen=True)
+class Named:
+    """The element of the list `array` at the place where the list `names` of the same message holds `name`."""
+
+    array: str
+    names: str
+    name: str
+
+
+@dataclass(frozen=True)
 class Path:
-    """A parsed path: `steps` are attribute names and indices, from the message or from the selected element."""
+    """A parsed path: `steps` are attribute names, indices and names, from the message or from the selected element."""
 
     text: str
     selection: Selection | None
-    steps: tuple[str | int, ...]
+    steps: tuple[str | int | Named, ...]
 
 
 def parse_path(text: str, types: Types, root: str) -> Path:
     """Check a dotted path against a message type; PathError where it does not end at a number."""
-    steps: list[str | int] = []
+    steps: list[str | int | Named] = []
     selection: Selection | None = None
     here: Any = (Nodetype.NAME, root)
     for index, name, where in _segments(text):
@@ -67,10 +80,14 @@ def parse_path(text: str, types: Types, root: str) -> Path:
             here = _element(here, text, index)
             steps.append(index)
             continue
-        here = _field(here, name, types, text)
+        parent, here = here, _field(here, name, types, text)
+        if where is not None and (named := _named(where, name, here, parent, types)) is not None:
+            here = here[1][0]
+            steps.append(named)
+            continue
         steps.append(normalize_fieldname(name))
         if where is not None:
-            if selection is not None or any(isinstance(step, int) for step in steps):
+            if selection is not None or not all(isinstance(step, str) for step in steps):
                 raise PathError(f"{text}: only one selection in brackets is possible, before any index")
             here = _element(here, text, None)
             selection = Selection(
@@ -117,9 +134,28 @@ def _element(here: Any, text: str, index: int | None) -> Any:
         raise PathError(f"{text}: index {index} is outside an array of {length}")
     if index is None and inner[0] != Nodetype.NAME:
         raise PathError(
-            f"{text}: elements can be selected only in an array of messages, this is {_name(here)}"
+            f"{text}: elements can be selected only in an array of messages, or by a list of names beside it as "
+            f"[name=elbow]; this is {_name(here)}"
         )
     return inner
+
+
+def _named(where: str, array: str, here: Any, parent: Any, types: Types) -> Named | None:
+    """What `array[key=value]` asks for where `key` is a list of texts beside a list of numbers; else None."""
+    key, equals, value = where.partition("=")
+    beside = dict(types[parent[1]][1]).get(key.strip())
+    if not equals or beside is None or not (_lists(here, _NUMBERS) and _lists(beside, _TEXTS)):
+        return None
+    return Named(normalize_fieldname(array), normalize_fieldname(key.strip()), value.strip())
+
+
+def _lists(here: Any, kinds: frozenset[str]) -> bool:
+    """Whether it is an array of such plain values."""
+    return (
+        here[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE)
+        and here[1][0][0] == Nodetype.BASE
+        and here[1][0][1][0] in kinds
+    )
 
 
 def _conditions(where: str, element: Any, types: Types, text: str) -> tuple[tuple[str, str], ...]:
@@ -184,13 +220,44 @@ def _list_fields(
         if detail[0] in _NUMBERS:
             found[prefix] = None
     elif kind == Nodetype.NAME:
+        names = _names_of(types[detail][1], samples)
         for name, description in types[detail][1]:
             if name == "structure_needs_at_least_one_member":
+                continue
+            if names and _lists(description, _NUMBERS):
+                _list_named(
+                    f"{prefix}.{name}" if prefix else name, names, normalize_fieldname(name), samples, found
+                )
                 continue
             below = [getattr(sample, normalize_fieldname(name)) for sample in samples]
             _list_fields(types, description, f"{prefix}.{name}" if prefix else name, below, found, selects)
     else:
         _list_array(types, here, prefix, samples, found, selects)
+
+
+def _names_of(fields: Any, samples: list[Any]) -> tuple[str, tuple[str, ...]] | None:
+    """The list of texts that names the numbers beside it, and what it holds; None where there is none of use."""
+    key = next((name for name, d in fields if name in _NAMERS and _lists(d, _TEXTS)), None)
+    if key is None or not any(_lists(d, _NUMBERS) for _, d in fields):
+        return None
+    every = [[str(name) for name in getattr(sample, normalize_fieldname(key))] for sample in samples]
+    held = tuple(dict.fromkeys(name for names in every for name in names))
+    plain = all(_SELECTABLE.fullmatch(name) and name.isprintable() and name for name in held)
+    once = all(len(set(names)) == len(names) for names in every)
+    return (key, held) if held and plain and once and len(held) <= MAX_LISTED else None
+
+
+def _list_named(
+    prefix: str, names: tuple[str, tuple[str, ...]], array: str, samples: list[Any], found: dict[str, None]
+) -> None:
+    """The names for which a message has a number in this list."""
+    key, held = names
+    for name in held:
+        for sample in samples:
+            beside = [str(n) for n in getattr(sample, normalize_fieldname(key))]
+            if name in beside and beside.index(name) < len(getattr(sample, array)):
+                found[f"{prefix}[{key}={name}]"] = None
+                break
 
 
 def _list_array(

@@ -112,7 +112,9 @@ def _model(robot: str, effects: Sequence[TrueEffect]) -> Any:
     """The compiled model with every effect in it that is one of its bodies, its gravity or its servos."""
     mj, spec, layout = mujoco(), spec_of(robot), layout_of(robot)
     off, flags = mj.mjtDisableBit, int(spec.option.disableflags)
-    if flags & int(off.mjDSBL_CONSTRAINT):  # nothing touches in this model, but a real joint may rub all the same
+    if flags & int(
+        off.mjDSBL_CONSTRAINT
+    ):  # nothing touches in this model, but a real joint may rub all the same
         others = int(off.mjDSBL_EQUALITY) | int(off.mjDSBL_LIMIT) | int(off.mjDSBL_CONTACT)
         spec.option.disableflags = flags & ~int(off.mjDSBL_CONSTRAINT) | others
     for e in (e for e in effects if e.family == "payload"):

@@ -1,0 +1,124 @@
+"""`gpsim diagnose --each`: a fleet's recordings, one account each and one page over all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.text import Text
+
+from gpsim.errors import UsageError
+from gpsim.reports.printable import literal
+
+from .answers import answer, warned
+from .launching import launcher_of
+from .printing import say
+from .progress import Board, warn
+
+if TYPE_CHECKING:
+    from gpsim.artifacts import Artifact
+    from gpsim.stages.fleet import Fleet
+
+
+def refuse_several(recordings: Sequence[Path]) -> None:
+    """Without `--each` one recording at a time; raises UsageError for several, and for a folder of them."""
+    if len(recordings) > 1:
+        named = ", ".join(map(str, recordings))
+        raise UsageError(
+            f"diagnose: one RECORDING at a time, got {named}; --each diagnoses every one by itself"
+        )
+    for folder in recordings:
+        if folder.is_dir() and not (folder / "recording.yaml").is_file():
+            below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
+            if below:
+                raise UsageError(
+                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, or give --each"
+                )
+
+
+def diagnose_each(
+    recordings: Sequence[Path],
+    simulator: str | None,
+    read: Callable[[Path], Path],
+    out: Path | None,
+    config: dict[str, Any],
+    words: tuple[str, ...],
+    cores: int | None,
+) -> None:
+    """Print an account a recording, then which robots differ, and where the page lies.
+
+    read(path) is the recording itself, which of a raw log is imported then; it raises UsageError.
+    """
+    from gpsim.stages import fleet
+    from gpsim.stages.diagnose import Task
+    from gpsim.stages.stage import Request
+
+    def task_of(path: Path) -> Task | str:
+        try:
+            return Task(read(path), simulator, config["diagnose"]["episodes"])
+        except UsageError as error:
+            return str(error)
+
+    launcher = launcher_of(config, cores or os.cpu_count() or 1)
+    tasks = {name: task_of(path) for name, path in fleet.recordings_in(recordings, simulator).items()}
+    places: dict[str, Path] = {}
+    with Board(len(tasks)) as board:
+
+        def finished(job: str, artifact: Artifact, existed: bool) -> None:
+            places[job] = artifact.path
+            mark = Text("kept", "dim") if existed else Text("made", "green")
+            board.finish(job, mark + literal(f" {job:<34} {artifact.path}"), existed)
+            warn(artifact.path)
+
+        def failed(job: str, why: str) -> None:
+            board.finish(job, Text("failed", "red") + literal(f" {job:<34} {why}"))
+            warned(f"{job}: {why}")
+
+        found = fleet.run(Request(config, words, out=out), tasks, launcher, board.update, finished, failed)
+    _tell(found, places, simulator)
+    if found.failed:
+        raise UsageError(
+            f"{found.failed} of {len(tasks)} recordings could not be diagnosed; the page says why, run the same "
+            "command to carry on"
+        )
+
+
+def _tell(found: Fleet, places: dict[str, Path], simulator: str | None) -> None:
+    """The accounts, and what differs."""
+    from gpsim.reports.account import account_of
+    from gpsim.reports.account_lines import account_lines
+    from gpsim.stages import fleet
+
+    for robot in found.robots:
+        say(f"{robot.name}: {places.get(robot.name, 'failed')}")
+        lines = [robot.error]
+        if robot.diagnosis is not None:
+            lines = account_lines(account_of(robot.diagnosis, str(places[robot.name]), simulator))
+        for line in lines:
+            say(f"  {line}")
+        say()
+    say(f"Fleet    {found.said}")
+    for difference in found.found:
+        say(f"  {difference.sentence}")
+    say(f"diagnose: {found.artifact.path / fleet.PAGE}")
+    answer(
+        {
+            "folder": found.artifact.path,
+            "fleet": found.artifact.path / fleet.FACTS,
+            "report": found.artifact.path / fleet.PAGE,
+        },
+        said=found.said,
+        robots=[
+            {
+                "name": robot.name,
+                "verdict": robot.diagnosis.verdict if robot.diagnosis is not None else None,
+                "folder": str(places[robot.name].absolute()) if robot.name in places else None,
+                "error": robot.error or None,
+            }
+            for robot in found.robots
+        ],
+        differences=[asdict(d) for d in found.found],
+    )

@@ -1,0 +1,181 @@
+"""Dask workers as SLURM jobs: as many as there is work for, and a new one for each that is lost."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from dask_jobqueue import SLURMCluster
+from dask_jobqueue.slurm import SLURMJob
+from distributed.deploy.adaptive import Adaptive
+
+from gpsim.errors import UsageError
+from gpsim.files import disk_errors
+from gpsim.launchers.launcher import Slurm
+
+NAME = "gpsim"  # of the SLURM jobs
+LOOK = 5.0  # s between two looks at the queue
+FRUITLESS = 3  # jobs in a row that may end before a worker came of them
+
+
+class SlurmWorkers:
+    """The jobs of one command."""
+
+    def __init__(self, cluster: Any, launcher: Slurm) -> None:
+        self.cluster = cluster
+        self._upkeep = cluster.adapt(
+            Adaptive=Upkeep,
+            minimum_jobs=launcher.minimum,
+            maximum_jobs=launcher.maximum,
+            interval="1s",
+            wait_count=10,
+        )
+        self._upkeep.logs = Path(launcher.logs)
+
+    def wanted(self, tasks: int) -> None:
+        """So many tasks are not finished yet: a worker runs one at a time."""
+        self._upkeep.tasks = tasks
+
+    def given_up(self) -> str | None:
+        """Why no worker comes, once that is sure enough."""
+        why: str | None = self._upkeep.why
+        return why
+
+
+class Job(SLURMJob):  # type: ignore[misc]
+    """A SLURM job that remembers what `sbatch` said."""
+
+    refusal = ""
+
+    async def start(self) -> None:
+        """Submit it."""
+        try:
+            await super().start()
+        except Exception as error:
+            said = [line for line in str(error).splitlines() if line.startswith("sbatch:")]
+            self.refusal = said[-1] if said else " ".join(str(error).split())[:200]
+            raise
+
+
+class Cluster(SLURMCluster):  # type: ignore[misc]
+    """A cluster of such jobs."""
+
+    job_cls = Job
+
+
+class Upkeep(Adaptive):  # type: ignore[misc]
+    """Dask's own scaling after the number of tasks left instead of their durations, which nobody knows before.
+
+    Dask replaces a worker that it has seen and lost. A job that SLURM refused, or that ended before a worker came of
+    it, it would wait for without end: these are forgotten here, and so replaced, too.
+    """
+
+    tasks = 0
+    logs = Path()
+    why: str | None = None
+    _looked = -math.inf
+    _fruitless = 0
+
+    async def target(self) -> int:
+        """As many workers as there is work for; minimum and maximum are Dask's to heed."""
+        return self.tasks
+
+    async def workers_to_close(self, target: int) -> list[str]:
+        """Workers of jobs that are wholly idle: Dask's own choice may fall on one that works."""
+        workers = list(self.cluster.scheduler.workers.values())
+        jobs = {str(w.name): self._job_of(str(w.name)) for w in workers}
+        busy = {jobs[str(w.name)] for w in workers if w.processing}
+        idle = [name for name, job in jobs.items() if job not in busy]
+        return idle[: max(0, len(workers) - target)]
+
+    def _job_of(self, worker: str) -> str:
+        """Of a job with several processes each worker has the job's name and a number."""
+        return worker if worker in self.cluster.workers else worker.rpartition("-")[0]
+
+    async def recommendations(self, target: int) -> Any:
+        """Dask's own, after the queue was looked at."""
+        if time.monotonic() - self._looked > LOOK:
+            self._looked = time.monotonic()
+            await self._forget_lost()
+        return await super().recommendations(target)
+
+    async def _forget_lost(self) -> None:
+        if self.observed:
+            self._fruitless = 0
+        waiting = {n: job for n, job in self.cluster.workers.items() if not _arrived(n, self.observed)}
+        if not waiting:
+            return
+        queued = await self._queued()
+        for name, job in waiting.items():
+            if job.job_id is not None and (queued is None or job.job_id in queued):
+                continue
+            self._fruitless += 1
+            del self.cluster.workers[name]
+            if self._fruitless >= FRUITLESS and not self.observed:
+                self.why = self._said(job)
+
+    async def _queued(self) -> set[str] | None:
+        """Numbers of the user's jobs that wait or run; None where SLURM does not answer."""
+        try:
+            listed = await Job._call(["squeue", "--me", "--noheader", "--format=%A", "--states=PD,CF,R,S,CG"])
+        except (RuntimeError, OSError):
+            return None
+        return set(listed.split())
+
+    def _said(self, job: Any) -> str:
+        if job.job_id is None:
+            return (
+                f"SLURM takes no jobs: {job.refusal}; see launcher.queue, launcher.account, launcher.walltime"
+            )
+        words = [f"SLURM jobs end before a worker starts, the last was {job.job_id}"]
+        log = self.logs / f"{NAME}-{job.job_id}.err"
+        with suppress(OSError):
+            lines = log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+            words += [lines[-1][:200]] if lines else []
+        return ": ".join(words) + f"; see {log} and launcher.setup"
+
+
+def _arrived(name: str, observed: Any) -> bool:
+    """Whether a worker of a job is known; of several processes each has the job's name and a number."""
+    return any(str(o) == name or str(o).startswith(f"{name}-") for o in observed)
+
+
+@contextmanager
+def slurm_workers(launcher: Slurm) -> Iterator[SlurmWorkers]:
+    """A scheduler in this process, and SLURM jobs whose workers connect to it; they are cancelled with the block."""
+    if shutil.which("sbatch") is None:
+        raise UsageError("launcher=slurm: there is no sbatch here; start gpsim where SLURM's commands are")
+    logs = Path(launcher.logs)
+    with disk_errors(logs, "launcher.logs"):
+        logs.mkdir(parents=True, exist_ok=True)
+    try:
+        cluster = Cluster(
+            queue=launcher.queue,
+            account=launcher.account,
+            walltime=launcher.walltime,
+            memory=launcher.memory,
+            cores=launcher.cores,
+            processes=launcher.cores,
+            job_script_prologue=list(launcher.setup),
+            job_extra_directives=list(launcher.directives),
+            job_directives_skip=list(launcher.skip),
+            interface=launcher.interface,
+            python=launcher.python,
+            log_directory=str(logs),
+            job_name=NAME,
+            silence_logs="critical",
+            worker_extra_args=["--no-dashboard"],
+            scheduler_options={"dashboard_address": ":0"},
+        )
+    except (ValueError, OSError, RuntimeError) as error:
+        raise UsageError(f"launcher=slurm: {' '.join(str(error).split())[:300]}") from error
+    try:
+        yield SlurmWorkers(cluster, launcher)
+    finally:
+        with suppress(Exception):  # SLURM may be away: its jobs end when they miss their scheduler
+            cluster.close(timeout=20)

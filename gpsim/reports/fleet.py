@@ -1,0 +1,187 @@
+"""A fleet's diagnoses side by side: which robots differ from the others, in what, and since when."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.report import Estimate, NamedEffect
+from gpsim.reports.account_effects import claim_name, told_effects
+from gpsim.reports.diagnosis_text import gate_text
+from gpsim.reports.quantities import size_text
+from gpsim.reports.sheets import MISSING
+
+WIDER = 2.0  # times the 90 % interval: among hundreds of robots, one in ten lies outside of that by chance
+TRIFLE = 0.1  # of the fleet's median: robots of one make differ by as much, and nobody mends it
+SPREAD = 3.0  # robust standard deviations of the fleet
+TO_SIGMA = 1.4826  # median absolute deviation to the standard deviation of a normal distribution
+FEW = 3  # robots: of fewer nobody can say which is the odd one
+
+Claim = tuple[str, str]
+"""Family and place of an effect."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One recording's diagnosis; error: why there is none."""
+
+    name: str
+    diagnosis: Diagnosis | None
+    error: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether its account says which physics is missing, or that none is."""
+        return self.diagnosis is not None and self.diagnosis.verdict != "unknown"
+
+    @property
+    def effects(self) -> dict[Claim, NamedEffect]:
+        """Its headline effects."""
+        told = told_effects(self.diagnosis)[0] if self.diagnosis is not None else []
+        return {(effect.family, effect.place): effect for effect in told}
+
+    @property
+    def explanations(self) -> list[dict[Claim, NamedEffect]]:
+        """Its headline effects, then those of each explanation that its recording cannot tell from them."""
+        others = self.diagnosis.alternatives if self.diagnosis is not None else ()
+        return [
+            self.effects,
+            *({(e.family, e.place): e for e in o.effects if e.role == "headline"} for o in others),
+        ]
+
+    @property
+    def conceivable(self) -> set[Claim]:
+        """All effects that its account holds or does not rule out."""
+        if self.diagnosis is None:
+            return set()
+        lists = [self.diagnosis.effects, *(other.effects for other in self.diagnosis.alternatives)]
+        return {(effect.family, effect.place) for effects in lists for effect in effects}
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """In what a robot differs from the others. here, others: in words; since: empty where it was so all along."""
+
+    robot: str
+    effect: str
+    here: str
+    others: str
+    since: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """In one line."""
+        when = f", {self.since}" if self.since else ""
+        return f"{self.robot}: {self.effect}: {self.here}{when}; the others: {self.others}"
+
+
+def deviations(robots: Sequence[Robot]) -> list[Deviation]:
+    """Every difference, robot by robot.
+
+    Where a recording cannot tell explanations apart, that one stands for the robot whose effects most others have.
+    An effect belongs to the fleet where more than half of the judged robots have it. A robot that has another, that
+    lacks one and does not hold it possible, or whose size is apart from the others', differs.
+    """
+    judged = [robot for robot in robots if robot.judged]
+    told = _alike(judged)
+    claims = list(dict.fromkeys(claim for effects in told.values() for claim in effects))
+    found = []
+    for robot in judged:
+        others = [other for other in judged if other is not robot]
+        if others:
+            found += [d for claim in claims if (d := _deviation(robot, others, claim, told)) is not None]
+    return found
+
+
+def _alike(robots: Sequence[Robot]) -> dict[str, dict[Claim, NamedEffect]]:
+    """Of each robot by its name the explanation that is most like the others'."""
+    often = Counter(claim for robot in robots for claim in robot.effects)
+
+    def commonness(effects: dict[Claim, NamedEffect]) -> float:
+        return sum(often[claim] for claim in effects) / max(len(effects), 1)
+
+    return {robot.name: max(robot.explanations, key=commonness) for robot in robots}
+
+
+def _deviation(
+    robot: Robot, others: Sequence[Robot], claim: Claim, told: dict[str, dict[Claim, NamedEffect]]
+) -> Deviation | None:
+    having = [told[other.name][claim] for other in others if claim in told[other.name]]
+    mine, name = told[robot.name].get(claim), claim_name(*claim)
+    common = 2 * (len(having) + (mine is not None)) > len(others) + 1
+    if mine is None:
+        if not common or claim in robot.conceivable:
+            return None
+        return Deviation(robot.name, name, "none", _sizes(having))
+    dt = robot.diagnosis.dt if robot.diagnosis is not None else None
+    since = gate_text(mine, dt)
+    if not common:
+        possible = any(claim in other.conceivable for other in others)
+        alone = "none, though not ruled out in all" if possible else "none"
+        some = f"{len(having)} of {len(others)} have it"
+        return Deviation(robot.name, name, _size(mine), some if having else alone, since)
+    late = since and not any(gate_text(other, dt) for other in having)
+    if not late and not any(_apart(p, _of_others(having, key)) for key, p in mine.parameters.items()):
+        return None
+    return Deviation(robot.name, name, _size(mine), _sizes(having), since)
+
+
+def _of_others(effects: Sequence[NamedEffect], parameter: str) -> list[Estimate]:
+    return [effect.parameters[parameter] for effect in effects if parameter in effect.parameters]
+
+
+def _apart(mine: Estimate, others: Sequence[Estimate]) -> bool:
+    """Whether a size is not the fleet's: beyond its interval, beyond a trifle, and beyond the fleet's own spread."""
+    values = [o.value for o in others if math.isfinite(o.value) and not o.at_bound]
+    if not values or not math.isfinite(mine.value) or mine.at_bound or mine.low is None or mine.high is None:
+        return False
+    if len(values) + 1 >= FEW:  # itself, too: of three the two that agree are not odd because of the third
+        values.append(mine.value)
+    middle = median(values)
+    off = mine.value - middle
+    half = (mine.value - mine.low) if off > 0 else (mine.high - mine.value)
+    spread = TO_SIGMA * median(abs(value - middle) for value in values) if len(values) >= FEW else 0.0
+    return abs(off) > max(WIDER * half, TRIFLE * abs(middle), SPREAD * spread)
+
+
+def _size(effect: NamedEffect) -> str:
+    several = len(effect.parameters) > 1
+    sizes = [
+        f"{name.replace('_', ' ')} " * several + size_text(name, p) for name, p in effect.parameters.items()
+    ]
+    return ", ".join(sizes) or MISSING
+
+
+def _sizes(effects: Sequence[NamedEffect]) -> str:
+    """The middle one of several, by its first parameter."""
+    named = [e for e in effects if e.parameters]
+    if not named:
+        return f"all {len(effects)} have it"
+    ordered = sorted(named, key=lambda e: next(iter(e.parameters.values())).value)
+    return f"{_size(ordered[len(ordered) // 2])} in the middle of {len(named)}"
+
+
+def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:
+    """How many differ, in a sentence."""
+    judged = [robot for robot in robots if robot.judged]
+    odd = list(dict.fromkeys(d.robot for d in found))
+    failed = sum(robot.diagnosis is None for robot in robots)
+    beside = [
+        *([f"{failed} could not be diagnosed"] if failed else []),
+        *([f"of {n} nobody can say what is missing"] if (n := len(robots) - len(judged) - failed) else []),
+    ]
+    if len(judged) < 2:
+        said = f"{len(judged)} of {len(robots)} recordings can be compared"
+    elif not odd:
+        said = f"no difference among {len(judged)} robots"
+    elif len(judged) < FEW:
+        said = "the two robots differ; a third would say which is the odd one"
+    else:
+        said = (
+            f"{len(odd)} of {len(judged)} robots {'differs' if len(odd) == 1 else 'differ'}: {', '.join(odd)}"
+        )
+    return "; ".join([said, *beside])

@@ -1,0 +1,143 @@
+"""A sweep as one self-contained page: its main figures over what was swept, and a row a point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from gpsim.reports.canvas import data_uri, panels, style
+from gpsim.reports.html import page_of
+from gpsim.reports.palette import colours
+from gpsim.reports.prove_page import STYLE
+from gpsim.reports.sheets import Cell, Sheet, row, significant
+
+SEED = "seed"
+MAIN = ("returns_certified.", "returns_all.", "success_all.", "one_step.", "explained", "verdict", "effects")
+"""Beginnings of the figures that a page shows of an evaluation or a diagnosis; of other stages it shows the first."""
+MOST, MOST_DRAWN = 12, 6  # columns of a table; lines of a picture
+MOST_ROWS = 2000  # points in the page: the CSV has all
+PAGE = """<!doctype html>
+<html lang="en"><head>{{ head }}<title>gpsim sweep</title></head><body>
+<h1>Sweep of {{ of }} over {{ swept|join(", ") or "nothing" }}</h1>
+<p>{{ points }} points{% if missing %}, <span class="marked">{{ missing }} of them failed</span>{% endif %}. All figures
+are in sweep.csv and sweep.parquet beside this page.</p>
+{% if picture %}<img src="{{ picture }}" alt="Main figures over {{ over }}">{% endif %}
+{% for sheet in sheets if sheet.rows %}<h2>{{ sheet.title }}</h2><div class="wide"><table>
+<tr>{% for name in sheet.columns %}<th>{{ name|short }}</th>{% endfor %}</tr>
+{% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
+{{- cell.text }}</td>{% endfor %}</tr>
+{% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}
+{% endfor %}
+</body></html>
+"""
+
+
+def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
+    """The page; table: a row a point, as stages/grid.py makes it. Equal tables give equal pages."""
+    shown, over = main_figures(swept, table), _axis(swept, table)
+    figure = None if over is None else _picture(over, shown, table)
+    return page_of(
+        PAGE,
+        STYLE + "img { max-width: 100%; }\n",
+        of=of,
+        swept=swept,
+        points=len(table),
+        missing=int(table["error"].notna().sum()),
+        over=over,
+        picture=None if figure is None else data_uri(figure),
+        sheets=[_over_seeds(swept, shown, table), _points(swept, shown, table)],
+    )
+
+
+def main_figures(swept: Sequence[str], table: pd.DataFrame) -> list[str]:
+    """The columns that a page shows, at most MOST."""
+    found = [name for name in table.columns if name not in (*swept, "sha256", "error")]
+    varying = [name for name in found if table[name].notna().any()]
+    main = [name for name in varying if name.startswith(MAIN) and _is_mean(name)]
+    sets = [name for name in main if name.startswith("returns_certified.")]
+    if sets:  # the same returns over all starts say it once more
+        main = [name for name in main if not name.startswith("returns_all.")]
+    return (main or varying)[:MOST]
+
+
+def _is_mean(name: str) -> bool:
+    if name.startswith("one_step."):
+        return name.endswith((".mean.nrmse", ".before", ".after"))
+    return "." not in name or name.endswith((".mean", ".rate"))
+
+
+def _numeric(table: pd.DataFrame, name: str) -> bool:
+    return bool(pd.api.types.is_numeric_dtype(table[name]) and not pd.api.types.is_bool_dtype(table[name]))
+
+
+def _axis(swept: Sequence[str], table: pd.DataFrame) -> str | None:
+    """The setting to draw over: the first number that is swept, the seed only where it is alone."""
+    numbers = [name for name in swept if _numeric(table, name)]
+    return next((name for name in numbers if name != SEED), numbers[0] if numbers else None)
+
+
+def _picture(over: str, shown: Sequence[str], table: pd.DataFrame) -> Figure | None:
+    """A point a row and a line through the medians, a colour a figure, a panel for each kind of them."""
+    numbers = [name for name in shown if _numeric(table, name)]
+    kinds = list(dict.fromkeys(name.split(".")[0] for name in numbers))
+    if not kinds:
+        return None
+    with style():
+        figure, axes = panels(1, len(kinds), (4.6 * len(kinds), 3.6))
+        for axis, kind in zip(axes[0], kinds, strict=True):
+            lines = [name for name in numbers if name.split(".")[0] == kind][:MOST_DRAWN]
+            tints = colours(lines)
+            for name in lines:
+                rows = table[[over, name]].dropna().sort_values(over)
+                axis.plot(rows[over], rows[name], ".", color=tints[name], alpha=0.5)
+                middle = rows.groupby(over)[name].median()
+                label = name.removeprefix(f"{kind}.").removesuffix(".mean")
+                axis.plot(middle.index, middle.to_numpy(), color=tints[name], label=label)
+            axis.set_xlabel(over)
+            axis.set_title(kind.replace("_", " "))
+            if len(lines) > 1:
+                axis.legend(fontsize=8)
+    return figure
+
+
+def _over_seeds(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
+    """Mean and spread over the seeds of each other combination; no rows where no seeds are swept."""
+    others = [name for name in swept if name != SEED]
+    numbers = [name for name in shown if _numeric(table, name)]
+    columns = (*others, "seeds", *numbers)
+    if SEED not in swept or not numbers:
+        return Sheet("Over seeds", columns, ())
+    groups = table.groupby(others, sort=False, dropna=False) if others else [((), table)]
+    rows = []
+    for key, group in groups:
+        values = key if isinstance(key, tuple) else (key,)
+        cells = [Cell(str(value)) for value in values]
+        cells.append(Cell(str(int(group["error"].isna().sum()))))
+        cells += [Cell(_spread(group[name].dropna())) for name in numbers]
+        rows.append(row(*cells))
+    return Sheet("Over seeds: mean ± standard deviation", columns, tuple(rows), labels=len(others) + 1)
+
+
+def _spread(values: Any) -> str:
+    mean = significant(float(values.mean())) if len(values) else significant(None)
+    return f"{mean} ± {significant(float(values.std()))}" if len(values) > 1 else mean
+
+
+def _points(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
+    failed = bool(table["error"].notna().any())
+    columns = (*swept, *shown, *(("error",) if failed else ()))
+    rows = []
+    for record in table.head(MOST_ROWS).to_dict("records"):
+        cells = [Cell(str(record[name])) for name in swept]
+        cells += [Cell(_text(record[name])) for name in shown]
+        cells += [Cell(str(record["error"] or ""), marked=True)] if failed else []
+        rows.append(row(*cells))
+    note = f"The first {MOST_ROWS} points; all are in sweep.csv." if len(table) > MOST_ROWS else ""
+    return Sheet("Every point", columns, tuple(rows), labels=len(swept), note=note)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else significant(value if value is not None else None)

@@ -1,0 +1,179 @@
+"""diagnose --each: a fleet's recordings, each diagnosed by itself, and one page over all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from gpsim.artifacts import Artifact, Recipe
+from gpsim.errors import UsageError
+from gpsim.files import Json, write_json
+from gpsim.launchers import Launcher, Update
+from gpsim.recordings import is_bag_folder
+from gpsim.reports.fleet import Deviation, Robot, deviations, headline
+from gpsim.reports.fleet_page import fleet_page
+from gpsim.stages.code import RELEASE
+from gpsim.stages.diagnose import Task, read_diagnosis
+from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
+from gpsim.stages.raw_logs import is_raw
+from gpsim.stages.stage import Request, Stage
+
+STAGE_NAME, FORMAT = "fleet", 1
+FACTS, PAGE = "fleet.json", "report.html"
+SCHEMA = "gpsim.fleet/1"
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """What was found. artifact: with the page; robots: in the order of the recordings; places: their diagnoses."""
+
+    artifact: Artifact
+    robots: tuple[Robot, ...]
+    found: tuple[Deviation, ...]
+
+    @property
+    def said(self) -> str:
+        """Which differ, in a sentence."""
+        return headline(self.robots, self.found)
+
+    @property
+    def failed(self) -> int:
+        """How many could not be diagnosed."""
+        return sum(robot.diagnosis is None for robot in self.robots)
+
+
+def recordings_in(paths: Sequence[Path], simulator: str | None) -> dict[str, Path]:
+    """Name -> recording: each path, or of a folder that is none all recordings below it; raises UsageError.
+
+    One folder without any holds a raw log a robot: its log files, and its folders of such. A recording is called as it
+    lies below the folder that all have in common. With a simulator bare CSV files are recordings, too.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if not path.exists():
+            raise UsageError(f"{path}: no such recording or folder")
+        below = _recordings_of(path, simulator, alone=len(paths) == 1)
+        if not below:
+            raise UsageError(f"{path}: no recordings in it (folders with a recording.yaml), and no logs")
+        found += below
+    whole = [Path(os.path.abspath(path)) for path in found]  # noqa: PTH100 - links keep their names
+    twice = [path for i, path in enumerate(whole) if path in whole[:i]]
+    if twice:
+        raise UsageError(f"{twice[0]}: named twice")
+    common = Path(os.path.commonpath([path.parent for path in whole]))
+    return {path.relative_to(common).as_posix(): given for path, given in zip(whole, found, strict=True)}
+
+
+def _recordings_of(path: Path, simulator: str | None, alone: bool) -> list[Path]:
+    """Those that one word names."""
+    if not path.is_dir() or (path / "recording.yaml").is_file():
+        return [path]
+    if below := _below(path, simulator is not None):
+        return below
+    if not is_raw(path, simulator):
+        return []
+    if not alone or is_bag_folder(path):
+        return [path]
+    return [p for p in sorted(path.iterdir()) if not p.name.startswith(".") and is_raw(p, simulator)]
+
+
+def _below(folder: Path, bare: bool) -> list[Path]:
+    homes = [path.parent for path in folder.rglob("recording.yaml")]
+    tables = [path for path in folder.rglob("*.csv") if path.parent not in homes] if bare else []
+    return sorted(
+        path
+        for path in (*homes, *tables)
+        if not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    )
+
+
+def run(
+    request: Request,
+    tasks: Mapping[str, Task | str],
+    launcher: Launcher,
+    update: Update,
+    finished: Finished,
+    failed: Failed,
+) -> Fleet:
+    """Diagnose each recording; one that fails stops no other. Raises UsageError where all do.
+
+    tasks: what each is about, or why it cannot be read.
+    """
+    made: dict[str, Artifact] = {}
+    errors: dict[str, str] = {}
+
+    def note(label: str, artifact: Artifact, existed: bool) -> None:
+        made[label] = artifact
+        finished(label, artifact, existed)
+
+    def wrong(label: str, why: str) -> None:
+        errors[label] = why
+        failed(label, why)
+
+    if request.out is not None and request.out.exists():
+        raise UsageError(
+            f"{request.out}: exists already; artifacts are never overwritten, choose another --out"
+        )
+    alone = replace(request, out=None)
+    for name, task in tasks.items():
+        if isinstance(task, str):
+            wrong(name, task)
+    jobs = [
+        Job(name, "diagnose", alone, recorded=task) for name, task in tasks.items() if isinstance(task, Task)
+    ]
+    run_jobs(jobs, launcher, update, note, wrong)
+    if not made:
+        raise UsageError(f"no recording could be diagnosed; the first: {next(iter(errors.values()))}")
+    robots = tuple(
+        Robot(name, read_diagnosis(made[name].path) if name in made else None, errors.get(name, ""))
+        for name in tasks
+    )
+    found = tuple(deviations(robots))
+    artifact, _ = _stage(robots, found, made).make(request)
+    return Fleet(artifact, robots, found)
+
+
+def _stage(robots: Sequence[Robot], found: Sequence[Deviation], made: dict[str, Artifact]) -> Stage:
+    return Stage(
+        STAGE_NAME,
+        lambda request: _recipe(request, robots, made),
+        lambda request, recipe, folder: _write(robots, found, made, folder),
+        format=FORMAT,
+        code=RELEASE,
+    )
+
+
+def _recipe(request: Request, robots: Sequence[Robot], made: dict[str, Artifact]) -> Recipe:
+    """The diagnoses by their digests, no parents: a fleet of thousands would hold as many folders open."""
+    each = [
+        {"name": r.name, "made": made[r.name].digest if r.name in made else None, "error": r.error or None}
+        for r in robots
+    ]
+    return Recipe(STAGE_NAME, {"recordings": each}, {}, {"seed": request.seed})
+
+
+def _write(
+    robots: Sequence[Robot], found: Sequence[Deviation], made: dict[str, Artifact], folder: Path
+) -> Json:
+    content: Json = {
+        "schema": SCHEMA,
+        "said": headline(robots, found),
+        "robots": [
+            {
+                "name": r.name,
+                "verdict": r.diagnosis.verdict if r.diagnosis is not None else None,
+                "diagnosis_sha256": made[r.name].digest if r.name in made else None,
+                "error": r.error or None,
+            }
+            for r in robots
+        ],
+        "differences": [asdict(d) for d in found],
+    }
+    write_json(folder / FACTS, content)
+    simulators = [
+        str(made[r.name].manifest["config"].get("simulator") or "") if r.name in made else "" for r in robots
+    ]
+    (folder / PAGE).write_text(fleet_page(robots, simulators), encoding="utf-8")
+    return {"diagnoses": {name: str(artifact.path) for name, artifact in made.items()}}

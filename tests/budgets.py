@@ -1,0 +1,10 @@
+"""The smallest budget of a cart-pole's loop: below the smoke budget, and all parts still run."""
+
+TINY = (
+    "budget=smoke",
+    "policy.total_steps=640",
+    "policy.n_steps=32",
+    "evaluate.episodes=12",
+    "evaluate.rollouts=6",
+    "certify.width=4",
+)

@@ -1,0 +1,165 @@
+"""The same jobs on Dask: the same bytes, a lost worker's work done again, failures with the node's name."""
+
+import logging
+import os
+import signal
+import socket
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from gpsim.errors import UsageError
+from gpsim.launchers import Dask, Local, Task, run_tasks
+from gpsim.launchers.tasks import JobFailedError
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own
+POINTS = ["collect.policy=random", "collect.episodes=2", "seed=range(3)"]
+
+
+@pytest.fixture(scope="module")
+def address():
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=":0",
+        silence_logs=logging.CRITICAL,
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def silent(*_):
+    pass
+
+
+def run(address, tasks, update=silent, shared=True, **more):
+    said = []
+    launcher = Dask(address, shared=shared, announce=said.append)
+    found = {o.label: o for o in run_tasks(launcher, tasks, update, **more)}
+    assert "http://" in said[0]
+    return found
+
+
+def doubled(number, progress):
+    progress(0, 0, "begins")
+    return 2 * number
+
+
+def refused(progress):
+    raise UsageError("the log is empty")
+
+
+def broken(progress):
+    return 1 // 0
+
+
+def killing(mark, progress):
+    """The first process that runs it dies of it, once its last act is on the disk."""
+    try:
+        Path(mark).touch(exist_ok=False)
+    except FileExistsError:
+        return "again"
+    return os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_tasks_run_elsewhere_and_say_so(address):
+    told = []
+    found = run(
+        address,
+        [Task(f"t{i}", partial(doubled, i), (f"t{i - 1}",) if i else ()) for i in range(4)],
+        lambda *m: told.append(m),
+    )
+    assert [found[f"t{i}"].result for i in range(4)] == [0, 2, 4, 6]
+    assert {o.node for o in found.values()} == {socket.gethostname()}
+    assert any(m[3] == f"begins on {socket.gethostname()}" for m in told)
+    assert not list(Path().iterdir())  # no mark of the folder stays
+
+
+def test_a_failure_names_the_node_and_a_mistake_brings_its_traceback(address):
+    node = socket.gethostname()
+    with pytest.raises(UsageError, match=rf"^the log is empty \(on {node}\)$"):
+        run(address, [Task("bad", refused)])
+    with pytest.raises(JobFailedError, match=rf"worse failed on {node}:\n(.|\n)*ZeroDivisionError"):
+        run(address, [Task("worse", broken)])
+    found = run(address, [Task("bad", refused), Task("good", partial(doubled, 1))], keep_going=True)
+    assert found["good"].result == 2
+
+
+def test_the_work_of_a_worker_that_was_killed_is_done_by_another(address, tmp_path):
+    found = run(
+        address, [Task("k", partial(killing, str(tmp_path / "mark"))), Task("t", partial(doubled, 1))]
+    )
+    assert found["k"].result == "again"
+    assert found["t"].result == 2
+
+
+def test_a_folder_that_workers_do_not_see_is_refused(address, tmp_path, monkeypatch):
+    from contextlib import nullcontext
+
+    from gpsim.launchers import dask_client
+
+    monkeypatch.setattr(dask_client.Path, "cwd", lambda: Path("/nowhere/at/all"))
+    monkeypatch.setattr(dask_client, "_mark", lambda: nullcontext("no-such-mark"))
+    monkeypatch.setattr(dask_client, "PATIENCE", 0.0)
+    with pytest.raises(UsageError, match=r"launcher.shared=false"):
+        run(address, [Task("t", partial(doubled, 1))])
+
+
+def points():
+    from gpsim.cli.sweep import _resolved
+    from gpsim.cli.sweep_words import points_of
+
+    return _resolved(points_of(POINTS), None)
+
+
+def sweep(launcher):
+    from gpsim.stages import grid
+
+    made, plan = [], grid.grid_of(points(), "collect")
+    artifact, missing = grid.run(plan, launcher, silent, lambda job, a, existed: made.append(existed), silent)
+    assert missing == 0
+    return artifact, made
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_artifacts_are_the_same_bytes_and_none_is_made_twice(address, tmp_path, monkeypatch, tree, shared):
+    homes = {name: tmp_path / name for name in ("here", "there")}
+    for name, launcher in (("here", Local(1)), ("there", Dask(address, shared=shared))):
+        homes[name].mkdir()
+        monkeypatch.chdir(homes[name])
+        artifact, made = sweep(launcher)
+        assert made == [False] * 3
+        again, kept = sweep(launcher)
+        assert (again, kept) == (artifact, [True] * 3)
+    assert tree(homes["here"]) == tree(homes["there"])
+    assert len(tree(homes["there"])) > 6
+
+
+def test_without_a_shared_file_system_nothing_outside_the_folder_is_written(address, tmp_path, monkeypatch):
+    monkeypatch.setattr("test_dask.POINTS", [*POINTS, f"runs_dir={tmp_path / 'elsewhere'}"])
+    with pytest.raises(UsageError, match="below the folder where the command is started"):
+        sweep(Dask(address, shared=False))
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
+    monkeypatch.setattr("gpsim.launchers.dask_client.CONNECT", 1)
+    with pytest.raises(UsageError, match="no Dask scheduler answers"):
+        run("tcp://127.0.0.1:9", [Task("t", partial(doubled, 1))])
+
+
+def test_what_came_back_otherwise_than_it_was_made_is_refused(tmp_path):
+    from gpsim.artifacts import Recipe, Store
+
+    made = Store(tmp_path / "there", "x").publish(
+        Recipe("s", {}, {}, {}), lambda f: (f / "a").write_text("1") and None
+    )
+    here = Store(tmp_path / "here", "x")
+    assert here.adopt(made.path, made).digest == made.digest
+    assert here.adopt(made.path, made).path.name == "v0001"  # it is there already
+    (made.path / "a").write_text("2")
+    with pytest.raises(UsageError, match="changed after it was written"):
+        Store(tmp_path / "elsewhere", "x").adopt(made.path, made)
+    assert not (tmp_path / "elsewhere").exists()

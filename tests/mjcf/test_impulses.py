@@ -1,0 +1,58 @@
+"""What smooth functions change, told by pushes, is what each of them simulated by itself changes."""
+
+from importlib import import_module
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from mjcf_models import DOUBLE, written
+
+from gpsim.diagnosis.fitting import Directions, Hypothesis, fit
+from gpsim.diagnosis.setup import prepare
+from gpsim.stages.diagnose import Task, open_recording
+
+DT = 0.01
+lack_of_fit = import_module(
+    "gpsim.diagnosis.selection.lack_of_fit"
+)  # the room offers a function of that name
+
+
+def question(folder):
+    """A double pendulum with drag on the elbow that the model lacks, joints and speeds measured."""
+    rng, model = np.random.default_rng(3), mujoco.MjModel.from_xml_string(DOUBLE)
+    data, rows = mujoco.MjData(model), ["episode,t,shoulder,shoulder_dot,elbow,elbow_dot,m1,m2"]
+    for e in range(4):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = rng.normal(size=2)
+        for k in range(80):
+            push = 0.8 * np.sin(0.13 * k + np.array([e, 2.0 * e]))
+            read = [*np.ravel(np.stack([data.qpos, data.qvel], axis=1)) + 1e-4 * rng.normal(size=4), *push]
+            rows.append(f"{e},{DT * k:.3f}," + ",".join(f"{v:.7f}" for v in read))
+            data.ctrl[:] = push
+            for _ in range(5):
+                data.qfrc_applied[1] = -0.02 * abs(data.qvel[1]) * data.qvel[1]
+                mujoco.mj_step(model, data)
+    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
+    state = {"shoulder": "rad", "shoulder_dot": "rad/s", "elbow": "rad", "elbow_dot": "rad/s"}
+    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": state, "velocities": "measured"}
+    (folder / "recording.yaml").write_text(yaml.safe_dump({**meta, "action": {"m1": "N m", "m2": "N m"}}))
+    written(folder, DOUBLE)
+    recording, simulator = open_recording(Task(folder, None))
+    return prepare(recording, simulator, simulator.defaults())
+
+
+def test_a_function_answers_as_the_sum_of_its_pushes(tmp_path):
+    problem = question(tmp_path).searched
+    at = fit(problem, Hypothesis(scheme="fine"), problem.windows.measured[:, 0], iterations=4)
+    directions = Directions(problem, at)
+    single = lack_of_fit._single(problem)
+    groups = [g for g in single if g.rate == 1][:4]
+    groups += (
+        lack_of_fit._double(problem, single, [1.0] * len(single))[-2:] + lack_of_fit._remembering(problem)[:1]
+    )
+    told = lack_of_fit._told_by_impulses(problem, at, directions, groups)
+    alone = lack_of_fit._tested(problem, at, directions, groups)
+    for (nats, freedom), (own, freedom_alone) in zip(told, alone, strict=True):
+        assert nats == pytest.approx(own, rel=0.05)
+        assert freedom == freedom_alone
