@@ -164,6 +164,8 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
     if "rough" in content:
         misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
         say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")
+    if "mjcf" in content:
+        say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):
         say(line)
     say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")

@@ -52,7 +52,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
 def terminal_sheets(content: Json) -> list[Sheet]:
     """Those that a terminal shows: of the rough worlds what was said where what was called for."""
     verdicts = rough_sheets(content)[-2:-1]
-    verdicts += robot_sheets(content)[:2]
+    verdicts += robot_sheets(content)[:1]
     sheets = [goals_sheet(content), *verdicts, rivals_sheet(content), namers_sheet(content)]
     return [sheet for sheet in sheets if sheet.rows]
 

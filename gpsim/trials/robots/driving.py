@@ -148,7 +148,7 @@ def balancing(robot: str, dt: float) -> FloatArray:
         row = state[None]
         for _ in range(round(dt / plant.h)):
             row = plant.step(row, action[None])
-        return row[0]
+        return np.asarray(row[0])
 
     none = np.zeros(actions)
     a = np.stack(
