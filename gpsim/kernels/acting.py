@@ -108,28 +108,31 @@ def passed(
     law: int, at: int, v: FloatArray, i: int, memory: FloatArray, place: int, u: float, t: float, h: float
 ) -> float:
     """What a law makes of a command that is held for h [s] from t [s] on, a mean over that time."""
+    first: float = v[at, i]
     if law == GAIN:
-        return v[at, i] * u
+        return first * u
     if law == BIAS:
-        return u + v[at, i]
+        return u + first
     if law == DEAD_ZONE:
-        return 0.0 if abs(u) < v[at, i] else u
+        return 0.0 if abs(u) < first else u
     if law == SATURATION:
-        return clipped(u, -v[at, i], v[at, i])
+        return clipped(u, -first, first)
     if law == ASYMMETRY:
-        return (v[at, i] if u > 0.0 else v[at + 1, i]) * u
+        below: float = v[at + 1, i]
+        return (first if u > 0.0 else below) * u
     if law == SAG:
-        return u * larger(1.0 - v[at, i] * t, 0.0)
-    level = memory[place]
+        return u * larger(1.0 - first * t, 0.0)
+    level: float = memory[place]
     if law == BACKLASH:
-        memory[place] = smaller(larger(u - v[at, i], level), u + v[at, i])
-        return memory[place]
+        held = smaller(larger(u - first, level), u + first)
+        memory[place] = held
+        return held
     if law == RATE_LIMIT:
-        reach = v[at, i] * h
+        reach = first * h
         now = smaller(larger(u, level - reach), level + reach)
         moved, memory[place] = now - level, now
         return now - moved * abs(moved) / larger(2.0 * reach, 1e-300)
-    ratio = larger(h, 1e-12) / larger(v[at, i], 1e-9)
+    ratio = larger(h, 1e-12) / larger(first, 1e-9)
     behind = level - u
     memory[place] = behind * math.exp(-ratio) + u
     return u + behind * (-math.expm1(-ratio) / ratio)
