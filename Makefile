@@ -15,13 +15,14 @@ help:            ## List the targets
 	@echo "  $(STAGES)"
 	@echo "                   One stage each; settings in ARGS, as: make fit-gp ARGS=\"gp.n_train=500 seed=3\""
 
+# Not compiled ahead: what runs is when it first does, a small part of what torch and the others bring.
 install: $(VENV)/.installed  ## Make .venv and install gpsim into it
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "error: gpsim needs Python 3.11 or newer, $(PYTHON) is older; set PYTHON=..."; exit 2; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable '.[test]'
 	@touch $@
 
 prove: install   ## Concealed worlds, diagnosed blind: ARGS="--trials 40 --seed 1 --out runs/proof-1"

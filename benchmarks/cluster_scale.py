@@ -3,20 +3,25 @@
     .venv/bin/python benchmarks/cluster_scale.py                   # the model, some seconds
     .venv/bin/python benchmarks/cluster_scale.py --real 2 0.5      # and Dask itself, trials of 2 s and of 0.5 s
 
-The model: every trial passes the command (submit), the scheduler, a core, the file server and the command again (the
-outcome). Command, scheduler and file server are one server each that takes trials in turn; a core pays its gap besides.
-Their times a trial are what cluster_overhead.py measures; the trials' own are log-normal.
+The model: every trial passes the command and Dask's scheduler, which share a process, a core, the file server and the
+process again (the outcome). Process and file server take one trial at a time; a core pays its gap besides. Their times
+a trial are what this file and cluster_overhead.py measure; the trials' own are log-normal.
+
+Of a proof every trial has folders of its own. In a sweep all artifacts of a stage lie on one shelf, whose names a job
+lists; --looking says what it cost if every job looked at each version that is stored, as one does without markers.
 
 The run: Dask's scheduler and the command of gpsim as they are, but its cores are threads, and its trials sleep.
 """
 
 import argparse
 import heapq
+import itertools
 import json
 import logging
 import random
 import tempfile
 import time
+from collections import deque
 from contextlib import chdir, nullcontext
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -30,18 +35,23 @@ ON_WAY = 2  # tasks handed out for each core, as gpsim/launchers/dask_client.py 
 
 @dataclass(frozen=True)
 class Costs:
-    """Seconds a trial: of the command when it hands one out and takes one in, of the scheduler, of the file server.
+    """What a trial costs beside its work.
 
-    gap: between two trials of one core; fixed: before the first worker works; summary: at the end, a trial.
+    process: s of the command and the scheduler together; gap: s between two trials of a core; operations: on files and
+    folders, rate: how many of these the file server does in a second; fixed: s before the first worker works;
+    summary: s at the end.
     """
 
-    submit: float = 0.4e-3
-    outcome: float = 0.6e-3
-    scheduler: float = 1.0e-3
-    files: float = 1.0e-3
-    gap: float = 5e-3
+    process: float = 3.8e-3
+    gap: float = 1e-3
+    operations: int = 80
+    rate: float = 20_000.0
     fixed: float = 20.0
-    summary: float = 3e-3
+    summary: float = 13e-3
+
+
+LISTINGS, NAMES = 3, 200  # of a shelf by a job; names that one answer of the file server holds
+MANIFEST = 3  # operations that reading one takes
 
 
 def durations(trials: int, median: float, seed: int = 1) -> list[float]:
@@ -51,55 +61,61 @@ def durations(trials: int, median: float, seed: int = 1) -> list[float]:
     return [min(median * draw.lognormvariate(0.0, SIGMA), longest) for _ in range(trials)]
 
 
-def modelled(work: list[float], cores: int, costs: Costs) -> dict[str, float]:
+def shelf_operations(kind: str, stored: int, cores: int) -> float:
+    """Of one job beside so many versions. looking: a stat of each, and the manifests made since its worker looked."""
+    if kind == "proof":
+        return 0.0
+    looks = stored + MANIFEST * min(cores, stored) if kind == "looking" else 0
+    return looks + LISTINGS * stored / NAMES
+
+
+def modelled(work: list[float], cores: int, costs: Costs, kind: str = "proof") -> dict[str, float]:
     """Wall seconds without and with the summary, and the share of the cores' time that was work."""
-    free = {"command": 0.0, "scheduler": 0.0, "files": 0.0}
+    free, stored, counter = {"process": 0.0, "files": 0.0}, 0, itertools.count()
+    events: list[tuple[float, int, str, int]] = []  # when, a number that orders equals, what ends then, trial
+    waiting: deque[int] = deque()
+    ahead, idle, last = min(ON_WAY * cores, len(work)), cores, 0.0
 
     def served(name: str, at: float, takes: float) -> float:
         free[name] = max(free[name], at) + takes
         return free[name]
 
-    # Events in the order of time: (when, number, what, trial); a core is no more than a count.
-    events: list[tuple[float, int, str, int]] = []
-    counter = iter(range(10 * len(work) + 10))
-
-    def at(when: float, what: str, trial: int) -> None:
+    def then(when: float, what: str, trial: int) -> None:
         heapq.heappush(events, (when, next(counter), what, trial))
 
-    ahead = min(ON_WAY * cores, len(work))
+    def handed_out(now: float, trial: int) -> None:
+        then(served("process", now, costs.process / 2), "queue", trial)
+
+    def begun(now: float, trial: int) -> None:
+        then(now + costs.gap + work[trial], "work", trial)
+
     for trial in range(ahead):
-        at(0.0, "submit", trial)
-    following, idle, waiting, last = ahead, cores, [], 0.0
+        handed_out(0.0, trial)
     while events:
         now, _, what, trial = heapq.heappop(events)
-        if what == "submit":
-            at(served("command", now, costs.submit), "assign", trial)
-        elif what == "assign":
-            at(served("scheduler", now, costs.scheduler / 2), "queue", trial)
+        if what == "queue" and idle:
+            idle -= 1
+            begun(now, trial)
         elif what == "queue":
-            if idle:
-                idle -= 1
-                at(now + costs.gap + work[trial], "write", trial)
-            else:
-                waiting.append(trial)
-        elif what == "write":
-            at(served("files", now, costs.files), "end", trial)
-        elif what == "end":
-            at(served("scheduler", now, costs.scheduler / 2), "outcome", trial)
+            waiting.append(trial)
+        elif what == "work":
+            operations = costs.operations + shelf_operations(kind, stored, cores)
+            stored += 1
+            then(served("files", now, operations / costs.rate), "file", trial)
+        elif what == "file":
+            then(served("process", now, costs.process / 2), "outcome", trial)
             if waiting:
-                following_trial = waiting.pop(0)
-                at(now + costs.gap + work[following_trial], "write", following_trial)
+                begun(now, waiting.popleft())
             else:
                 idle += 1
         else:
-            last = max(last, served("command", now, costs.outcome))
-            if following < len(work):
-                at(last, "submit", following)
-                following += 1
-    wall = costs.fixed + last
+            last = now
+            if ahead < len(work):
+                handed_out(now, ahead)
+                ahead += 1
     return {
-        "wall_s": wall,
-        "with_summary_s": wall + costs.summary * len(work),
+        "wall_s": costs.fixed + last,
+        "with_summary_s": costs.fixed + last + costs.summary * len(work),
         "busy": sum(work) / (cores * last),
         "ideal_s": sum(work) / cores,
     }
@@ -158,24 +174,26 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=10_000)
     parser.add_argument("--cores", type=int, default=500)
     parser.add_argument(
-        "--medians", type=float, nargs="+", default=[60.0, 6.5, 2.0, 1.0, 0.5, 0.2], help="s of a trial"
+        "--medians", type=float, nargs="+", default=[60.0, MEDIAN, 2.0, 1.0, 0.5], help="s of a trial"
     )
     for name, value in asdict(Costs()).items():
-        parser.add_argument(f"--{name}", type=float, default=value, help="s")
+        parser.add_argument(f"--{name}", type=type(value), default=value, help="see Costs")
+    parser.add_argument("--looking", action="store_true", help="as well: jobs that look through the shelf")
     parser.add_argument("--real", type=float, nargs="*", default=[], help="medians to run on Dask itself [s]")
     parser.add_argument("--processes", type=int, default=4, help="of the workers whose threads are the cores")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     costs = replace(Costs(), **{name: getattr(options, name) for name in asdict(Costs())})
     found: dict[str, object] = {"costs": asdict(costs)}
-    for median in options.medians:
-        found[f"model {median:g} s"] = told = modelled(
-            durations(options.trials, median), options.cores, costs
-        )
-        print(f"model {median:g} s", told, flush=True)
-    for cores in (100, 200, 500, 1000, 2000, 5000):
-        found[f"model {cores} cores"] = told = modelled(durations(options.trials, MEDIAN), cores, costs)
-        print(f"model {cores} cores", told, flush=True)
+    runs = [("proof", median, options.cores) for median in options.medians]
+    runs += [("proof", MEDIAN, cores) for cores in (100, 1000, 2000, 5000)]
+    kinds = ["sweep", *(["looking"] if options.looking else [])]
+    runs += [(kind, MEDIAN, cores) for kind in kinds for cores in (100, options.cores, 2000)]
+    for kind, median, cores in runs:
+        told = modelled(durations(options.trials, median), cores, costs, kind)
+        name = f"{kind}, median {median:g} s, {cores} cores"
+        found[name] = told
+        print(f"{name:36s}", "  ".join(f"{key} {value:8.3g}" for key, value in told.items()), flush=True)
     for median in options.real:
         found[f"real {median:g} s"] = told = real(
             durations(options.trials, median), options.cores, options.processes

@@ -20,6 +20,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -32,6 +33,11 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = {"gpsim": "gpsim", "cli": "gpsim/cli", "conf": "gpsim/conf"}  # as pyproject.toml installs them
 START = "from gpsim.cli.main import main; main()"
 STEPS = 500  # of an episode that nothing ends
+SETS = {
+    "returns": "starts that a Target policy solves",
+    "returns_all": "all starts",
+    "returns_certified": "starts that the search certifies",
+}
 
 
 @dataclass(frozen=True)
@@ -121,8 +127,14 @@ def show(base: Loop, now: Loop) -> None:
     for label, loop in (("base", base), ("now", now)):
         returns, certified = loop.returns()
         for key, starts in start_sets(returns, certified, STEPS).items():
-            for name, summary in summarise_all(returns, starts).items():
-                print(f"{label:>5} {key:>18} {name:>22}: {summary}")
+            found = summarise_all(returns, starts)
+            said = [f"{name} {_interval(summary)}" for name, summary in found.items() if "mean" in summary]
+            print(f"{label:>5}, {SETS[key]}: {', '.join(said) or 'none'}")
+
+
+def _interval(summary: dict[str, Any]) -> str:
+    low, high = summary["interval"]
+    return f"{summary['mean']:.1f} ({low:.0f} to {high:.0f})"
 
 
 def main() -> None:

@@ -47,6 +47,12 @@ Strata = Annotated[
         autocompletion=completion.strata,
     ),
 ]
+System = Annotated[
+    str | None,
+    typer.Option(
+        "--system", help="mjcf: worlds of robots whose simulator is a MuJoCo model, instead of the others."
+    ),
+]
 Answers = Annotated[
     Path | None, typer.Option("--answers", help="Where the answers are, if not in OUT/private.")
 ]
@@ -63,6 +69,7 @@ def prove_command(
     stratum: Strata = None,
     long: Long = True,
     rough: Rough = 0,
+    system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
     if context.invoked_subcommand is not None:
@@ -72,7 +79,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, system)
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -102,11 +109,24 @@ def conceal_command(
     stratum: Strata = None,
     long: Long = True,
     rough: Rough = 0,
+    system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
     from gpsim.stages import prove
 
-    numbers, launcher = prove.numbers_of(trials, stratum or (), long, rough), _launcher(context, jobs)
+    if system not in (None, prove.MJCF):
+        raise UsageError(
+            f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
+        )
+    if system and (rough or not long):
+        raise UsageError(
+            "--system mjcf: its worlds are neither rough nor long; leave --rough and --no-long out"
+        )
+    if system:
+        numbers = prove.robots_numbers(trials, stratum or ())
+    else:
+        numbers = prove.numbers_of(trials, stratum or (), long, rough)
+    launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, launcher, progress)
     say(f"conceal: {len(numbers)} recordings in {out / 'public'}, answers in {out / 'private'}")
@@ -144,6 +164,8 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
     if "rough" in content:
         misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
         say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")
+    if "mjcf" in content:
+        say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):
         say(line)
     say(f"reveal: {out / 'prove.json'}, {out / 'report.html'}, {out / 'record.md'}")

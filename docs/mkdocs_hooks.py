@@ -37,6 +37,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "method/notation.md",
     "method/acceptance.md",
     "method/gp.md",
+    "method/speed.md",
     "method/blind_test.md",
     "method/proofs.md",
     "method/scale.md",

@@ -92,7 +92,10 @@ def test_a_setting_that_was_taken_away_is_named_where_it_is_read():
     ("words", "message"),
     [
         (["experiment=cartpol"], "no 'cartpol' among the choices of experiment; there are: cartpole"),
-        (["gp=rau"], "no 'rau' among the choices of gp; there are: arrived, jump, raw, sweep$"),
+        (
+            ["gp=rau"],
+            "no 'rau' among the choices of gp; there are: arrived, double_pendulum, jump, raw, sweep$",
+        ),
         (["gp.n_trian=5"], r"no setting 'gp.n_trian' \(did you mean gp.n_train\?\); gp has: n_train, "),
         (["sed=3"], r"no setting 'sed' \(did you mean seed\?\); the top level has: "),
         (["seed.x=3"], "no setting 'seed.x'"),

@@ -1,6 +1,8 @@
 """A diagnosis as MCAP, read back with the format's own library and held against recording and simulators."""
 
 import json
+import subprocess
+import sys
 from collections import defaultdict
 from dataclasses import replace
 
@@ -19,6 +21,7 @@ from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording, write_recording
 from gpsim.simulators import make_simulator
+from gpsim.stages import export_diagnosis as stage
 from gpsim.stages.export_diagnosis import export_diagnosis
 
 DT, DAMPING, LENGTH = 0.02, 0.3, 0.5
@@ -301,3 +304,16 @@ def test_it_is_refused_in_one_line(made, tmp_path):
         assert isinstance(result.exception, UsageError)
         assert text in str(result.exception)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["diagnosis", "recording", "there"]
+
+
+@pytest.mark.parametrize("missing", ["mcap", "mcap_protobuf", "foxglove_schemas_protobuf"])
+def test_without_the_extra_it_says_what_to_install_before_anything_else(missing, tmp_path, monkeypatch):
+    monkeypatch.setattr(stage, "find_spec", lambda name: None if name == missing else object())
+    with pytest.raises(UsageError, match=r"pip install 'gpsim\[foxglove\]'"):
+        export_diagnosis(tmp_path / "nothing")
+    assert not list(tmp_path.iterdir())
+
+
+def test_gpsim_starts_without_the_extra():
+    hidden = "import sys; sys.modules.update(dict.fromkeys(['mcap', 'mcap_protobuf', 'foxglove_schemas_protobuf']))"
+    subprocess.run([sys.executable, "-c", f"{hidden}; import gpsim.cli.main"], check=True)

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.reports.sweep_page import main_figures, sweep_page
 from gpsim.stages import grid
+from gpsim.stages.jobs import _numbered
 
 QUICK = ("budget=smoke", "collect.policy=random")
 
@@ -62,6 +63,17 @@ def test_what_points_share_is_made_once():
     places = {job.label: i for i, job in enumerate(plan.jobs)}
     assert all(places[label] < places[job.label] for job in plan.jobs for label in job.after)
     assert len(set(plan.targets)) == 4
+
+
+def test_who_makes_a_point_does_not_look_through_the_shelf_again(tmp_path, monkeypatch):
+    """Unless something may lie there that only a look finds: of a release without markers."""
+    monkeypatch.chdir(tmp_path)
+    jobs = plan_of("gp.n_train=50,80", of="fit-gp").jobs
+    assert [request.looked for request, _ in _numbered(jobs)] == [True] * 4
+    old = Path("runs/cartpole/fit-gp/v0001")
+    old.mkdir(parents=True)
+    looked = [request.looked for request, _ in _numbered(jobs)]
+    assert looked == [job.stage != "fit-gp" for job in jobs]
 
 
 def test_a_whole_loop_shares_what_does_not_depend_on_what_is_swept():
@@ -142,3 +154,24 @@ def test_the_page_shows_the_main_figures_and_is_the_same_for_the_same_table():
     assert page == sweep_page("evaluate", swept, table.copy())
     assert "data:image/svg+xml" in page
     assert "40.5 ± 0.707" in page
+
+
+def test_of_a_fit_likelihood_and_noise_are_shown_and_not_what_repeats_a_setting():
+    rows = [
+        {"gp.n_train": n, "rows": n, "rates.x_acc.converged": True, "rates.x_acc.log_marginal_likelihood": 2.0 * n,
+         "rates.x_acc.hyper_parameters_original.noise_std": 0.25, "rates.x_acc.evaluations": 40 + n,
+         "sha256": "x", "error": None}
+        for n in (100, 250)
+    ]  # fmt: skip
+    table = pd.DataFrame(rows)
+    shown = main_figures(["gp.n_train"], table)
+    assert shown == [
+        "rates.x_acc.log_marginal_likelihood",
+        "rates.x_acc.hyper_parameters_original.noise_std",
+    ]
+    page = sweep_page("fit-gp", ["gp.n_train"], table)
+    assert "<th>log marginal likelihood x acc</th>" in page
+    assert ">500</td>" in page
+    others = table.drop(columns=shown)
+    assert main_figures(["gp.n_train"], others) == ["rates.x_acc.converged", "rates.x_acc.evaluations"]
+    assert ">yes</td>" in sweep_page("fit-gp", ["gp.n_train"], others)

@@ -29,6 +29,7 @@ from gpsim.artifacts.artifact import (
 from gpsim.artifacts.keys import VERSION, entries, of_key
 from gpsim.artifacts.leftovers import sweep
 from gpsim.artifacts.locks import held
+from gpsim.artifacts.markers import all_marked, mark, marked
 from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.artifacts.removal import needed
 from gpsim.errors import UsageError
@@ -49,17 +50,29 @@ class Store:
         shelf = self.root / self.experiment / stage
         yield from (shelf / name for name, _, _ in entries(shelf))
 
-    def find(self, recipe: Recipe) -> Artifact | None:
+    def find(self, recipe: Recipe, *, looked: bool = False) -> Artifact | None:
         """The artifact with the same key, verified; None when there is none yet.
 
-        A version whose manifest is damaged may be the one: it is refused, not passed over.
+        A version whose manifest is damaged may be the one: it is refused, not passed over. looked: somebody has
+        looked through the shelf, so only what was made since counts: it has a marker.
         """
-        return self._of_key(recipe.stage, recipe.key)
+        return self._of_key(recipe.stage, recipe.key, looked)
 
-    def _of_key(self, stage: str, key: str) -> Artifact | None:
-        for path in of_key(self.root / self.experiment / stage, key):
-            return read_artifact(path, stage)
+    def _of_key(self, stage: str, key: str, looked: bool = False) -> Artifact | None:
+        shelf = self.root / self.experiment / stage
+        if (path := marked(shelf, key)) is not None:
+            found = read_artifact(path, stage)
+            if found.key == key:
+                return found
+        if not looked:
+            for path in of_key(shelf, key):
+                return read_artifact(path, stage)
         return None
+
+    def all_marked(self, stage: str) -> bool:
+        """Whether every version of a stage can be found by its marker."""
+        shelf = self.root / self.experiment / stage
+        return all_marked(shelf, [name for name, *_ in entries(shelf)])
 
     @contextmanager
     def claimed(self, recipe: Recipe, waiting: Callable[[str], None]) -> Iterator[None]:
@@ -99,7 +112,7 @@ class Store:
                 started = time.time()
                 facts = write(temporary) or {}
                 _seal(temporary, recipe, facts | {"seconds": round(time.time() - started, 3)})
-                path = _place(temporary, shelf, out, number)
+                path = _place(temporary, shelf, out, number, recipe.key)
         return read_manifest(path)
 
     def adopt(self, folder: Path, made: Artifact, number: int | None = None) -> Artifact:
@@ -121,7 +134,7 @@ class Store:
                 for path in sorted(temporary.rglob("*")):
                     _fsync(path)
                 _fsync(temporary)
-                return read_manifest(_place(temporary, shelf, None, number))
+                return read_manifest(_place(temporary, shelf, None, number, made.key))
 
     def free_numbers(self, stage: str) -> Iterator[int]:
         """Version numbers that no finished artifact holds, ascending."""
@@ -161,13 +174,18 @@ def _seal(folder: Path, recipe: Recipe, facts: Json) -> None:
     _fsync(folder)
 
 
-def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None) -> Path:
-    """Rename into place; another process may take a number at the same moment, so try until one is ours."""
+def _place(temporary: Path, shelf: Path, out: Path | None, number: int | None, key: str) -> Path:
+    """Rename into place; another process may take a number at the same moment, so try until one is ours.
+
+    The marker comes first: a process that is killed in between leaves one that points to nothing.
+    """
     taken = [int(p.name[1:]) for p in shelf.iterdir() if VERSION.fullmatch(p.name)]
     wanted = number if number is not None and number not in taken else max(taken, default=0) + 1
     # Somebody may have made `out` meanwhile: the work goes beside it rather than nowhere.
     names = _names(out.name) if out is not None else (f"v{i:04d}" for i in count(wanted))
     for path in (shelf / name for name in names):
+        if out is None:
+            mark(shelf, key, path.name)
         try:
             temporary.rename(path)  # fails when the folder exists, as a version never is empty
         except OSError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import SensorEffect, Values, columns_of
+from gpsim.effects.sensor_delay import SensorDelay
 from gpsim.effects.term import Term
 from gpsim.simulators import Memory, Simulator, part_of
 
@@ -52,19 +53,33 @@ class Sensors:
             memory |= {f"{i}/{key}": values for key, values in effect.begin(history, steps).items()}
         return memory
 
-    def __bool__(self) -> bool:
-        return bool(self._effects)
+    def __len__(self) -> int:
+        return len(self._effects)
 
-    def having_seen(self, passed: FloatArray, when: FloatArray | None) -> Memory:
-        """Their memory after these states (B, K, S), as `begin` and `watch` would have left it, without a copy.
+    @cached_property
+    def late(self) -> list[tuple[int, int]]:
+        """Term and column of those that say what their channel was before."""
+        return [(i, columns[0]) for i, effect, columns in self._effects if isinstance(effect, SensorDelay)]
 
-        when: (B, K) s, of each state; None where the clock is even.
-        """
-        seen = {"past": passed, "head": np.zeros(len(passed))}
-        if when is not None:
-            seen["when"] = when
-        kept = [i for i, effect, _ in self._effects if type(effect).watch is not SensorEffect.watch]
-        return {f"{i}/{key}": values for i in kept for key, values in seen.items()}
+    @property
+    def late_first(self) -> bool:
+        """Whether those come first, and nobody else remembers."""
+        first = [i for i, *_ in self._effects[: len(self.late)]]
+        return self.remembering == len(self.late) and first == [i for i, _ in self.late]
+
+    @property
+    def rest(self) -> list[int]:
+        """The terms of all others."""
+        late = [i for i, _ in self.late]
+        return [i for i, *_ in self._effects if i not in late]
+
+    def rest_measure(self, state: FloatArray, values: Mapping[int, Values], step: FloatArray) -> FloatArray:
+        """(B, S): what all others make of what those say; values: of the rest's terms."""
+        out = state
+        for i, effect, columns in self._effects:
+            if i in values:
+                out = effect.measure(out, columns, values[i], {}, step)
+        return out
 
     def watch(self, state: FloatArray, memory: Memory, step: FloatArray) -> None:
         """Let those that remember see the state (B, S) at the end of a substep (B,) [s]."""

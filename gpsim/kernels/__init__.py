@@ -1,10 +1,32 @@
-"""Kernels: the built-in simulators and laws in compiled form, one state at a time, many times faster than in batches.
+"""Kernels: the built-in simulators and laws in compiled form, many times faster than array by array.
 
 NumPy is the reference (`gpsim.effects.Chain`): what a chain needs that is not here, it does.
 """
 
-from gpsim.kernels.marching import Commands, Past, can_compile, marched
+from gpsim.kernels.marching import (
+    Actuators,
+    Commands,
+    Past,
+    actuators_of,
+    can_compile,
+    marched,
+    read_late,
+    travelled,
+)
 from gpsim.kernels.program import Program, program_of
 from gpsim.kernels.tables import Curve, Hat
 
-__all__ = ["Commands", "Curve", "Hat", "Past", "Program", "can_compile", "marched", "program_of"]
+__all__ = [
+    "Actuators",
+    "Commands",
+    "Curve",
+    "Hat",
+    "Past",
+    "Program",
+    "actuators_of",
+    "can_compile",
+    "marched",
+    "program_of",
+    "read_late",
+    "travelled",
+]

@@ -99,3 +99,22 @@ RATES: Final = 13
 TERMS: Final = 14
 CHANGING: Final = 15
 WIDTH: Final = 16
+LOOKS: Final = 17
+UNEVEN: Final = 18
+
+# Actuators: their laws, and the columns of their table: the law, its action, its first value, its conditions (from,
+# to), its first place in memory, how many commands it remembers, whether others follow on the same way.
+DELAY: Final = 50
+DEAD_ZONE: Final = 51
+SATURATION: Final = 52
+GAIN: Final = 53
+ASYMMETRY: Final = 54
+SAG: Final = 55
+BIAS: Final = 56
+BACKLASH: Final = 57
+RATE_LIMIT: Final = 58
+LAG: Final = 59
+MEMORY: Final = 5
+DEPTH: Final = 6
+FOLLOWED: Final = 7
+ACTUATOR_WIDTH: Final = 8

@@ -51,6 +51,56 @@ def after(moment: float, t: float, step: float) -> float:
 
 
 @compiled
+def holds(
+    conditions: IntArray,
+    c: int,
+    knots: FloatArray,
+    v: FloatArray,
+    i: int,
+    begin: float,
+    end: float,
+    t: float,
+    step: float,
+) -> float:
+    """The share of the time from t to t + step in which a condition holds; its channel goes from begin to end."""
+    kind, low, high = conditions[c, KIND], conditions[c, LOW], conditions[c, HIGH]
+    if kind == REGION:
+        edge, other = v[low, i], v[high, i]
+        if conditions[c, WRAPS]:
+            turns = 2.0 * math.pi * np.rint((begin - 0.5 * (edge + other)) / (2.0 * math.pi))
+            begin, end = begin - turns, end - turns
+        return between(begin, end, edge, other)
+    if kind == SINCE:
+        return after(v[low, i], t, step)
+    if kind == UNTIL:
+        return 1.0 - after(v[low, i], t, step)
+    if kind == EPISODE:
+        return 1.0 if v[high, i] >= v[low, i] else 0.0
+    x = wrapped(begin) if conditions[c, WRAPS] else begin
+    return hat(x, knots, conditions[c, KNOTS], conditions[c, KNOTS_END], low)
+
+
+@compiled
+def share_of(
+    first: int,
+    last: int,
+    conditions: IntArray,
+    knots: FloatArray,
+    v: FloatArray,
+    i: int,
+    path: FloatArray,
+    t: float,
+    step: float,
+) -> float:
+    """The share in which all of the conditions first to last hold; path: (2, 6) the channels at both ends."""
+    out = 1.0
+    for c in range(first, last):
+        column = conditions[c, CHANNEL]
+        out *= holds(conditions, c, knots, v, i, path[0, column], path[1, column], t, step)
+    return out
+
+
+@compiled
 def find_shares(
     b: FloatArray,
     lanes: int,
@@ -72,22 +122,7 @@ def find_shares(
         for i in range(lanes):
             shares[n, i] = 1.0
         for c in range(terms[n, GATE], terms[n, GATE_END]):
-            kind, low, high = conditions[c, KIND], conditions[c, LOW], conditions[c, HIGH]
             begin, end = channel(conditions[c, CHANNEL], X), channel(conditions[c, CHANNEL], AHEAD)
             for i in range(lanes):
-                if kind == REGION:
-                    edge, other, one, two = v[low, i], v[high, i], b[begin + i], b[end + i]
-                    if conditions[c, WRAPS]:
-                        turns = 2.0 * math.pi * np.rint((one - 0.5 * (edge + other)) / (2.0 * math.pi))
-                        one, two = one - turns, two - turns
-                    acts = between(one, two, edge, other)
-                elif kind == SINCE:
-                    acts = after(v[low, i], b[T + i], looking * b[H + i])
-                elif kind == UNTIL:
-                    acts = 1.0 - after(v[low, i], b[T + i], looking * b[H + i])
-                elif kind == EPISODE:
-                    acts = 1.0 if v[high, i] >= v[low, i] else 0.0
-                else:
-                    x = wrapped(b[begin + i]) if conditions[c, WRAPS] else b[begin + i]
-                    acts = hat(x, knots, conditions[c, KNOTS], conditions[c, KNOTS_END], low)
-                shares[n, i] *= acts
+                step = looking * b[H + i]
+                shares[n, i] *= holds(conditions, c, knots, v, i, b[begin + i], b[end + i], b[T + i], step)

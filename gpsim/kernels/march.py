@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.kernels.codes import ACTIONS, PER_SUBSTEP, SUBSTEPS, WIDTH
+from gpsim.kernels.acting import act
+from gpsim.kernels.codes import ACTIONS, LOOKS, PER_SUBSTEP, SUBSTEPS, UNEVEN, WIDTH
 from gpsim.kernels.compiling import compiled, entry
-from gpsim.kernels.lanes import LANES, SIZE, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, LANES, SIZE, U1, H, T, U, X
 from gpsim.kernels.scalars import tamed
-from gpsim.kernels.substep import advance, believe, correct
+from gpsim.kernels.substep import advance, peer
 
 
 @compiled
@@ -49,6 +50,46 @@ def command(
 
 
 @compiled
+def acted(
+    b: FloatArray,
+    lanes: int,
+    layout: IntArray,
+    actuators: IntArray,
+    conditions: IntArray,
+    knots: FloatArray,
+    believed: FloatArray,
+    v: FloatArray,
+    memory: FloatArray,
+    path: FloatArray,
+    pieces: FloatArray,
+    u: FloatArray,
+) -> None:
+    """Change U from what was commanded to what reaches the simulator; memory: (lanes, .) of every row."""
+    peer(b, lanes, layout, believed)
+    for i in range(lanes):
+        for x in range(4):
+            path[0, x], path[1, x] = b[X + x * LANES + i], b[AHEAD + x * LANES + i]
+        for x in range(2):
+            path[0, 4 + x] = path[1, 4 + x] = u[x] = b[U + x * LANES + i]
+        act(
+            layout,
+            actuators,
+            conditions,
+            knots,
+            v,
+            i,
+            path,
+            memory[i],
+            layout[UNEVEN],
+            b[T + i],
+            b[H + i],
+            pieces,
+            u,
+        )
+        b[U + i], b[U1 + i] = u[0], u[1]
+
+
+@compiled
 def start(
     b: FloatArray, lanes: int, kept: IntArray, rest: FloatArray, starts: FloatArray, begin: int, last: int
 ) -> None:
@@ -65,7 +106,8 @@ TABLES = f"{I1}, {I2}, {I2}, {I2}, {F1}, {F1}, {I1}, {F1}"
 
 
 @entry(
-    f"void({TABLES}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F3}, int64, int64, int64)"
+    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {F3}, {F3}, int64, int64,"
+    " int64)"
 )
 def march(
     layout: IntArray,
@@ -76,6 +118,7 @@ def march(
     believed: FloatArray,
     kept: IntArray,
     rest: FloatArray,
+    actuators: IntArray,
     values: FloatArray,
     starts: FloatArray,
     clock: FloatArray,
@@ -85,6 +128,8 @@ def march(
     commands: FloatArray,
     which: IntArray,
     before: int,
+    given: FloatArray,
+    memories: FloatArray,
     out: FloatArray,
     passed: FloatArray,
     depth: int,
@@ -98,10 +143,14 @@ def march(
     passed: (B, depth + L n, S) the states at every substep's end, the first `depth` of them up to the window's start;
     nobody wants them where depth is 0. earlier: (W, M + 1) s, the clock up to the windows' start, (W, 0) where it is
     even; stood: (W,) whether a window's system stood still before it.
+    Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
+    their memories (U, .) are those at the windows' start.
     """
     lanes = layout[WIDTH]
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
     b, shares, v = np.zeros(SIZE), np.ones((len(terms), lanes)), np.empty((columns, lanes))
+    memory, path = np.empty((lanes, memories.shape[1])), np.empty((2, 6))
+    pieces, u = np.empty((3, memories.shape[1] + 2)), np.empty(2)
     w, c = np.empty(lanes, dtype=np.int64), np.empty(lanes, dtype=np.int64)
     for begin in range(first, last, lanes):
         count = min(lanes, last - begin)
@@ -110,8 +159,8 @@ def march(
             w[i], c[i] = window[row], which[row]
             for x in range(columns):
                 v[x, i] = values[row, x]
-        believe(b, lanes, believed)
-        correct(b, lanes, layout, terms, v, shares)
+            for x in range(memories.shape[1]):
+                memory[i, x] = memories[which[row], x]
         start(b, lanes, kept, rest, starts, begin, last)
         write(b, lanes, kept, out, begin, count, 0)
         # Backwards from where the windows begin, then back to there and on.
@@ -122,7 +171,13 @@ def march(
                     write(b, lanes, kept, passed, begin, count, depth - 1)
             back = m if m >= 0 else -(m + depth)
             k, j = back // n, back % n
-            command(b, lanes, layout, commands, c, before, k, j)
+            looks = m >= 0 and layout[LOOKS] != 0
+            if looks:
+                for x in range(layout[ACTIONS]):
+                    for i in range(lanes):
+                        b[U + x * LANES + i] = given[w[i], k, x]
+            else:
+                command(b, lanes, layout, commands, c, before, k, j)
             for i in range(lanes):
                 h = (clock[w[i], max(k, 0) + 1] - clock[w[i], max(k, 0)]) / n
                 t = clock[w[i], max(k, 0)] + j * h if m >= 0 else clock[w[i], 0] + (back + 1) * h
@@ -131,6 +186,8 @@ def march(
                     h = (earlier[w[i], at] - earlier[w[i], at - 1]) / n
                     t = earlier[w[i], at] - (n - 1 - j) * h
                 b[T + i], b[H + i] = t, h if m >= 0 else -h
+            if looks:
+                acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
             advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares)
             if m < 0 or (m + 1) % n == 0:
                 tame(b, lanes)
@@ -143,3 +200,55 @@ def march(
                 write(b, lanes, kept, passed, begin, count, depth - 1 + back if m < 0 else depth + m)
             if m >= 0 and (m + 1) % n == 0:
                 write(b, lanes, kept, out, begin, count, k + 1)
+
+
+@entry(f"void({I1}, {I2}, {I2}, {F1}, {F2}, {F2}, {I1}, {F3}, {F2}, {F3}, int64, int64)")
+def travel(
+    layout: IntArray,
+    actuators: IntArray,
+    conditions: IntArray,
+    knots: FloatArray,
+    values: FloatArray,
+    clock: FloatArray,
+    window: IntArray,
+    given: FloatArray,
+    memories: FloatArray,
+    out: FloatArray,
+    first: int,
+    last: int,
+) -> None:
+    """Fill out (U, K, A), the last L n of K, with what reaches the simulator in the windows, whatever its state.
+
+    values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); memories:
+    (U, .) at the windows' start, which move on.
+    """
+    n, length, actions = layout[SUBSTEPS], given.shape[1], given.shape[2]
+    path, pieces, u = np.zeros((2, 6)), np.empty((3, memories.shape[1] + 2)), np.empty(2)
+    v = np.empty((values.shape[1], 1))
+    before = out.shape[1] - length * n
+    for row in range(first, last):
+        w = window[row]
+        v[:, 0] = values[row]
+        for k in range(length):
+            h = (clock[w, k + 1] - clock[w, k]) / n
+            for j in range(n):
+                for x in range(actions):
+                    u[x] = given[w, k, x]
+                t = clock[w, k] + j * h
+                act(
+                    layout,
+                    actuators,
+                    conditions,
+                    knots,
+                    v,
+                    0,
+                    path,
+                    memories[row],
+                    layout[UNEVEN],
+                    t,
+                    h,
+                    pieces,
+                    u,
+                )
+                for x in range(actions):
+                    out[row, before + k * n + j, x] = u[x]

@@ -2,33 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels import codes
 from gpsim.kernels.program import Program
+from gpsim.simulators import Memory
 
 WORTH_A_THREAD = 50_000  # rows times substeps: below, a thread's start is not worth it
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What reaches the simulator, known beforehand.
+    """What reaches the simulator, as far as it is known beforehand.
 
     acted: (U, K, A), the first `before` of the K before the window; which: (B,) the place in U of each row's; finely:
-    they are one a substep, else one a transition.
+    they are one a substep, else one a transition. given: (W, L, A), what is commanded in the windows where what becomes
+    of that depends on the state; at: the actuators at the windows' start, of U.
     """
 
     acted: FloatArray
     which: IntArray
     before: int
     finely: bool
+    given: FloatArray | None = None
+    at: Actuators | None = None
+
+
+@dataclass(frozen=True)
+class Actuators:
+    """Actuators' table, what they remember (U, .), and whether their clock is uneven."""
+
+    table: IntArray
+    memories: FloatArray
+    uneven: bool
 
 
 @dataclass(frozen=True)
@@ -49,6 +64,57 @@ def can_compile() -> bool:
     return find_spec("numba") is not None
 
 
+def actuators_of(program: Program, memory: Memory, rows: int, *, even: bool) -> Actuators | None:
+    """What compiled code needs of actuators in this state of memory; None where NumPy has to go on.
+
+    even: whether the clock is.
+    """
+    if program.actuators is None:
+        return None
+    table, parts, uneven, at = program.actuators.copy(), [np.empty((rows, 0))], [], 0
+    for line, i in zip(table, program.ways, strict=True):
+        line[codes.MEMORY] = at
+        if f"{i}/level" in memory:
+            parts.append(memory[f"{i}/level"][:, None])
+        elif f"{i}/past" in memory:
+            line[codes.DEPTH] = memory[f"{i}/past"].shape[1]
+            parts += [memory[f"{i}/past"], memory[f"{i}/length"], memory[f"{i}/head"][:, None]]
+            uneven.append(bool(memory[f"{i}/uneven"].any()))
+        at = sum(part.shape[1] for part in parts)
+    # On an uneven clock a command that lasted no time may still move what has play in it: NumPy's ways are its own.
+    mixed = not even and bool(uneven) and codes.BACKLASH in table[:, codes.LAW]
+    if mixed or any(flag == even for flag in uneven):
+        return None
+    return Actuators(table, _own(np.concatenate(parts, axis=1)), not even)
+
+
+def travelled(
+    program: Program,
+    n: int,
+    values: FloatArray,
+    clock: FloatArray,
+    window: IntArray,
+    given: FloatArray,
+    before: FloatArray,
+    actuators: Actuators,
+    threads: int = 1,
+) -> FloatArray:
+    """(U, K + L n, A) what reaches the simulator, `before` (U, K, A) the windows and in them.
+
+    given: (W, L, A) the windows' commands, of each row's `window` (U,); the actuators' memories move on.
+    """
+    from gpsim.kernels.march import travel  # which imports numba
+
+    (rows, past), length = before.shape[:2], given.shape[1]
+    out = np.empty((rows, past + length * n, given.shape[2]))
+    out[:, :past] = before
+    layout = _layout(program, n, finely=True, uneven=actuators.uneven)
+    tables = (layout, actuators.table, program.conditions, program.knots, _own(values), _own(clock), window)
+    arguments = (*tables, _own(given), actuators.memories, out)
+    _shared(travel, arguments, rows, rows * length * n, threads)
+    return out
+
+
 def marched(
     program: Program,
     n: int,
@@ -65,29 +131,65 @@ def marched(
     The first D of these are the past, the last of which is the start. n: substeps of a transition; starts: (B, S);
     values: `program.values`; clock: (W, L + 1) s, of each row's `window` (B,).
     """
-    from gpsim.kernels.march import march  # which imports numba
+    from gpsim.kernels.march import march
 
     (rows, states), length = starts.shape, clock.shape[1] - 1
-    layout = program.layout.copy()
-    layout[codes.SUBSTEPS], layout[codes.PER_SUBSTEP] = n, int(commands.finely)
+    at = commands.at or Actuators(np.empty((0, codes.ACTUATOR_WIDTH), np.int64), np.empty((0, 0)), False)
+    memories = at.memories if len(at.memories) else np.empty((len(commands.acted), 0))
+    layout = _layout(program, n, finely=commands.finely, uneven=at.uneven)
     out = np.empty((rows, length + 1, states))
     past = past or Past(0, np.empty((len(clock), 0)), np.zeros(len(clock), dtype=np.int64))
     passed = np.empty((rows, past.depth + length * n, states) if past.depth else (0, 0, 0))
     tables = (layout, program.terms, program.conditions, program.curves, program.knots, program.believed)
-    given = (_own(values), _own(starts), _own(clock), _own(past.earlier), past.stood, window)
-    told = (_own(commands.acted), commands.which, commands.before)
-    arguments = (*tables, program.kept, program.rest, *given, *told, out, passed, past.depth)
-    parts = max(min(threads, rows * length * n // WORTH_A_THREAD), 1)
+    told = (_own(values), _own(starts), _own(clock), _own(past.earlier), past.stood, window)
+    known = (_own(commands.acted), commands.which, commands.before)
+    given = np.empty((0, 0, 0)) if commands.given is None else _own(commands.given)
+    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories)
+    _shared(march, (*arguments, out, passed, past.depth), rows, rows * length * n, threads)
+    return out, passed
+
+
+def read_late(
+    passed: FloatArray,
+    past: Past,
+    n: int,
+    column: int,
+    late: FloatArray,
+    steps: FloatArray,
+    when: FloatArray,
+    window: IntArray,
+    out: FloatArray,
+) -> None:
+    """Change a column of the states out (B, L + 1, S) to what a sensor reads that is `late` (B,) s.
+
+    steps: (W, L + 1) s, a substep of the transition that ends there; when: (W, D + L n) s, when the states were that
+    were passed, of no columns where the clock is even.
+    """
+    from gpsim.kernels.lateness import delay
+
+    delay(passed, past.depth, n, column, _own(late), _own(steps), _own(when), window, out)
+
+
+def _layout(program: Program, n: int, *, finely: bool, uneven: bool) -> IntArray:
+    layout = program.layout.copy()
+    layout[codes.SUBSTEPS], layout[codes.PER_SUBSTEP], layout[codes.UNEVEN] = n, int(finely), int(uneven)
+    return layout
+
+
+def _shared(
+    function: Callable[..., None], arguments: tuple[Any, ...], rows: int, work: int, threads: int
+) -> None:
+    """Rows 0 to `rows` by as many threads as are worth their start."""
+    parts = max(min(threads, work // WORTH_A_THREAD), 1)
     edges = np.linspace(0, rows, parts + 1).astype(int)
     if parts == 1:
-        march(*arguments, 0, rows)
-        return out, passed
+        function(*arguments, 0, rows)
+        return
     with ThreadPoolExecutor(parts - 1) as pool:
-        begun = [pool.submit(march, *arguments, a, b) for a, b in pairwise(edges[1:])]
-        march(*arguments, 0, edges[1])
+        begun = [pool.submit(function, *arguments, a, b) for a, b in pairwise(edges[1:])]
+        function(*arguments, 0, edges[1])
         for other in begun:
             other.result()
-    return out, passed
 
 
 def _own(array: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.effects import (
+    FAMILIES,
     FROM,
     IN_EPISODE,
     TO,
@@ -46,7 +47,10 @@ Column = tuple[int, str, float]
 
 @dataclass(frozen=True)
 class Program:
-    """The tables of a chain, as `gpsim.kernels.codes` explains their columns, and where a row's values come from."""
+    """The tables of a chain, as `gpsim.kernels.codes` explains their columns, and where a row's values come from.
+
+    actuators: None where what they do has no compiled form; ways: their terms, in the order of the table.
+    """
 
     layout: IntArray
     terms: IntArray
@@ -57,6 +61,8 @@ class Program:
     kept: IntArray
     rest: FloatArray
     columns: tuple[Column, ...]
+    actuators: IntArray | None
+    ways: tuple[int, ...]
 
     def values(self, given: Sequence[Values], rows: int) -> FloatArray:
         """(B, V) the numbers of every row from one mapping a term of (B,) arrays."""
@@ -70,12 +76,13 @@ def program_of(chain: Chain) -> Program | None:
     """The tables of a chain; None where something in it has no compiled form."""
     inner = whole(unwrapped(chain.simulator))
     system = tables.SYSTEMS.get(type(inner.simulator))
-    if system is None or len(inner.held) > 1 or chain.scheme not in SCHEMES or chain.looks:
+    if system is None or len(inner.held) > 1 or chain.scheme not in SCHEMES or not chain.sensors.late_first:
         return None
     try:
-        return _Writer(chain, inner, system).program()
+        made = _Writer(chain, inner, system).program()
     except _NotCompiled:
         return None
+    return None if chain.looks and made.actuators is None else made
 
 
 class _NotCompiled(Exception):  # noqa: N818  # no error: NumPy does it
@@ -97,6 +104,7 @@ class _Writer:
         """All of it."""
         chain, inner = self.chain, self.inner
         ends = self._written()
+        ways, actuators = self._acting()
         still = sum(1 << i for i in range(len(inner.rest)) if i not in inner.kept)
         changing = any(t[codes.GATE] < t[codes.GATE_END] for t in self.terms)
         ahead = 0
@@ -105,7 +113,7 @@ class _Writer:
         first = [self.system, SCHEMES[chain.scheme], inner.held[0] if inner.held else -1, len(inner.kept)]
         first += [len(chain.simulator.action), 1, 0, ahead, still]
         return Program(
-            np.array([*first, *ends, int(changing), LANES], dtype=np.int64),
+            np.array([*first, *ends, int(changing), LANES, int(chain.looks), 0], dtype=np.int64),
             _table(self.terms, codes.TERM_WIDTH),
             _table(self.conditions, codes.CONDITION_WIDTH),
             _table(self.curves, codes.CURVE_WIDTH),
@@ -114,7 +122,29 @@ class _Writer:
             np.array(inner.kept, dtype=np.int64),
             np.concatenate([inner.rest, np.zeros(4 - len(inner.rest))]),
             tuple(self.columns),
+            actuators,
+            ways,
         )
+
+    def _acting(self) -> tuple[tuple[int, ...], IntArray | None]:
+        """The terms of actuators in the order of their ways, and their table; none where one has no compiled form."""
+        of, action, rows = self.chain.terms, self.chain.simulator.action, []
+        found = [i for i, t in enumerate(of) if isinstance(t.effect, ActuatorEffect)]
+        found.sort(key=lambda i: of[i].effect.order)
+        ways = tuple(i for on in dict.fromkeys(of[i].on for i in found) for i in found if of[i].on == on)
+        for place, i in enumerate(ways):
+            law = tables.ACTUATORS.get(of[i].family) if FAMILIES.get(of[i].family) is of[i].effect else None
+            if law is None:
+                return ways, None
+            followed = of[i].on in [of[j].on for j in ways[place + 1 :]]
+            at = len(self.columns)
+            self.columns += [(i, name, np.nan) for name in law[1]]
+            rows.append(
+                [law[0], action.index(of[i].on), at, *self._gated(i, of[i].gate), 0, 0, int(followed)]
+            )
+        table = _table(rows, codes.ACTUATOR_WIDTH)
+        delays = [row[codes.ON] for row in rows if row[codes.LAW] == codes.DELAY]
+        return ways, table if len(set(delays)) == len(delays) else None
 
     def _written(self) -> list[int]:
         """Write the terms, site by site; where each site's begin, and where they end."""
@@ -233,8 +263,6 @@ def _is_dry(effect: Effect) -> bool:
 
 def _law_of(term: Term) -> Law | None:
     """The number of a catalogue's law and the names of its values; None of another's."""
-    from gpsim.effects import FAMILIES
-
     family, effect = term.family, term.effect
     if FAMILIES.get(family) is not effect:
         return None

@@ -128,20 +128,10 @@ def add_curve(
 
 
 @compiled
-def look(
-    b: FloatArray,
-    lanes: int,
-    layout: IntArray,
-    terms: IntArray,
-    conditions: IntArray,
-    knots: FloatArray,
-    believed: FloatArray,
-    v: FloatArray,
-    shares: FloatArray,
-) -> None:
-    """Where gates are open in this substep, and the parameters that follow from it."""
+def peer(b: FloatArray, lanes: int, layout: IntArray, believed: FloatArray) -> None:
+    """Fill AHEAD with about where the substep ends, for gates that look at the state; P is what was believed then."""
     for i in range(4 * lanes):
-        b[AHEAD + i] = b[X + i]
+        b[AHEAD + i] = b[Y + i] = b[X + i]
     believe(b, lanes, believed)
     if layout[LOOKS_AHEAD]:
         turning(b, lanes, layout[SYSTEM])
@@ -156,8 +146,6 @@ def look(
             for i in range(lanes):
                 at = c * LANES + i
                 b[AHEAD + at] = b[X + at] + b[H + i] * b[K + at]
-    find_shares(b, lanes, layout, terms, conditions, knots, v, shares)
-    correct(b, lanes, layout, terms, v, shares)
 
 
 @compiled
@@ -178,7 +166,11 @@ def advance(
     for i in range(4 * lanes):
         b[Y + i] = b[X + i]
     if layout[CHANGING]:
-        look(b, lanes, layout, terms, conditions, knots, believed, v, shares)
+        peer(b, lanes, layout, believed)
+        find_shares(b, lanes, layout, terms, conditions, knots, v, shares)
+    else:
+        believe(b, lanes, believed)
+    correct(b, lanes, layout, terms, v, shares)
     # Rates that are the same in all states, as a vehicle's often are, are found once.
     held = (system == UNICYCLE or system == ACKERMANN) and layout[RATES] == layout[TERMS]
     stages = 3 if scheme == FINE else (4 if scheme == RK4 else 1)

@@ -38,6 +38,18 @@ TWISTS: Mapping[str, Law] = {
     "steering_bias": (codes.STEERING, ("curvature",)),
     "lateral_slip": (codes.SLIP, ("slip",)),
 }
+ACTUATORS: Mapping[str, Law] = {
+    "actuator_delay": (codes.DELAY, ("delay",)),
+    "actuator_dead_zone": (codes.DEAD_ZONE, ("width",)),
+    "actuator_saturation": (codes.SATURATION, ("limit",)),
+    "actuator_gain": (codes.GAIN, ("gain",)),
+    "actuator_asymmetry": (codes.ASYMMETRY, ("gain_positive", "gain_negative")),
+    "battery_sag": (codes.SAG, ("loss_per_second",)),
+    "actuator_bias": (codes.BIAS, ("bias",)),
+    "actuator_backlash": (codes.BACKLASH, ("half_width",)),
+    "actuator_rate_limit": (codes.RATE_LIMIT, ("rate",)),
+    "actuator_lag": (codes.LAG, ("time_constant",)),
+}
 CURVES: Mapping[str, int] = {
     "force": codes.FORCE_CURVE,
     "grip": codes.GRIP_CURVE,

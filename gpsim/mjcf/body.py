@@ -72,6 +72,7 @@ def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) 
     _check(base, where)
     model = copy.copy(base)
     model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    _let_friction_act(model)
     if exact:
         model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
     model.body_sameframe[:] = mj.mjtSameFrame.mjSAMEFRAME_NONE
@@ -82,6 +83,18 @@ def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) 
             model.dof_frictionloss[dof] = 0.0
     parameters, knobs = _parameters(base, names)
     return Body(loaded, base, model, names, parameters, knobs)
+
+
+def _let_friction_act(model: Any) -> None:
+    """A model without constraints (or without dry friction) leaves dry friction out, which may be what is missing."""
+    off, flags = mujoco().mjtDisableBit, int(model.opt.disableflags)
+    if flags & int(off.mjDSBL_CONSTRAINT):
+        flags |= int(off.mjDSBL_EQUALITY) | int(off.mjDSBL_LIMIT) | int(off.mjDSBL_CONTACT)
+        flags |= int(off.mjDSBL_FRICTIONLOSS)
+    if flags & int(off.mjDSBL_FRICTIONLOSS):
+        model.dof_frictionloss[:] = 0.0
+        model.tendon_frictionloss[:] = 0.0
+    model.opt.disableflags = flags & ~int(off.mjDSBL_CONSTRAINT) & ~int(off.mjDSBL_FRICTIONLOSS)
 
 
 def _check(model: Any, where: str) -> None:

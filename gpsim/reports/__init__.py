@@ -12,6 +12,7 @@ __all__ = [
     "diagnosis_text",
     "fleet",
     "fleet_page",
+    "fleet_picture",
     "foxglove_bodies",
     "foxglove_file",
     "guess_text",

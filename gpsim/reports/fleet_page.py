@@ -7,24 +7,28 @@ from collections.abc import Sequence
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.account_lines import account_lines
+from gpsim.reports.canvas import data_uri
 from gpsim.reports.diagnosis_text import gate_text
 from gpsim.reports.fleet import Deviation, Robot, deviations, headline, size_of
+from gpsim.reports.fleet_picture import fleet_picture
 from gpsim.reports.html import page_of
 from gpsim.reports.prove_page import STYLE
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, whole_percent
 
 MORE = """
 td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; }
-pre { overflow-x: auto; background: #f6f7f9; padding: .7rem; } summary { cursor: pointer; }
+img { max-width: 100%; } pre { overflow-x: auto; background: #f6f7f9; padding: .7rem; } summary { cursor: pointer; }
 """
 PAGE = """<!doctype html>
 <html lang="en"><head>{{ head }}<title>gpsim diagnose --each</title></head><body>
 <h1>{{ robots|length }} recordings</h1>
 <p>{{ said[:1]|upper }}{{ said[1:] }}.</p>
+{% if picture %}<img src="{{ picture }}" alt="Sizes of the common effects, robot by robot">
+<p>Effects that most robots have, with 90 % intervals; red: apart from the fleet.</p>{% endif %}
 {% for sheet in sheets if sheet.rows %}<h2>{{ sheet.title }}</h2><div class="wide"><table class="words">
 <tr>{% for name in sheet.columns %}<th>{{ name }}</th>{% endfor %}</tr>
 {% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
-{{- cell.text|short }}</td>{% endfor %}</tr>
+{{- cell.text.split("\n")|map("short", 90)|join("<br>"|safe) }}</td>{% endfor %}</tr>
 {% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}
 {% endfor %}
 <h2>Accounts</h2>
@@ -41,11 +45,13 @@ NOTE = (
 def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
     """The page; simulators: the base of each recording. Equal diagnoses give equal pages."""
     found = deviations(robots)
+    figure = fleet_picture(robots, found)
     return page_of(
         PAGE,
         STYLE + MORE,
         robots=robots,
         said=headline(robots, found),
+        picture=None if figure is None else data_uri(figure),
         sheets=[differences_sheet(found), robots_sheet(robots, found)],
         accounts=[
             (robot.name, _account(robot, simulator))
@@ -81,7 +87,7 @@ def _robot(robot: Robot, odd: bool) -> tuple[Cell, ...]:
         for e in told_effects(found)[0]
     ]
     return row(
-        Cell(robot.name, marked=odd), found.verdict, whole_percent(share), "; ".join(effects) or MISSING
+        Cell(robot.name, marked=odd), found.verdict, whole_percent(share), "\n".join(effects) or MISSING
     )
 
 

@@ -14,7 +14,7 @@ def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
         {
             "trial": str(s["trial"]),
             "stratum": str(s["stratum"]),
-            "world": f"{s['system']}, {s['noise_level']} noise, {s['velocities'] or 'pose only'}, {s['excitation']}"
+            "world": f"{s['system']}, {s['noise_level']} noise, {s['velocities'] or _unmeasured(s)}, {s['excitation']}"
             + ("" if s["visible"] else ", not visible")
             + (f", {', '.join(s['defects'])}" if s["stratum"] == "rough" else ""),
             "truth": _true_share(s) + (" + ".join(_told(e) for e in s["effects"]) or "nothing"),
@@ -26,6 +26,10 @@ def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
         for s in scores
         if not s["right"]
     ]
+
+
+def _unmeasured(score: Json) -> str:
+    return "positions only" if "robot" in score else "pose only"
 
 
 def _true_share(score: Json) -> str:

@@ -19,7 +19,7 @@ def record(content: Json) -> str:
     commits = ", ".join(str(commit) for commit in content["diagnosed_under"])
     head = (
         f"{content['all']['n']} worlds of 2 000 to 12 000 transitions and {content['long']['n']} longer ones, "
-        f"{_rough_ones(content)}seed {content['seed']}; diagnosed with commit: {commits}."
+        f"{_others(content)}seed {content['seed']}; diagnosed with commit: {commits}."
     )
     sections = (section(f"## {sheet.title}", sheet) for sheet in record_sheets(content))
     return "\n\n".join([head, *beside(content), *sections]) + "\n"
@@ -39,8 +39,9 @@ def section(heading: str, sheet: Sheet) -> str:
     return "\n\n".join([heading, "\n".join(lines), *([sheet.note] if sheet.note else [])])
 
 
-def _rough_ones(content: Json) -> str:
-    return f"{content['rough']['n']} rough ones, " if "rough" in content else ""
+def _others(content: Json) -> str:
+    words = {"rough": "rough ones", "mjcf": "robots by their MuJoCo models"}
+    return "".join(f"{content[part]['n']} {what}, " for part, what in words.items() if part in content)
 
 
 def _told(table: Json) -> Sheet:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -15,9 +16,20 @@ from gpsim.reports.prove_page import STYLE
 from gpsim.reports.sheets import Cell, Sheet, row, significant
 
 SEED = "seed"
-MAIN = ("returns_certified.", "returns_all.", "success_all.", "one_step.", "explained", "verdict", "effects")
-"""Beginnings of the figures that a page shows of an evaluation or a diagnosis; of other stages it shows the first."""
+MAIN = (
+    "returns_certified.",
+    "returns_all.",
+    "success_all.",
+    "one_step.",
+    "explained",
+    "verdict",
+    "effects",
+    "rates.",
+)
+"""Beginnings of the figures that a page shows of an evaluation, a diagnosis or a fit; of others it shows the first."""
+OF_A_RATE = (".log_marginal_likelihood", ".hyper_parameters_original.noise_std")
 MOST, MOST_DRAWN = 12, 6  # columns of a table; lines of a picture
+MOST_WHOLE = 1e6  # numbers below it are written without a point, if they have no use for one
 MOST_ROWS = 2000  # points in the page: the CSV has all
 PAGE = """<!doctype html>
 <html lang="en"><head>{{ head }}<title>gpsim sweep</title></head><body>
@@ -41,7 +53,7 @@ def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
     figure = None if over is None else _picture(over, shown, table)
     return page_of(
         PAGE,
-        STYLE + "img { max-width: 100%; }\n",
+        STYLE + "img { max-width: 100%; } td { white-space: nowrap; }\n",
         of=of,
         swept=swept,
         points=len(table),
@@ -55,7 +67,7 @@ def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
 def main_figures(swept: Sequence[str], table: pd.DataFrame) -> list[str]:
     """The columns that a page shows, at most MOST."""
     found = [name for name in table.columns if name not in (*swept, "sha256", "error")]
-    varying = [name for name in found if table[name].notna().any()]
+    varying = [name for name in found if table[name].notna().any() and not _repeats(name, swept, table)]
     main = [name for name in varying if name.startswith(MAIN) and _is_mean(name)]
     sets = [name for name in main if name.startswith("returns_certified.")]
     if sets:  # the same returns over all starts say it once more
@@ -63,7 +75,17 @@ def main_figures(swept: Sequence[str], table: pd.DataFrame) -> list[str]:
     return (main or varying)[:MOST]
 
 
+def _repeats(name: str, swept: Sequence[str], table: pd.DataFrame) -> bool:
+    """Whether a figure says no more than a setting that is swept, as the rows of a fit do."""
+    if not _numeric(table, name):
+        return False
+    values = table[name].astype(float)
+    return any(values.equals(table[key].astype(float)) for key in swept if _numeric(table, key))
+
+
 def _is_mean(name: str) -> bool:
+    if name.startswith("rates."):
+        return name.endswith(OF_A_RATE)
     if name.startswith("one_step."):
         return name.endswith((".mean.nrmse", ".before", ".after"))
     return "." not in name or name.endswith((".mean", ".rate"))
@@ -82,20 +104,20 @@ def _axis(swept: Sequence[str], table: pd.DataFrame) -> str | None:
 def _picture(over: str, shown: Sequence[str], table: pd.DataFrame) -> Figure | None:
     """A point a row and a line through the medians, a colour a figure, a panel for each kind of them."""
     numbers = [name for name in shown if _numeric(table, name)]
-    kinds = list(dict.fromkeys(name.split(".")[0] for name in numbers))
+    kinds = list(dict.fromkeys(_kind(name)[0] for name in numbers))
     if not kinds:
         return None
     with style():
         figure, axes = panels(1, len(kinds), (4.6 * len(kinds), 3.6))
         for axis, kind in zip(axes[0], kinds, strict=True):
-            lines = [name for name in numbers if name.split(".")[0] == kind][:MOST_DRAWN]
-            tints = colours(lines)
+            lines = [name for name in numbers if _kind(name)[0] == kind][:MOST_DRAWN]
+            tints = colours(_kind(name)[1] for name in lines)
             for name in lines:
                 rows = table[[over, name]].dropna().sort_values(over)
-                axis.plot(rows[over], rows[name], ".", color=tints[name], alpha=0.5)
+                line = _kind(name)[1]
+                axis.plot(rows[over], rows[name], ".", color=tints[line], alpha=0.5)
                 middle = rows.groupby(over)[name].median()
-                label = name.removeprefix(f"{kind}.").removesuffix(".mean")
-                axis.plot(middle.index, middle.to_numpy(), color=tints[name], label=label)
+                axis.plot(middle.index, middle.to_numpy(), color=tints[line], label=line)
             axis.set_xlabel(over)
             axis.set_title(kind.replace("_", " "))
             if len(lines) > 1:
@@ -103,11 +125,23 @@ def _picture(over: str, shown: Sequence[str], table: pd.DataFrame) -> Figure | N
     return figure
 
 
+def _kind(name: str) -> tuple[str, str]:
+    """(panel, line) of a figure: of returns the policies in one, of a fit each figure's rates in one."""
+    first, *rest = name.split(".")
+    if first == "rates":
+        return rest[-1], rest[0]
+    return first, ".".join(rest).removesuffix(".mean")
+
+
+def _heading(name: str) -> str:
+    return " ".join(part for part in _kind(name) if part).replace("_", " ")
+
+
 def _over_seeds(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
     """Mean and spread over the seeds of each other combination; no rows where no seeds are swept."""
     others = [name for name in swept if name != SEED]
     numbers = [name for name in shown if _numeric(table, name)]
-    columns = (*others, "seeds", *numbers)
+    columns = (*others, "seeds", *map(_heading, numbers))
     if SEED not in swept or not numbers:
         return Sheet("Over seeds", columns, ())
     groups = table.groupby(others, sort=False, dropna=False) if others else [((), table)]
@@ -122,13 +156,15 @@ def _over_seeds(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame)
 
 
 def _spread(values: Any) -> str:
-    mean = significant(float(values.mean())) if len(values) else significant(None)
-    return f"{mean} ± {significant(float(values.std()))}" if len(values) > 1 else mean
+    """Mean and standard deviation; the value alone where all are the same."""
+    if len(values) == 0 or values.nunique() == 1:
+        return _text(values.iloc[0] if len(values) else None)
+    return f"{significant(float(values.mean()))} ± {significant(float(values.std()))}"
 
 
 def _points(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
     failed = bool(table["error"].notna().any())
-    columns = (*swept, *shown, *(("error",) if failed else ()))
+    columns = (*swept, *map(_heading, shown), *(("error",) if failed else ()))
     rows = []
     for record in table.head(MOST_ROWS).to_dict("records"):
         cells = [Cell(str(record[name])) for name in swept]
@@ -140,4 +176,9 @@ def _points(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> 
 
 
 def _text(value: Any) -> str:
-    return value if isinstance(value, str) else significant(value if value is not None else None)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    whole = value is not None and float(value).is_integer() and abs(value) < MOST_WHOLE
+    return f"{value:.0f}" if whole else significant(value)

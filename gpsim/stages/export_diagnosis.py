@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,12 @@ from gpsim.files import disk_errors, written_whole
 from gpsim.recordings import Recording
 from gpsim.reports.account import account_of
 from gpsim.reports.foxglove_bodies import body_of
-from gpsim.reports.foxglove_file import Shown, write_foxglove
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
 from gpsim.stages.users_code import blamed
+
+FORMATS = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
+"""What the extra `foxglove` brings."""
 
 
 def export_diagnosis(
@@ -33,6 +36,9 @@ def export_diagnosis(
     out: the new file, beside the folder without one. recording: where the recording lies now, which must be the one
     that was diagnosed. horizon: s of every rollout, that of the diagnosis without one. Raises UsageError.
     """
+    _check_installed()
+    from gpsim.reports.foxglove_file import Shown, write_foxglove
+
     artifact = read_artifact(folder, "diagnose")
     place = artifact.path if artifact.path.name not in ("", "..") else artifact.path.resolve()
     out = out or place.with_name(f"{place.name}.mcap")
@@ -57,6 +63,13 @@ def export_diagnosis(
     with disk_errors(out, "--out"), written_whole(out) as made:
         count = write_foxglove(Shown(opened, along, body, first_held_out(opened), facts), made)
     return out, _notes(opened, along, found, count, body is not None, plant.simulator.name)
+
+
+def _check_installed() -> None:
+    if any(find_spec(name) is None for name in FORMATS):
+        raise UsageError(
+            "export diagnosis: Foxglove's formats are not installed; pip install 'gpsim[foxglove]'"
+        )
 
 
 def _check_place(out: Path, folder: Path) -> None:

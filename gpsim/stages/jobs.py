@@ -78,16 +78,22 @@ def run_jobs(
 
 
 def _numbered(jobs: Sequence[Job]) -> Iterator[tuple[Request, Artifact | None]]:
-    """Every job that is still to be made asks for a version of its own, in the order of the plan."""
+    """Every job that is still to be made asks for a version of its own, in the order of the plan.
+
+    Who makes it need not look through the shelf again: ten thousand workers' looks are more than a file server takes.
+    """
+    marked = {(job.request.store, job.stage): job.request.store.all_marked(job.stage) for job in jobs}
     free = {(job.request.store, job.stage): job.request.store.free_numbers(job.stage) for job in jobs}
     for job in jobs:
         request = replace(job.request, progress=silent)
+        looked = marked[request.store, job.stage]
         try:
             existing = request.store.find(job.maker.keyed(request)) if request.out is None else None
+            looked = True
         except UsageError:  # a parent is not there yet, so neither is this
             existing = None
         if existing is None:
-            request = replace(request, number=next(free[request.store, job.stage]))
+            request = replace(request, number=next(free[request.store, job.stage]), looked=looked)
         yield request, existing
 
 

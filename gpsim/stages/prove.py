@@ -32,6 +32,8 @@ from gpsim.trials.blinding import (
     write_trial,
 )
 from gpsim.trials.drawing import ROUGH_FROM, stratum_of
+from gpsim.trials.robots import ROBOTS_FROM
+from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
 from gpsim.trials.statistics import summarise
 from gpsim.trials.worlds import STRATA
@@ -39,6 +41,9 @@ from gpsim.trials.worlds import STRATA
 CONFIG = "trials.json"
 KEPT = ("scores", "equivalents")  # folders of what a reveal keeps of each trial
 OPTION = "--out"  # names another place, where this one cannot be written
+MJCF = "mjcf"
+"""What --system asks for."""
+ROBOT_STRATA = ("single", "pair", "none")
 NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
@@ -61,6 +66,20 @@ def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True, rough
         raise UsageError("no worlds: say how many with --trials, or --rough for rough ones")
     plain_ones = islice((n for n in count(1) if wanted(n)), trials)
     return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1)]
+
+
+def robots_numbers(trials: int, strata: Sequence[str] = ()) -> list[int]:
+    """The first `trials` numbers of worlds whose simulator is a MuJoCo model, of one of `strata` (all when empty).
+
+    Raises UsageError.
+    """
+    strange = sorted(set(strata) - set(ROBOT_STRATA))
+    if strange:
+        raise UsageError(f"no stratum '{strange[0]}' of --system mjcf; there are: {', '.join(ROBOT_STRATA)}")
+    if trials < 1:
+        raise UsageError("no worlds: say how many with --trials")
+    wanted = (rank for rank in count(1) if not strata or robots_stratum(rank)[0] in strata)
+    return [ROBOTS_FROM + rank for rank in islice(wanted, trials)]
 
 
 def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, progress: Progress) -> Path:

@@ -49,7 +49,8 @@ class Request:
 
     words: the overrides as the user typed them, for messages; number: the version to take if it is free; cores:
     processes that one stage may use; planned: parents that are not made yet are stood in for, to see what else
-    differs: nothing can be made of such a recipe.
+    differs: nothing can be made of such a recipe; looked: the shelf was looked through before, only what was made since
+    counts.
     """
 
     config: Mapping[str, Any]
@@ -59,6 +60,7 @@ class Request:
     number: int | None = None
     cores: int = 1
     planned: bool = False
+    looked: bool = False
 
     @property
     def store(self) -> Store:
@@ -79,7 +81,9 @@ class Request:
         """The same request with some top-level settings changed, in the words too."""
         kept = tuple(word for word in self.words if word.split("=", 1)[0] not in values)
         words = kept + tuple(f"{key}={value}" for key, value in values.items())
-        return replace(self, config={**self.config, **values}, words=words, out=None, number=None)
+        return replace(
+            self, config={**self.config, **values}, words=words, out=None, number=None, looked=False
+        )
 
     def _deciding(self, key: str) -> Any:
         later = LATER.get(key, {})
@@ -142,13 +146,13 @@ class Stage:
         recipe, store = self.keyed(request), request.store
         if request.out is not None:
             return self._publish(request, recipe), False
-        found = store.find(recipe)
+        found = store.find(recipe, looked=request.looked)
         if found is not None:
             return found, True
         with store.claimed(
             recipe, lambda who: request.progress(0, 0, f"waiting for {who}, which makes the same")
         ):
-            found = store.find(recipe)  # another process may have made it meanwhile
+            found = store.find(recipe, looked=request.looked)  # another process may have made it meanwhile
             return (found, True) if found is not None else (self._publish(request, recipe), False)
 
     def _publish(self, request: Request, recipe: Recipe) -> Artifact:

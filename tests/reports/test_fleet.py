@@ -5,6 +5,7 @@ from made_diagnoses import made_diagnosis, made_effect
 from gpsim.diagnosis.report import Alternative, Estimate
 from gpsim.reports.fleet import Robot, deviations, headline
 from gpsim.reports.fleet_page import fleet_page
+from gpsim.reports.fleet_picture import ODD, fleet_picture
 
 
 def spring(value, half=0.1, **changes):
@@ -82,3 +83,17 @@ def test_the_page_holds_every_account_and_lets_nothing_in():
     assert "no &lt;such&gt; file" in page
     assert page.count("<details>") == 6
     assert "1 of 5 robots differs" in page
+
+
+def test_the_picture_shows_what_most_have_and_marks_who_is_apart():
+    lone = made_effect(family="constant_force", on="q")
+    robots = fleet(robot("odd", spring(3.0)), robot("bare", lone), Robot("broken", None, "no such file"))
+    figure = fleet_picture(robots, deviations(robots))
+    (axis,) = figure.axes
+    assert axis.get_title(loc="left") == "spring on q"
+    dots = {line.get_xdata()[0]: line for line in axis.lines if line.get_marker() == "o"}
+    assert sorted(dots) == [0, 1, 2, 3, 4]  # of those that have it
+    assert [i for i, dot in dots.items() if dot.get_color() == ODD] == [4]
+    assert dots[4].get_ydata()[0] == 3.0
+    assert "<img" in fleet_page(robots, [""] * len(robots))
+    assert fleet_picture([robot("bare", verdict="none")], []) is None

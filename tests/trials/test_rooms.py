@@ -8,7 +8,18 @@ from pathlib import Path
 import pytest
 
 TRIALS = Path(__file__).parents[2] / "gpsim" / "trials"
-ORDER = ["worlds", "catalogue", "outside", "truth", "drawing", "blinding", "rivals", "scoring", "statistics"]
+ORDER = [
+    "worlds",
+    "catalogue",
+    "outside",
+    "truth",
+    "drawing",
+    "robots",
+    "blinding",
+    "rivals",
+    "scoring",
+    "statistics",
+]
 OUTER = [
     *TRIALS.parent.glob("stages/*.py"),
     *TRIALS.parent.glob("reports/*.py"),

@@ -11,7 +11,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows
 from gpsim.effects import IN_EPISODE, Chain, Values
-from gpsim.kernels import Commands
+from gpsim.kernels import Commands, Program, actuators_of, travelled
 from gpsim.simulators import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
@@ -92,14 +92,31 @@ def precomputed(
 
 
 def commands(
-    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: Setting, rows: IntArray
-) -> Commands:
-    """The same as `as_recorded` or `precomputed` where commands do not depend on the simulated state, as arrays."""
-    if chain.actuates:
+    program: Program,
+    chain: Chain,
+    windows: Windows,
+    spread: Spread,
+    thetas: FloatArray,
+    setting: Setting,
+    rows: IntArray,
+    threads: int,
+) -> Commands | None:
+    """The same for compiled code; None where it cannot do what actuators do to commands that depend on the state."""
+    if not chain.actuates:
+        every = np.concatenate([windows.before_actions, windows.actions], axis=1)
+        return Commands(every, rows, windows.before_actions.shape[1], finely=False)
+    n, which = setting.n, _which(setting, len(windows))
+    acted, memory, before = _acted(chain, windows, spread, thetas, setting, inside=False)
+    at = actuators_of(program, memory, len(acted), even=setting.even)
+    if chain.looks:
+        return None if at is None else Commands(acted, which, before, True, windows.actions, at)
+    if at is None:
         acted, _, before = _acted(chain, windows, spread, thetas, setting)
-        return Commands(acted, _which(setting, len(windows)), before, finely=True)
-    every = np.concatenate([windows.before_actions, windows.actions], axis=1)
-    return Commands(every, rows, windows.before_actions.shape[1], finely=False)
+        return Commands(acted, which, before, finely=True)
+    own = np.tile(np.arange(len(windows)), len(setting.first))
+    values = program.values(values_of(chain, windows, spread, thetas[setting.first]), len(own))
+    acted = travelled(program, n, values, windows.t, own, windows.actions, acted, at, threads)
+    return Commands(acted, which, before, finely=True)
 
 
 def _which(setting: Setting, count: int) -> IntArray:
@@ -108,9 +125,18 @@ def _which(setting: Setting, count: int) -> IntArray:
 
 
 def _acted(
-    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: Setting
+    chain: Chain,
+    windows: Windows,
+    spread: Spread,
+    thetas: FloatArray,
+    setting: Setting,
+    *,
+    inside: bool = True,
 ) -> tuple[FloatArray, Memory, int]:
-    """(B, K, A) what reaches the simulator at every substep, memory after them, how many lie before the windows."""
+    """(B, K, A) what reaches the simulator at every substep, memory after them, how many lie before the windows.
+
+    inside: of the windows, too, unless what becomes of commands depends on the state.
+    """
     count, n, first = len(windows), setting.n, setting.first
     rows, values = np.tile(np.arange(count), len(first)), values_of(chain, windows, spread, thetas[first])
     coarser = chain.looks and not setting.even
@@ -119,7 +145,9 @@ def _acted(
         memory = _led_up_to(chain, windows, rows, values, setting)
         windows = windows.remembering(0)
     before = n * windows.before_actions.shape[1]
-    end = before if chain.looks else None
+    end = None if inside and not chain.looks else before
+    if end == 0:
+        return np.empty((len(rows), 0, windows.actions.shape[2])), memory, 0
     actions = np.concatenate([windows.before_actions, windows.actions], axis=1)
     begins = np.concatenate([windows.before_t[:, :-1], windows.t[:, :-1]], axis=1)
     steps = np.diff(np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1), axis=1) / n

@@ -10,7 +10,7 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Setting, Spread, commands, values_of
 from gpsim.effects import Chain, Values
-from gpsim.kernels import Past, Program, marched
+from gpsim.kernels import Past, Program, marched, read_late
 
 
 def simulated(
@@ -22,24 +22,19 @@ def simulated(
     thetas: FloatArray,
     setting: Setting,
     threads: int,
-) -> FloatArray:
-    """(C, W, L + 1, S): what the sensors would say; starts: (C, W, S)."""
+) -> FloatArray | None:
+    """(C, W, L + 1, S): what the sensors would say, from starts (C, W, S); None where compiled code cannot."""
     copies, count = starts.shape[:2]
     rows, values = np.tile(np.arange(count), copies), values_of(chain, windows, spread, thetas)
-    past = _past(chain, windows, setting)
-    states, passed = marched(
-        program,
-        setting.n,
-        starts.reshape(copies * count, -1),
-        program.values(values, len(rows)),
-        windows.t,
-        rows,
-        commands(chain, windows, spread, thetas, setting, rows),
-        threads,
-        past,
-    )
-    if chain.sensors:
-        _measure(chain, windows, rows, values, setting, states, passed, past)
+    with np.errstate(all="ignore"):
+        known = commands(program, chain, windows, spread, thetas, setting, rows, threads)
+        if known is None:
+            return None
+        past = _past(chain, windows, setting)
+        begun, numbers = starts.reshape(copies * count, -1), program.values(values, len(rows))
+        states, passed = marched(program, setting.n, begun, numbers, windows.t, rows, known, threads, past)
+        if chain.sensors:
+            states = _read(chain, windows, rows, values, setting, states, passed, past)
     return states.reshape(copies, count, windows.length + 1, -1)
 
 
@@ -52,7 +47,7 @@ def _past(chain: Chain, windows: Windows, setting: Setting) -> Past | None:
     return Past(depth, earlier, windows.rested.astype(np.int64))
 
 
-def _measure(
+def _read(
     chain: Chain,
     windows: Windows,
     rows: IntArray,
@@ -61,18 +56,22 @@ def _measure(
     states: FloatArray,
     passed: FloatArray,
     past: Past | None,
-) -> None:
-    """Put what the sensors say in the place of the states (B, L + 1, S)."""
-    n, steps = setting.n, np.diff(windows.t, axis=1) / setting.n
-    when = None if past is None or setting.even else _when(windows, past.depth, n)
-    for k in range(windows.length + 1):
-        memory = {}
-        if past is not None:
-            seen = slice(k * n, k * n + past.depth)
-            clock = None if when is None else when[:, seen][rows]
-            memory = chain.sensors.having_seen(passed[:, seen], clock)
-        step = steps[rows, max(k - 1, 0)]
-        states[:, k] = chain.sensors.measure(states[:, k], values, memory, step)
+) -> FloatArray:
+    """(B, L + 1, S) what the sensors say of the states (B, L + 1, S), which change: first those that are late."""
+    steps = np.diff(windows.t, axis=1) / setting.n
+    steps = np.concatenate([steps[:, :1], steps], axis=1)
+    if past is not None:
+        when = np.empty((len(windows), 0)) if setting.even else _when(windows, past.depth, setting.n)
+        for term, column in chain.sensors.late:
+            read_late(passed, past, setting.n, column, values[term]["delay"], steps, when, rows, states)
+    count, times, channels = states.shape
+    others = {
+        i: {name: np.repeat(value, times) for name, value in values[i].items()} for i in chain.sensors.rest
+    }
+    if not others:
+        return states
+    read = chain.sensors.rest_measure(states.reshape(-1, channels), others, steps[rows].ravel())
+    return read.reshape(count, times, channels)
 
 
 def _when(windows: Windows, depth: int, n: int) -> FloatArray:

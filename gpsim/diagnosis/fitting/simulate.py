@@ -39,7 +39,9 @@ def simulate(
     _count(run, chain, windows, len(thetas), setting)
     program = _program(run.settings.sharing, chain) if extra is None else None
     if program is not None:
-        return simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count)
+        said = simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count)
+        if said is not None:
+            return said
     parts = _parts(run.settings.sharing, run.workers.count, len(thetas), len(windows), windows.length * n)
     if parts < 2 or not setting.even or extra is not None:
         return _simulated(chain, windows, starts, spread, thetas, setting, extra)

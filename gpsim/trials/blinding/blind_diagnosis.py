@@ -20,10 +20,12 @@ from gpsim.artifacts import git_commit
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, tells_of_full_disk, written_whole
 from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests
+from gpsim.trials.robots import robot_rank
 
 DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"
 RECORDING = "recording"
 LIMIT = 900.0  # s after which a diagnosis is given up
+ROBOTS_LIMIT = 3600.0  # s, of a robot, which simulates for longer
 # The command line in a fresh interpreter: what a user would run, and no module of the trials comes along. It ends when
 # the proof that started it is gone.
 COMMAND = """
@@ -49,12 +51,13 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
         shutil.copytree(out / PUBLIC / name, room / RECORDING)
         known["recording"] = recording_digests(room / RECORDING)
         started = time.monotonic()
-        code, said = _run(room)
+        limit = LIMIT if robot_rank(int(name)) is None else ROBOTS_LIMIT
+        code, said = _run(room, limit)
         if code < 0:  # killed, for want of memory say: that need not happen again
             shutil.rmtree(room / DIAGNOSIS, ignore_errors=True)
             known["killed_first"] = -code
             started = time.monotonic()
-            code, said = _run(room)
+            code, said = _run(room, limit)
         if code and tells_of_full_disk(said):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         outcome = {
@@ -135,7 +138,7 @@ def read_report(out: Path, name: str) -> dict[str, Any] | None:
     return content
 
 
-def _run(room: Path) -> tuple[int, str]:
+def _run(room: Path, limit: float) -> tuple[int, str]:
     """Exit code and what was said on stderr; 124 when it took too long."""
     words = ["diagnose", RECORDING, "--out", DIAGNOSIS, "--cores", "1"]  # other trials have the others
     try:
@@ -145,10 +148,10 @@ def _run(room: Path) -> tuple[int, str]:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
-            timeout=LIMIT,
+            timeout=limit,
             check=False,
             text=True,
         )
     except subprocess.TimeoutExpired:
-        return 124, f"no diagnosis within {LIMIT:.0f} s"
+        return 124, f"no diagnosis within {limit:.0f} s"
     return done.returncode, done.stderr

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from gpsim.errors import UsageError
 from gpsim.files import file_digest, written_whole
 from gpsim.recordings import write_recording
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
+from gpsim.trials.blinding.robot_worlds import RobotConcealed, conceal_robot, robot_answer
+from gpsim.trials.robots import robot_rank
 
 PUBLIC, PRIVATE = "public", "private"
 ANSWER, TRUTH = "answer.json", "truth.npz"
@@ -30,14 +33,17 @@ def write_trial(out: Path, seed: int, number: int) -> str:
     name = trial_name(number)
     private, public = out / PRIVATE / name, out / PUBLIC / name
     if not (private / ANSWER).is_file() or not (public / "recording.yaml").is_file():
-        concealed = conceal(seed, number)
+        of_robot = robot_rank(number) is not None
+        concealed = conceal_robot(seed, number) if of_robot else conceal(seed, number)
         with written_whole(private) as answers, written_whole(public) as recordings:
             answers.mkdir(parents=True)
             _write_truth(answers / TRUTH, concealed)
-            text = json.dumps(answer_of(concealed, file_digest(answers / TRUTH)), indent=1) + "\n"
+            text = json.dumps(_answer(concealed, file_digest(answers / TRUTH)), indent=1) + "\n"
             (answers / ANSWER).write_text(text, encoding="utf-8")
             recordings.mkdir(parents=True)
             write_recording(concealed.recording, recordings, "csv")
+            if isinstance(concealed, RobotConcealed):
+                _write_model(recordings, concealed)
             for half in (private, public):
                 shutil.rmtree(half, ignore_errors=True)
     return file_digest(private / ANSWER)
@@ -73,8 +79,9 @@ def published(out: Path) -> dict[str, str]:
 
 
 def recording_digests(folder: Path) -> dict[str, str]:
-    """File -> SHA-256, of a recording."""
-    return {p.name: file_digest(p) for p in sorted(folder.iterdir())}
+    """File -> SHA-256, of a recording and of the model beside it."""
+    files = (p for p in sorted(folder.rglob("*")) if p.is_file())
+    return {p.relative_to(folder).as_posix(): file_digest(p) for p in files}
 
 
 def _hashes(path: Path) -> dict[str, str]:
@@ -85,8 +92,28 @@ def _hashes(path: Path) -> dict[str, str]:
     return {name: digest for digest, name in lines}
 
 
-def _write_truth(path: Path, concealed: Concealed) -> None:
-    """Readings without noise and the true model's residual rates; equal worlds give equal bytes."""
+def _answer(concealed: Concealed | RobotConcealed, truth_digest: str) -> dict[str, Any]:
+    if isinstance(concealed, RobotConcealed):
+        return robot_answer(concealed, truth_digest)
+    return answer_of(concealed, truth_digest)
+
+
+def _write_model(folder: Path, concealed: RobotConcealed) -> None:
+    """The model that is believed, and what it includes."""
+    for name, text in concealed.files.items():
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def _write_truth(path: Path, concealed: Concealed | RobotConcealed) -> None:
+    """Readings without noise and the true model's residual rates; equal worlds give equal bytes.
+
+    Of a robot there are no residual rates.
+    """
     clean = np.concatenate([e.states for e in concealed.clean.episodes])
     rows = np.array([len(e.t) for e in concealed.clean.episodes])
-    np.savez(path, clean=clean, rows=rows, own=concealed.one_step.own, episode=concealed.one_step.episode)
+    own, episode = np.empty((0, 0)), np.empty(0, dtype=np.int64)
+    if isinstance(concealed, Concealed):
+        own, episode = concealed.one_step.own, concealed.one_step.episode
+    np.savez(path, clean=clean, rows=rows, own=own, episode=episode)

@@ -6,6 +6,7 @@ what they find is kept.
 
 from gpsim.trials.rivals.cache import Listing, cached_listing
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
+from gpsim.trials.rivals.robot_rivals import robot_rivals
 
 __all__ = [
     "EQUIVALENTS_VERSION",
@@ -15,4 +16,5 @@ __all__ = [
     "as_hypothesis",
     "cached_listing",
     "rivals",
+    "robot_rivals",
 ]

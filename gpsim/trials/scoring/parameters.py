@@ -38,7 +38,8 @@ def parameter_errors(truth: Sequence[Json], said: Sequence[Json]) -> list[dict[s
                     "error_of_effect": error / max(abs(value - neutral), 1e-300),
                     "covered": bool(covered),
                     # Where zero is an arbitrary point, an error relative to the value says nothing.
-                    "has_scale": name != "rest_position",
+                    "has_scale": name != "rest_position"
+                    and not (effect["family"] == "payload" and name in "xyz"),
                 }
             )
     return out

@@ -16,6 +16,7 @@ from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring.claims import Claim, Json, approximate, asserted, claims_of, headline_of, identity
 from gpsim.trials.scoring.gates import failed_gates, gate_figures
 from gpsim.trials.scoring.parameters import parameter_errors
+from gpsim.trials.scoring.robot_rules import score_robot
 from gpsim.trials.scoring.rough_rules import score_rough
 from gpsim.trials.worlds import SYSTEMS
 
@@ -27,6 +28,8 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
     """Everything that can be said of one diagnosis; a missing report is a failed diagnosis, wrong in all."""
     if answer.content["stratum"] == "rough":
         return score_rough(answer, report, rivals)
+    if "robot" in answer.content:
+        return score_robot(answer, report, rivals)
     truth = frozenset(answer.claims)
     inside = not any(e["outside"] for e in answer.content["effects"])
     equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}

@@ -8,7 +8,7 @@ from typing import Any
 
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
-from gpsim.trials.rivals import Listing, cached_listing
+from gpsim.trials.rivals import Listing, cached_listing, robot_rivals
 from gpsim.trials.scoring.rules import score
 
 SCORES = "scores"
@@ -22,8 +22,9 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     answer = reveal(out, answers, name)
     outcome = read_outcome(out, name)
     try:
-        listed = cached_listing(out, name, answer, outcome)
-        found = score(answer, read_report(out, name), listed.rivals)
+        report = read_report(out, name)
+        listed = _listing(out, name, answer, outcome, report)
+        found = score(answer, report, listed.rivals)
         found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
     except Exception as error:  # whatever it is, it must not block the reveal of the others
         if isinstance(error, OSError) and tells_of_full_disk(str(error)):
@@ -41,6 +42,15 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     with written_whole(path) as made:
         made.write_text(json.dumps(plain(found), indent=1) + "\n", encoding="utf-8")
     return found
+
+
+def _listing(
+    out: Path, name: str, answer: Answer, outcome: dict[str, Any], report: dict[str, Any] | None
+) -> Listing:
+    """Every rival that was fitted; of a robot's world those that were said."""
+    if "robot" in answer.content:
+        return Listing(robot_rivals(out, name, answer, outcome, report), None)
+    return cached_listing(out, name, answer, outcome)
 
 
 def _of_world(answer: Answer) -> dict[str, Any]:

@@ -1,0 +1,156 @@
+"""Drawing a robot's world from a seed and a trial's number: families and robots in turn, none more often."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.trials import catalogue
+from gpsim.trials.robots.driving import SIGNALS
+from gpsim.trials.robots.models import ROBOTS, Robot, layout_of
+from gpsim.trials.robots.running import run
+from gpsim.trials.robots.strengths import STRENGTHS, RobotScales
+from gpsim.trials.worlds import Dial, Stratum, TrueEffect, World
+
+ROBOTS_FROM = 200_000
+"""Trials with a number above it are robots': the other worlds of a seed stay what they are."""
+DECK: tuple[Stratum, ...] = (
+    "single", "none", "pair", "single", "single", "pair", "none", "single", "single", "pair", "none", "single",
+)  # fmt: skip
+SIZE = {"single": 1, "pair": 2, "none": 0}
+POSITIONS, SPEEDS = (5e-4, 1e-3), (4e-3, 1.2e-2)  # noise, rad and rad/s (m and m/s)
+TRANSITIONS, LENGTH = (2200, 6000), (160, 400)
+GRADED = ("actuator_dead_zone", "actuator_saturation", "actuator_backlash", "actuator_asymmetry")
+"""Families that need commands of many values."""
+UNSTABLE = ("actuator_delay", "actuator_lag", "actuator_dead_zone", "actuator_backlash")
+"""Families that let a pole fall: where a robot can hang, it does."""
+ALIKE: tuple[frozenset[str], ...] = (
+    frozenset({"coulomb_friction", "stribeck_friction"}),
+    frozenset(
+        {
+            "actuator_gain",
+            "actuator_asymmetry",
+            "parameter_offset",
+            "actuator_saturation",
+            "actuator_dead_zone",
+        }
+    ),
+    frozenset({"constant_force", "actuator_bias", "sensor_bias", "joint_offset", "spring", "gravity_tilt"}),
+    frozenset({"actuator_delay", "actuator_lag", "sensor_delay"}),
+    frozenset({"parameter_offset", "payload", "armature"}),
+    frozenset({"actuator_dead_zone", "actuator_backlash"}),
+)
+"""Two of a group do the same thing to a robot with other numbers: they never share a world, whatever they act on."""
+
+
+def robot_rank(number: int) -> int | None:
+    """Which robot's world a trial is, from 1; None where it is none."""
+    return number - ROBOTS_FROM if number > ROBOTS_FROM else None
+
+
+def stratum_of(rank: int) -> tuple[Stratum, int]:
+    """Stratum of a robot's world, and its rank among those of its stratum."""
+    deck, place = divmod(rank - 1, len(DECK))
+    stratum = DECK[place]
+    return stratum, deck * DECK.count(stratum) + DECK[:place].count(stratum)
+
+
+def draw_robot(seed: int, number: int, attempt: int = 0) -> World:
+    """The world of a trial; `attempt` counts worlds that could not be run, or in which an effect did not show."""
+    world, effects, rng = planned(seed, number, attempt)
+    pilot, _ = run(world, ())
+    scales = RobotScales(world, pilot)
+    # What did not show is drawn stronger.
+    dials = [Dial(rng, float(rng.uniform(min(0.15 * attempt, 0.6), 1.0))) for _ in effects]
+    made = tuple(
+        TrueEffect(name, on, STRENGTHS[name](scales, on, dial), strength=dial.level)
+        for (name, on), dial in zip(effects, dials, strict=True)
+    )
+    return replace(world, effects=made)
+
+
+def planned(
+    seed: int, number: int, attempt: int = 0
+) -> tuple[World, list[tuple[str, str]], np.random.Generator]:
+    """A trial's world without its effects, their families and places, and what their strengths are drawn with."""
+    rank = robot_rank(number)
+    assert rank is not None
+    stratum, among = stratum_of(rank)
+    turn = np.random.default_rng([seed, ROBOTS_FROM, SIZE[stratum], among // len(STRENGTHS)])
+    family = None if stratum == "none" else str(turn.permutation(sorted(STRENGTHS))[among % len(STRENGTHS)])
+    able = [r for r in ROBOTS.values() if family is None or places_of(family, r)]
+    # The number's alone, so that a world that cannot be run leaves no robot less often.
+    robot = able[int(np.random.default_rng([seed, number, 5]).integers(len(able)))]
+    if family is None:
+        robot = able[(seed + among) % len(able)]
+    rng = np.random.default_rng([seed, number, attempt, 0])
+    effects = _places(family, robot, SIZE[stratum], rng)
+    return _bare(seed, number, attempt, stratum, robot, effects, rng), effects, rng
+
+
+def places_of(family: str, robot: Robot) -> list[str]:
+    """What a family can act on in a robot, so that a recording can show it."""
+    layout = layout_of(robot.name)
+    servoed = [layout.driven[a] for a in layout.servos]
+    found: dict[str, tuple[str, ...] | list[str]] = {
+        "payload": robot.carriers,
+        "armature": layout.joints,
+        "gravity_tilt": ("gravity",) if robot.tilts else (),
+        "joint_offset": robot.zeros,
+        # Of a joint without a servo it is an encoder's zero.
+        "sensor_bias": [j for j in robot.zeros if j in servoed] or servoed,
+        "sensor_delay": layout.joints,
+        "parameter_offset": [
+            *(f"{body}.mass" for body in robot.masses),
+            *(f"{servo}.{gain}" for servo in layout.servos for gain in ("kp", "kv")),
+        ],
+    }
+    if family in found:
+        return list(found[family])
+    return list(layout.action if family in catalogue.ACTUATORS else layout.joints)
+
+
+def _places(family: str | None, robot: Robot, size: int, rng: np.random.Generator) -> list[tuple[str, str]]:
+    """`size` families and what they act on, `family` first; no two that are alike."""
+    if family is None:
+        return []
+    chosen = [(family, str(rng.choice(places_of(family, robot))))]
+    others = [f for f in sorted(STRENGTHS) if places_of(f, robot)]
+    while len(chosen) < size:
+        other = str(rng.choice(others))
+        taken = {f for f, _ in chosen}
+        if other not in taken and not any(other in group and group & taken for group in ALIKE):
+            chosen.append((other, str(rng.choice(places_of(other, robot)))))
+    return chosen
+
+
+def _bare(
+    seed: int,
+    number: int,
+    attempt: int,
+    stratum: Stratum,
+    robot: Robot,
+    effects: list[tuple[str, str]],
+    rng: np.random.Generator,
+) -> World:
+    """Everything but the effects' strengths."""
+    layout, families = layout_of(robot.name), {f for f, _ in effects}
+    wanted = float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
+    steps = int(rng.uniform(*LENGTH))
+    way = str(rng.choice(robot.ways))
+    if len(robot.ways) > 1 and (attempt > 1 or families & set(UNSTABLE)):
+        way = next(w for w in robot.ways if w != "balance")
+    signals = ["sines"] if families & set(GRADED) else list(SIGNALS)
+    noise = {
+        name: float(f"{rng.uniform(*(POSITIONS if name in layout.joints else SPEEDS)):.3g}")
+        for name in layout.names
+    }
+    return World(
+        seed=seed, number=number, attempt=attempt, stratum=stratum, long=False, system=robot.name, parameters={},
+        integrator="kutta3", dt=float(rng.choice(robot.steps)), engine="mujoco", effects=(),
+        episodes=max(int(np.ceil(wanted / steps)), 6), steps=steps, clock="episode",
+        excitation=str(rng.choice(signals)), posture=way, noise_level="normal", noise=noise,
+        noise_known=bool(rng.random() < 0.5), velocities="measured" if rng.random() < 0.5 else None, smoothing="",
+        wrapped=False, held_out=None,
+    )  # fmt: skip

@@ -1,0 +1,179 @@
+"""How a robot is driven: sines or a binary signal, about what keeps it in bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from gpsim.channels import FloatArray
+from gpsim.trials.robots.models import ROBOTS, Layout, Way, layout_of, mujoco, spec_of
+from gpsim.trials.robots.plant import Plant
+from gpsim.trials.worlds import World
+
+SIGNALS = ("sines", "prbs")
+SLOWEST, FASTEST = 0.15, 2.0  # Hz, of the sines
+OWN_RANGE = 0.95  # of what an actuator takes
+DITHER = {"balance": 0.12, "swing": 0.8, "torque": 0.12}
+"""How much of what an actuator takes, or of a torque that is plenty, the signal gets."""
+TRACKING = 5.0  # rad/s of the controller of a robot with motors
+FALLEN = 0.7  # rad, of a pole that is to stand
+OFF = 1.6  # times the reach and spread: a servo's or a controller's joint that far from rest has gone wrong
+WILD = 60.0  # rad/s
+
+
+@dataclass(frozen=True)
+class Driving:
+    """command = clip(base + gains (reference - readings)); reference: (K + 1, E, S), base: (K, E, A).
+
+    weighed: MuJoCo's model and data, by which gravity's part is added; None where nothing is.
+    """
+
+    reference: FloatArray
+    base: FloatArray
+    gains: FloatArray  # (A, S)
+    low: FloatArray  # (A,)
+    high: FloatArray
+    weighed: tuple[Any, Any] | None = field(default=None, repr=False)
+
+    def command(self, k: int, measured: FloatArray) -> FloatArray:
+        """(E, A) what is commanded from sample k to k + 1, given the readings (E, S)."""
+        wanted = self.base[k] + (self.reference[k] - measured) @ self.gains.T
+        if self.weighed is not None:
+            wanted += [self._weight(row[0::2]) for row in measured]
+        return np.asarray(np.clip(wanted, self.low, self.high))
+
+    def _weight(self, q: FloatArray) -> FloatArray:
+        assert self.weighed is not None
+        model, data = self.weighed
+        data.qpos[:], data.qvel[:] = q, 0.0
+        mujoco().mj_forward(model, data)
+        return np.array(data.qfrc_bias)
+
+
+def way_of(world: World) -> Way:
+    """How a world is driven; it stands in its posture."""
+    ways: dict[str, Way] = {way: way for way in ROBOTS[world.system].ways}
+    return ways[world.posture]
+
+
+def starts(world: World) -> FloatArray:
+    """(E, S) true states at the episodes' starts, at rest near the robot's own place."""
+    rng, robot = world.generator(2), ROBOTS[world.system]
+    out = np.zeros((world.episodes, 2 * len(robot.spread)))
+    spread = np.array(robot.spread)
+    out[:, 0::2] = robot.rest[way_of(world)] + spread * rng.uniform(-1, 1, (world.episodes, len(spread)))
+    return out
+
+
+def drive(world: World) -> Driving:
+    """The world's excitation."""
+    rng, robot, way, layout = world.generator(1), ROBOTS[world.system], way_of(world), layout_of(world.system)
+    model = spec_of(world.system).compile()
+    shape = (world.steps + 1, world.episodes)
+    rest, reach = np.array(robot.rest[way]), np.array(robot.reach)
+    signal = _signal(world.excitation, (*shape, len(layout.action)), world.dt, rng)
+    size = rng.uniform(0.6, 1.0, len(layout.action))
+    reference = np.zeros((*shape, 2 * len(rest)))
+    reference[..., 0::2] = rest
+    low, high = _limits(model, reach, way)
+    gains = np.zeros((len(layout.action), reference.shape[2]))
+    if way == "servo":
+        joints = [layout.joints.index(layout.driven[a]) for a in layout.action]
+        return Driving(reference, rest[joints] + reach[joints] * size * signal, gains, low, high)
+    if way in ("balance", "torque"):
+        path = _signal("sines", (*shape, len(rest)), world.dt, rng, 0.5 if way == "torque" else 0.2)
+        reference[..., 0::2] += 0.8 * reach * path
+        reference[..., 1::2] = np.gradient(reference[..., 0::2], world.dt, axis=0)
+    if way == "balance":
+        gains = balancing(world.system, world.dt)
+    elif way == "torque":
+        inertia = np.array(model.dof_M0)
+        gains[:, 0::2], gains[:, 1::2] = np.diag(inertia * TRACKING**2), np.diag(1.4 * inertia * TRACKING)
+    else:
+        gains = _centring(layout, robot.reach, model)
+    base = DITHER[way] * high * size * signal[:-1]
+    weighed = (model, mujoco().MjData(model)) if way == "torque" else None
+    return Driving(reference, base, gains, low, high, weighed)
+
+
+def sound(world: World, true: FloatArray, free: FloatArray) -> FloatArray:
+    """(E,) samples that an operator would keep: until a joint ran away, met its limit, or something touched.
+
+    true: (K + 1, E, S), free: (K + 1, E) 0 from where something touched.
+    """
+    robot, way = ROBOTS[world.system], way_of(world)
+    away = np.abs(true[..., 0::2] - np.array(robot.rest[way]))
+    bad = ~np.isfinite(true).all(axis=2) | (np.abs(true[..., 1::2]) > WILD).any(axis=2) | (free == 0)
+    if way == "balance":
+        bad |= (away[..., 1:] > FALLEN).any(axis=2)
+    elif way in ("servo", "torque"):
+        bad |= (away > OFF * (np.array(robot.reach) + np.array(robot.spread))).any(axis=2)
+    return np.where(bad.any(axis=0), np.argmax(bad, axis=0), len(true))
+
+
+def _limits(model: Any, reach: FloatArray, way: Way) -> tuple[FloatArray, FloatArray]:
+    """(A,) least and most that is commanded; a motor without a range gets what its joint can use."""
+    limited = np.asarray(model.actuator_ctrllimited, dtype=np.bool_)
+    low, high = OWN_RANGE * np.asarray(model.actuator_ctrlrange, dtype=np.float64).T
+    if way != "torque":
+        return low, high
+    plenty = 4.0 * np.asarray(model.dof_M0) * TRACKING**2 * np.maximum(reach, 0.5)
+    return np.where(limited, low, -plenty), np.where(limited, high, plenty)
+
+
+def _centring(layout: Layout, reach: tuple[float, ...], model: Any) -> FloatArray:
+    """(A, S) a weak pull back to rest on every joint that has an actuator."""
+    gains = np.zeros((len(layout.action), len(layout.state)))
+    for i, action in enumerate(layout.action):
+        j = layout.joints.index(layout.driven[action])
+        high = float(model.actuator_ctrlrange[i, 1])
+        gains[i, 2 * j], gains[i, 2 * j + 1] = 0.5 * high / reach[j], 0.1 * high / reach[j]
+    return gains
+
+
+@lru_cache(maxsize=8)
+def balancing(robot: str, dt: float) -> FloatArray:
+    """(A, S) gains that keep the poles up: a linear quadratic regulator about the robot's rest."""
+    plant, layout = Plant(robot, ()), layout_of(robot)
+    rest = np.zeros(len(layout.state))
+    rest[0::2] = ROBOTS[robot].rest["balance"]
+    width, actions, nudge = len(rest), len(layout.action), 1e-4
+
+    def after(state: FloatArray, action: FloatArray) -> FloatArray:
+        plant.begin(1)
+        row = state[None]
+        for _ in range(round(dt / plant.h)):
+            row = plant.step(row, action[None])
+        return np.asarray(row[0])
+
+    none = np.zeros(actions)
+    a = np.stack(
+        [after(rest + nudge * e, none) - after(rest - nudge * e, none) for e in np.eye(width)], axis=1
+    )
+    b = np.stack([after(rest, nudge * e) - after(rest, -nudge * e) for e in np.eye(actions)], axis=1)
+    a, b = a / (2 * nudge), b / (2 * nudge)
+    weight = np.diag([10.0 if i % 2 == 0 else 0.1 for i in range(width)])
+    # An actuator at its limit weighs as much as a quarter of a metre or a radian.
+    dear = np.diag(1.0 / np.asarray(plant.model.actuator_ctrlrange)[:, 1] ** 2)
+    cost = solve_discrete_are(a, b, weight, dear)
+    return np.asarray(np.linalg.solve(dear + b.T @ cost @ b, b.T @ cost @ a))
+
+
+def _signal(
+    kind: str, shape: tuple[int, int, int], dt: float, rng: np.random.Generator, fastest: float = FASTEST
+) -> FloatArray:
+    """(K + 1, E, A) in about [-1, 1]: five sines each, or levels of either sign held for a random while."""
+    count, episodes, actions = shape
+    if kind == "prbs":
+        hold = max(round(rng.uniform(0.05, 0.25) / dt), 1)
+        flips = rng.random((count // hold + 1, episodes, actions)) > 0.5
+        return np.repeat(np.where(flips, 1.0, -1.0), hold, axis=0)[:count]
+    t = dt * np.arange(count)[:, None, None]
+    spread = (5, 1, episodes, actions)
+    frequency = np.exp(rng.uniform(np.log(SLOWEST), np.log(fastest), spread))
+    phase = rng.uniform(0, 2 * np.pi, spread)
+    return np.asarray(np.clip(np.sin(2 * np.pi * frequency * t + phase).sum(axis=0) / 2.5, -1.0, 1.0))

@@ -1,0 +1,75 @@
+"""Where compiled code is kept, when it is asked for, and that nobody pays for it before."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.fitting import simulate as simulating
+from gpsim.diagnosis.settings import SharingSettings, read_settings
+from gpsim.effects import Chain
+from gpsim.kernels import compiling, marching
+from gpsim.simulators import make_simulator
+
+SLIDER = make_simulator("slider")
+CHAIN = Chain(SLIDER, SLIDER.defaults(), (), "fine", 0.02)
+
+
+def test_it_is_kept_in_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    assert compiling.folder().parent == Path(compiling.__file__).parent / "__pycache__"
+
+
+def test_where_the_package_may_not_be_written_to_it_is_kept_in_the_users_cache(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "__pycache__").write_text("a file, no folder")
+    monkeypatch.setattr(compiling, "ROOM", tmp_path)
+    assert compiling.folder().parent == tmp_path / "cache" / "gpsim"
+
+
+def test_a_law_that_changes_is_compiled_anew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (tmp_path / "laws.py").write_text("1")
+    monkeypatch.setattr(compiling, "ROOM", tmp_path)
+    before = compiling.folder()
+    (tmp_path / "laws.py").write_text("2")
+    assert compiling.folder() != before
+    assert before.parent == tmp_path
+
+
+def test_nobody_pays_for_it_who_simulates_nothing() -> None:
+    code = "import sys, gpsim.diagnosis, gpsim.kernels; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_setting_turns_it_off() -> None:
+    off = read_settings({"sharing": {"compiled": False}}).sharing
+    assert simulating._program(off, CHAIN) is None
+    assert simulating._program(SharingSettings(), CHAIN) is not None
+
+
+def test_without_numba_it_is_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(marching, "find_spec", lambda name: None)
+    marching.can_compile.cache_clear()
+    try:
+        assert simulating._program(SharingSettings(), CHAIN) is None
+    finally:
+        marching.can_compile.cache_clear()
+
+
+@pytest.mark.parametrize("at", [0.3, -2.0, 1e3, -7.7e5])
+def test_sine_and_cosine_are_good_to_the_last_bits(at: float) -> None:
+    from gpsim.kernels.circular import sine_and_cosine
+    from gpsim.kernels.lanes import ANGLE, COS, LANES, SIN, SIZE
+
+    b = np.zeros(SIZE)
+    angles = at + np.linspace(0.0, 4 * np.pi, LANES)
+    b[ANGLE : ANGLE + LANES] = angles
+    sine_and_cosine.py_func(b, LANES)
+    np.testing.assert_allclose(b[SIN : SIN + LANES], np.sin(angles), rtol=0, atol=5e-16)
+    np.testing.assert_allclose(b[COS : COS + LANES], np.cos(angles), rtol=0, atol=5e-16)

@@ -1,0 +1,206 @@
+"""A proof of robots: what is published, what is refused, what counts as right; a tiny one from beginning to end."""
+
+import json
+from types import SimpleNamespace
+
+import pytest
+from gpsim.cli.main import app
+from typer.testing import CliRunner
+
+from gpsim.errors import UsageError
+from gpsim.mjcf import in_its_columns, load_mjcf
+from gpsim.recordings import read_recording
+from gpsim.stages.prove import numbers_of, robots_numbers
+from gpsim.trials.blinding import publish_hashes, reveal, trial_files, trial_name, write_trial
+from gpsim.trials.blinding.trial_files import recording_digests
+from gpsim.trials.rivals import Rival
+from gpsim.trials.robots import ROBOTS_FROM, files_of, stratum_of
+from gpsim.trials.scoring import score
+from gpsim.trials.statistics import summarise
+
+pytest.importorskip("mujoco")
+pytest.importorskip("dm_control")
+NUMBER = ROBOTS_FROM + 1
+NAME = trial_name(NUMBER)
+
+
+@pytest.fixture(scope="module")
+def concealed(tmp_path_factory):
+    """An acrobot whose elbow's sensor is late."""
+    out = tmp_path_factory.mktemp("proof")
+    digest = write_trial(out, 7, NUMBER)
+    publish_hashes(out, {NAME: digest})
+    return out
+
+
+def test_the_public_half_is_what_a_diagnosis_takes_and_the_model_is_unchanged(concealed):
+    public = concealed / "public" / NAME
+    recording = read_recording(public)
+    assert (recording.system, recording.model) == ("mjcf", "acrobot.xml")
+    for name, text in files_of("dm_acrobot").items():
+        assert (public / name).read_text() == text
+    simulator = load_mjcf(str(public / recording.model))
+    assert in_its_columns(recording, simulator).transition_count == recording.transition_count
+    answer = json.loads((concealed / "private" / NAME / "answer.json").read_text())
+    assert answer["effects"][0]["family"] == "sensor_delay"
+    assert answer["robot"] == recording.model
+    for word in ("sensor_delay", "delay"):
+        assert word not in (public / "recording.yaml").read_text()
+
+
+def test_the_same_seed_publishes_the_same_bytes(concealed, tmp_path):
+    (tmp_path / "public").mkdir()
+    write_trial(tmp_path, 7, NUMBER)
+    for half in ("public", "private"):
+        assert recording_digests(tmp_path / half / NAME) == recording_digests(concealed / half / NAME)
+
+
+def test_a_file_that_the_model_includes_is_part_of_what_was_diagnosed(concealed):
+    digests = recording_digests(concealed / "public" / NAME)
+    assert {"acrobot.xml", "common/materials.xml", "recording.csv", "recording.yaml"} <= set(digests)
+    kept = concealed / "diagnoses" / NAME
+    kept.mkdir(parents=True)
+    answer = (concealed / "public" / "answers.sha256").read_text().split()[0]
+    outcome = {"exit": 0, "seconds": 1.0, "error": None, "answer_sha256": answer, "recording": digests}
+    (kept / "outcome.json").write_text(json.dumps(outcome))
+    assert reveal(concealed, concealed / "private", NAME).claims == [("sensor_delay", "elbow")]
+    touched = concealed / "public" / NAME / "common" / "materials.xml"
+    before = touched.read_text()
+    touched.write_text(before + "<!-- -->")
+    try:
+        with pytest.raises(UsageError, match="not the recording that was diagnosed"):
+            reveal(concealed, concealed / "private", NAME)
+    finally:
+        touched.write_text(before)
+
+
+def test_trials_are_counted_by_stratum_and_leave_the_others_numbers_alone():
+    assert robots_numbers(3) == [ROBOTS_FROM + 1, ROBOTS_FROM + 2, ROBOTS_FROM + 3]
+    assert {stratum_of(n - ROBOTS_FROM)[0] for n in robots_numbers(5, ["pair"])} == {"pair"}
+    assert max(numbers_of(20, rough=5)) < ROBOTS_FROM
+    with pytest.raises(UsageError, match="no stratum 'triple' of --system mjcf"):
+        robots_numbers(3, ["triple"])
+    with pytest.raises(UsageError, match="no worlds"):
+        robots_numbers(0)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--system", "urdf"], "there is mjcf"),
+        (["--system", "mjcf", "--rough", "3"], "neither rough nor long"),
+    ],
+)
+def test_bad_options_are_one_line_and_nothing_is_written(words, said, tmp_path):
+    out = tmp_path / "proof"
+    result = CliRunner().invoke(app, ["prove", "conceal", "--out", str(out), *words])
+    assert isinstance(result.exception, UsageError) or result.exit_code == 2
+    assert said in (str(result.exception) + result.output)
+    assert not out.exists()
+
+
+def _answer(stratum="single", effects=(("actuator_gain", "elbow_cmd", {"gain": 1.2}),)):
+    content = {
+        "stratum": stratum,
+        "robot": "acrobot.xml",
+        "effects": [
+            {"family": f, "on": on, "parameters": k, "region": {}, "since": None, "outside": False}
+            for f, on, k in effects
+        ],
+    }
+    return SimpleNamespace(content=content, claims=[(f, on) for f, on, _ in effects])
+
+
+def _said(family="actuator_gain", on="elbow_cmd", name="gain", value=1.21, since=None):
+    width = 0.05
+    told = {name: {"value": value, "low": value - width, "high": value + width}}
+    return {"family": family, "on": on, "parameters": told, "region": {}, "since": since}
+
+
+def _report(*effects, verdict="named", alternatives=()):
+    return {
+        "verdict": verdict,
+        "effects": list(effects),
+        "alternatives": [{"effects": list(a)} for a in alternatives],
+    }
+
+
+def test_the_true_name_is_right_another_only_if_it_is_an_equivalent_and_a_gate_never():
+    other = _said("actuator_bias", name="bias", value=0.1)
+    claims = (("actuator_bias", "elbow_cmd"),)
+    good = score(_answer(), _report(_said()), [])
+    assert good["right"]
+    assert good["parameters"][0]["covered"]
+    assert good["parameters"][0]["relative_error"] == pytest.approx(0.01 / 1.2)
+    assert not score(_answer(), _report(other), [])["right"]
+    assert score(_answer(), _report(other), [Rival(claims, 2.0, False)])["right"]
+    assert not score(_answer(), _report(other), [Rival(claims, 4.0, False)])["right"]
+    assert not score(_answer(), _report(other), [Rival(claims, 1.0, True)])["right"]
+    assert not score(_answer(), _report(_said(since=12.0)), [])["right"]
+    assert not score(_answer(), _report(_said(), other), [])["right"]
+
+
+def test_ambiguous_is_right_only_if_every_member_is():
+    report = _report(
+        _said(), verdict="ambiguous", alternatives=[[_said("actuator_bias", name="bias", value=0.1)]]
+    )
+    assert not score(_answer(), report, [])["right"]
+    assert score(_answer(), report, [Rival((("actuator_bias", "elbow_cmd"),), 0.1, False)])["right"]
+
+
+def test_figures_of_robots_stand_by_themselves_and_have_goals():
+    world = {
+        "visible": True, "long": False, "seconds": 5.0, "system": "arm", "velocities": None, "excitation": "sines",
+        "strength": "plain", "noise_known": True, "trial": NAME,
+    }  # fmt: skip
+    quiet, alarm = (
+        score(_answer("none", ()), r, [])
+        for r in (_report(verdict="none"), _report(_said(), verdict="named"))
+    )
+    failed = score(_answer(), None, [])
+    scores = [{**s, **world} for s in (score(_answer(), _report(_said()), []), failed, quiet, alarm)]
+    found = summarise(scores)
+    robots = found["mjcf"]
+    assert (robots["single_right"], robots["false_alarms"], robots["failed"]) == (0.5, 0.5, 1)
+    assert robots["coverage_90"] == 1.0
+    assert found["all"]["n"] == 0
+    assert found["goals"]["mjcf.single_right"]["wanted"] == ">= 0.95"
+    assert found["goals"]["mjcf.false_alarms"]["got"] == 0.5
+    assert robots["strata"]["robot"]["arm"]["n"] == 4
+
+
+@pytest.mark.slow
+def test_a_tiny_proof_of_robots_from_beginning_to_end(tmp_path):
+    words = ["prove", "--system", "mjcf", "--seed", "7", "--out", str(tmp_path / "proof"), "--jobs", "2"]
+    result = CliRunner().invoke(app, [*words, "--trials", "2"])
+    assert result.exit_code == 0, result.output
+    content = json.loads((tmp_path / "proof" / "prove.json").read_text())
+    assert content["mjcf"]["n"] == 2
+    assert content["failed"] == []
+    assert content["mjcf"]["alarms"] == 0
+    assert "Robots" in (tmp_path / "proof" / "report.html").read_text()
+    assert "robots by their MuJoCo models" in (tmp_path / "proof" / "record.md").read_text()
+
+
+@pytest.mark.slow
+def test_a_push_and_a_bias_of_the_motor_are_the_same_and_friction_is_not(tmp_path):
+    from gpsim.trials.rivals.robot_rivals import Judge
+
+    number = ROBOTS_FROM + 12  # a reacher whose shoulder is pushed
+    (tmp_path / "public").mkdir()
+    write_trial(tmp_path, 7, number)
+    name = trial_files.trial_name(number)
+    answer = json.loads((tmp_path / "private" / name / "answer.json").read_text())
+    assert [(e["family"], e["on"]) for e in answer["effects"]] == [("constant_force", "shoulder")]
+    digests = recording_digests(tmp_path / "public" / name)
+    publish_hashes(tmp_path, {name: write_trial(tmp_path, 7, number)})
+    kept = tmp_path / "diagnoses" / name
+    kept.mkdir(parents=True)
+    sha = (tmp_path / "public" / "answers.sha256").read_text().split()[0]
+    (kept / "outcome.json").write_text(
+        json.dumps({"exit": 0, "seconds": 1.0, "error": None, "answer_sha256": sha, "recording": digests})
+    )
+    judge = Judge(reveal(tmp_path, tmp_path / "private", name), tmp_path / "public" / name)
+    force = answer["effects"][0]["parameters"]["force"]
+    assert judge.judged([_said("actuator_bias", "shoulder_cmd", "bias", force / 0.05)]).equivalent
+    assert not judge.judged([_said("viscous_friction", "shoulder", "damping", 1e-3)]).equivalent
