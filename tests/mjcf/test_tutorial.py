@@ -71,5 +71,5 @@ def test_in_full_it_finds_what_the_arm_was_made_with_and_the_policy_holds_it_out
     for words in ("Verdict  named", "Coulomb friction on elbow", "actuator dead zone on m1"):
         assert any(words in text for text in said)
     shoulder, elbow = map(float, re.findall(r"(-?\d\.\d\d) rad", said[-1]))
-    assert abs(shoulder - 0.6) < 0.25
+    assert abs(shoulder - 0.4) < 0.25
     assert abs(elbow) < 0.25
