@@ -15,9 +15,9 @@ PAGE = (ROOT / "docs" / "tutorial" / "mujoco.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(sh|python)\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
 DIAGNOSE = "gpsim diagnose data/arm.csv"
 QUICK = (
-    "'diagnose.families.only=[coulomb_friction,actuator_dead_zone]' diagnose.stepwise.total_budget=3e6 "
-    "diagnose.search.budget=3e6 diagnose.form.rounds=1 diagnose.form.windows=40 diagnose.closed_step.fitted=24 "
-    "diagnose.closed_step.searched=12"
+    "diagnose.episodes=2 'diagnose.families.only=[coulomb_friction on elbow]' diagnose.stepwise.total_budget=1e6 "
+    "diagnose.search.budget=1e6 diagnose.form.rounds=1 diagnose.form.windows=20 diagnose.closed_step.fitted=16 "
+    "diagnose.closed_step.searched=8"
 )
 LESS = {"learn(6_000)": "learn(60)", "learning_starts=500": "learning_starts=20"}
 
@@ -71,5 +71,5 @@ def test_in_full_it_finds_what_the_arm_was_made_with_and_the_policy_holds_it_out
     for words in ("Verdict  named", "Coulomb friction on elbow", "actuator dead zone on m1"):
         assert any(words in text for text in said)
     shoulder, elbow = map(float, re.findall(r"(-?\d\.\d\d) rad", said[-1]))
-    assert abs(shoulder - 0.6) < 0.25
+    assert abs(shoulder - 0.4) < 0.25
     assert abs(elbow) < 0.25
