@@ -11,7 +11,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.corrected.gp_plant import RateCorrection
-from gpsim.effects import PRE_ROLL, Chain, Scheme, Term, from_json, to_json
+from gpsim.effects import PRE_ROLL, Chain, ClosedStep, Scheme, Term, from_json, to_json
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.simulators import INTEGRATORS, Memory, Simulator, part_of, restart
@@ -79,6 +79,9 @@ class EffectsPlant:
         if self.correction is not None:
             extra = self.correction.rates(state, action, part_of(memory, "gp/"), rng)
         step = np.full(count, self._step)
+        owner = self.chain.closed
+        if owner is not None and not self.chain.looks:  # what gates of commands look at happens on the way
+            return self._at_once(owner, state, action, memory, extra)
         for _ in range(round(self.dt / self._step)):
             now = memory["clock"]
             command = self.chain.command(action, state, values, effects, step, now)
@@ -86,6 +89,32 @@ class EffectsPlant:
             memory["clock"] += step
             self.chain.sensors.watch(state, seen, step)
         return state
+
+    def _at_once(
+        self,
+        owner: ClosedStep,
+        state: FloatArray,
+        action: FloatArray,
+        memory: Memory,
+        extra: FloatArray | None,
+    ) -> FloatArray:
+        """All substeps of a control step in one call of a simulator that owns its integration."""
+        count, several, begin = len(state), round(self.dt / self._step), memory["clock"].copy()
+        values, seen = self._values(count), self._seen(state, memory)
+        step, lengths = np.full(count, self._step), np.full((count, several), self._step)
+        commands = self.chain.commands(
+            np.repeat(action[:, None], several, axis=1),
+            np.repeat(state[:, None], several + 1, axis=1),
+            values,
+            part_of(memory, "effects/"),
+            lengths,
+            begin[:, None] + self._step * np.arange(several),
+        )
+        path = self.chain.rolled(owner, state, commands, values, step, begin, extra)
+        for k in range(several if self.chain.sensors.remember else 0):
+            self.chain.sensors.watch(path[:, k], seen, step)
+        memory["clock"] += several * self._step
+        return path[:, -1]
 
     def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
         """(B, S): what the corrected sensors say, their noise left out."""

@@ -63,7 +63,10 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
     effects = _account(patch, changes, said, correction)
     apply(spec, body, changes)
     wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes, assets)
-    difference = largest_difference(wanted, _read_back(text, out))
+    found = _read_back(text, out)
+    if names_of(found, out.name).state.names != body.names.state.names:
+        raise UsageError(f"{name}: its joints come back in another order; name them all in the model")
+    difference = largest_difference(wanted, found)
     told = {"model": out.name, **patch.told}
     about = {
         "schema": SCHEMA, **source, "model": out.name, "wrapper": files["wrapper"].name,
@@ -166,8 +169,6 @@ def _read_back(text: str, out: Path) -> Any:
         with disk_errors(out, "--out"):
             temporary.write_text(text, encoding="utf-8")
         model = mj.MjModel.from_xml_path(str(temporary))
-        names_of(model, out.name)
-        return model
     except (Terminated, UsageError):
         raise
     except Exception as error:
@@ -176,6 +177,7 @@ def _read_back(text: str, out: Path) -> Any:
         ) from error
     finally:
         temporary.unlink(missing_ok=True)
+    return model
 
 
 def _diff(before: str, after: str, name: str, new: str) -> str:

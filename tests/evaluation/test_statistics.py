@@ -149,6 +149,7 @@ def test_the_three_sets_of_starts_and_the_average_over_seeds():
     assert summary["rollout"]["Source"]["bands"]["x"]["median"] == [0.0, 0.5]
     # What no policy survived is not solved, however far it got.
     assert not start_sets(returns, certified, 600)["returns"].any()
+    assert (start_sets(returns, certified, None)["returns"] == certified).all()  # no return means solved
     without = start_sets({"Source": returns["Source"]}, certified, 500)
     assert without["returns"].tolist() == certified.tolist()
 

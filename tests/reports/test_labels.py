@@ -159,3 +159,17 @@ def test_the_page_says_whose_diagnosis_it_was(make_report: Any, monkeypatch: pyt
     page = render(replace(report, named={0: ["friction"]}, given=("recording", "diagnosis")))
     assert "Said by the diagnosis that the loop was given, from" in page
     assert "<li>Every seed: friction.</li>" in page
+
+
+def test_of_rewards_of_a_tasks_own_no_start_is_solved_and_no_episode_full(make_report):
+    report = replace(make_report(2, ("Source", "Effects", "Target")), earns_steps=False, own_rewards=True)
+    assert report.set_words == {"returns_all": "all starts"}
+    (sheet,) = return_sheets(report)
+    assert "Full episodes" not in [
+        column if isinstance(column, str) else column.text for column in sheet.columns
+    ]
+    said = headline.paragraph(report)
+    assert " of 500 on the target" not in said
+    assert " on the target" in said
+    page = render(report)
+    assert "certifies as solvable" not in page
