@@ -106,7 +106,8 @@ def diagnose_command(
     if each:
 
         def read(path: Path) -> Path:
-            found, _ = _raw(path, of_log, simulator, mapping, None)
+            found, rest = _raw(path, of_log, simulator, mapping, None)
+            _refuse(rest)  # what says nothing of a log
             return path if found is None else _imported(found, config)
 
         diagnose_each(recordings, simulator, read, out, config, shown_words(settings, config_dir), cores)

@@ -128,6 +128,7 @@ def test_it_leaves_a_table_and_a_page_and_a_point_that_fails_stops_no_other(swep
     page = (place / "report.html").read_text()
     assert "4 points" in page
     assert "2 of them failed" in page
+    assert ">nan<" not in page
     assert "Over seeds" in page
     assert str(result.exception).startswith("2 of 4 points failed; the table says why")
 
@@ -170,7 +171,7 @@ def test_of_a_fit_likelihood_and_noise_are_shown_and_not_what_repeats_a_setting(
         "rates.x_acc.hyper_parameters_original.noise_std",
     ]
     page = sweep_page("fit-gp", ["gp.n_train"], table)
-    assert "<th>log marginal likelihood x acc</th>" in page
+    assert "<th>log marginal likelihood x_acc</th>" in page
     assert ">500</td>" in page
     others = table.drop(columns=shown)
     assert main_figures(["gp.n_train"], others) == ["rates.x_acc.converged", "rates.x_acc.evaluations"]

@@ -134,7 +134,8 @@ def _kind(name: str) -> tuple[str, str]:
 
 
 def _heading(name: str) -> str:
-    return " ".join(part for part in _kind(name) if part).replace("_", " ")
+    kind, line = _kind(name)
+    return f"{kind.replace('_', ' ')} {line}".strip()
 
 
 def _over_seeds(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> Sheet:
@@ -169,7 +170,9 @@ def _points(swept: Sequence[str], shown: Sequence[str], table: pd.DataFrame) -> 
     for record in table.head(MOST_ROWS).to_dict("records"):
         cells = [Cell(str(record[name])) for name in swept]
         cells += [Cell(_text(record[name])) for name in shown]
-        cells += [Cell(str(record["error"] or ""), marked=True)] if failed else []
+        cells += (
+            [Cell("" if pd.isna(record["error"]) else str(record["error"]), marked=True)] if failed else []
+        )
         rows.append(row(*cells))
     note = f"The first {MOST_ROWS} points; all are in sweep.csv." if len(table) > MOST_ROWS else ""
     return Sheet("Every point", columns, tuple(rows), labels=len(swept), note=note)

@@ -94,9 +94,11 @@ def test_several_without_each_and_words_that_count_for_none(gpsim, logs):
     code, _, err = gpsim("diagnose", logs / "r1.csv", logs / "r2.csv")
     assert (code, err.count("\n")) == (2, 1)
     assert "--each" in err
-    code, _, err = gpsim("diagnose", logs, "--each", "gp.n_train=3")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "gp.n_train=3: not used beside a RECORDING" in err
+    Path("kept").mkdir()
+    Path("kept/recording.yaml").write_text("system: slider\n")
+    code, _, err = gpsim("diagnose", "kept", "--each", "gp.n_train=3")
+    assert code == 2
+    assert "gp.n_train=3: not used beside a RECORDING" in err.splitlines()[-1]
     code, _, err = gpsim("diagnose", "--each")
     assert (code, err) == (2, "error: diagnose: --each needs RECORDINGs, or folders of them\n")
 
