@@ -69,16 +69,16 @@ def main() -> None:
     for repeat in range(arguments.repeats + 1):  # the first round warms up
         for name, plant in candidates.items():
             env = BatchedEnv(plant, Balance(), 10, seed=repeat)
-            started = time.perf_counter()
+            started = time.process_time()
             train_ppo(env, settings, repeat, lambda done, total, note: None)
             if repeat:
-                seconds[name].append(time.perf_counter() - started)
+                seconds[name].append(time.process_time() - started)
     result = {}
     for name, values in seconds.items():
         ratio = np.array(values) / np.array(seconds["plain"])
         result[name] = {"seconds": float(np.median(values)), "ratio": float(np.median(ratio))}
         print(
-            f"{name:>7}: {np.median(values):6.2f} s for {arguments.steps} steps, "
+            f"{name:>7}: {np.median(values):6.2f} processor s for {arguments.steps} steps, "
             f"{np.median(ratio):.3f} of plain ({ratio.min():.3f} to {ratio.max():.3f})"
         )
     if arguments.out:
