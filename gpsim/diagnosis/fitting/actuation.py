@@ -109,7 +109,9 @@ def commands(
     acted, memory, before = _acted(chain, windows, spread, thetas, setting, inside=False)
     at = actuators_of(program, memory, len(acted), even=setting.even)
     if chain.looks:
-        return None if at is None else Commands(acted, which, before, True, windows.actions, at)
+        if at is None:
+            return None
+        return Commands(acted, which, before, finely=True, given=windows.actions, at=at)
     if at is None:
         acted, _, before = _acted(chain, windows, spread, thetas, setting)
         return Commands(acted, which, before, finely=True)
