@@ -134,6 +134,21 @@ def torch_fit(data: TrainingData, start: HyperParameters, method: str) -> HyperP
     return found
 
 
+def torch_evaluation(data: TrainingData, hyper: HyperParameters) -> Callable[[], Any]:
+    """Log likelihood and gradient by a factorisation, as it is exact, however many rows."""
+    model = torch_model(data, hyper)
+    model.train()
+    objective = gpytorch.mlls.ExactMarginalLogLikelihood(model.likelihood, model)
+
+    def evaluate() -> float:
+        with gpytorch.settings.max_cholesky_size(len(data.targets) + 1):
+            value = -objective(model(*model.train_inputs), model.train_targets)
+            value.backward()
+        return float(value)
+
+    return evaluate
+
+
 def torch_predictors(
     data: TrainingData, hyper: HyperParameters, new: FloatArray
 ) -> dict[str, Callable[[], Any]]:

@@ -1,6 +1,7 @@
 """Speed of gpsim's Gaussian process beside scikit-learn and GPyTorch, in one process on one thread.
 
     python benchmarks/gp_speed.py [--out FILE] [--repeats 200] [--data-sets 6]
+    python benchmarks/gp_speed.py --largest 1000 2000 5000      # one step of each at as many rows as a fit takes
 
 Times are processor time: with one thread that is what a free machine would take, however busy this one is.
 
@@ -30,7 +31,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gp_rivals import HAS_GPYTORCH, sklearn_fit, sklearn_predictor, torch_fit, torch_predictors
+from gp_rivals import (
+    HAS_GPYTORCH,
+    sklearn_fit,
+    sklearn_predictor,
+    torch_evaluation,
+    torch_fit,
+    torch_predictors,
+)
 from gpsim.cli.configuration import resolve
 from numpy.typing import NDArray
 
@@ -48,6 +56,7 @@ from gpsim.gp import (
     fit,
     log_marginal_likelihood,
 )
+from gpsim.gp.exact import Likelihood
 from gpsim.stages.building import base_plant
 from gpsim.stages.fit_gp import fit_settings, input_names
 from gpsim.stages.stage import Request
@@ -207,6 +216,70 @@ def growth() -> list[dict[str, float]]:
     return rows
 
 
+def largest(sizes: list[int]) -> list[dict[str, float]]:
+    """Seconds of one evaluation of likelihood and gradient, of conditioning, and of a prediction of 10 rows.
+
+    Beside scikit-learn and GPyTorch, which is told to factorise; their gradients up to RIVALS rows: scikit-learn's
+    holds an N x N matrix a hyper-parameter.
+    """
+    rows = []
+    for count in sizes:
+        inputs, targets = friction_residual(count, np.random.default_rng(0))
+        scaling = Standardisation.of(inputs, targets)
+        data = TrainingData.of(scaling.inputs(inputs), scaling.targets(targets), average_replicates=True)
+        hyper, new, z = (
+            HyperParameters(1.0, np.ones(D), np.full(D, 0.3), 0.1, 0.05),
+            inputs[:10],
+            data.inputs[:10],
+        )
+        calls = (
+            evaluations(data, hyper)
+            if count <= RIVALS
+            else {"evaluation gpsim": _own_evaluation(data, hyper)}
+        )
+        row: dict[str, float] = {"N": count}
+        for name, call in calls.items():
+            _, row[name] = _timed(call)
+        ours, row["condition gpsim"] = _timed(partial(condition, inputs, targets, hyper))
+        theirs, row["condition scikit-learn"] = _timed(partial(sklearn_predictor, data, hyper))
+        predictor = Predictor([ours])
+        (mean, variance), row["prediction gpsim"] = _timed(partial(predictor.mean_and_variance, new))
+        (other, spread), row["prediction scikit-learn"] = _timed(partial(theirs.predict, z, return_std=True))
+        row["off mean"] = float(np.abs(scaling.targets(mean[:, 0]) - other).max())
+        row["off variance"] = float(np.abs(variance[:, 0] / scaling.target_scale**2 - spread**2).max())
+        rows.append(row)
+        print("  " + ", ".join(f"{name} {value:.3g}" for name, value in row.items()), flush=True)
+    return rows
+
+
+RIVALS = 2000  # rows
+
+
+def _own_evaluation(data: TrainingData, hyper: HyperParameters) -> Callable[[], Any]:
+    likelihood, vector = Likelihood(data), hyper.to_log_vector()
+    return lambda: likelihood(vector)
+
+
+def evaluations(data: TrainingData, hyper: HyperParameters) -> dict[str, Callable[[], Any]]:
+    """One evaluation of log likelihood and gradient in each library."""
+    theirs = sklearn_predictor(data, hyper)
+    calls = {
+        "evaluation gpsim": _own_evaluation(data, hyper),
+        "evaluation scikit-learn": lambda: theirs.log_marginal_likelihood(
+            theirs.kernel_.theta, eval_gradient=True
+        ),
+    }
+    if HAS_GPYTORCH:
+        calls["evaluation GPyTorch"] = torch_evaluation(data, hyper)
+    return calls
+
+
+def _timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    began = time.process_time()
+    result = call()
+    return result, time.process_time() - began
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -214,11 +287,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="write the numbers as JSON")
     parser.add_argument("--repeats", type=int, default=200, help="timed rounds of every prediction")
     parser.add_argument("--data-sets", type=int, default=6, help="data sets that are fitted")
+    parser.add_argument("--largest", type=int, nargs="+", help="instead: what one step costs at so many rows")
     arguments = parser.parse_args()
     # scikit-learn warns of every hyper-parameter at a bound, GPyTorch of its own jitter.
     warnings.simplefilter("ignore")
     if not HAS_GPYTORCH:
         print("GPyTorch is not installed and left out: pip install gpytorch")
+    if arguments.largest:
+        print(f"D = {D}, one thread, processor seconds; off: gpsim from scikit-learn, standardised")
+        found = largest(arguments.largest)
+        if arguments.out:
+            arguments.out.write_text(json.dumps(plain({"largest": found}), indent=2) + "\n", encoding="utf-8")
+        return
     predicted, large, fitted, grown = (
         prediction(arguments.repeats),
         large_prediction(),

@@ -86,6 +86,26 @@ def diagnosis_command(
     answer({"diagnosis": folder, "export": made}, format="mcap", notes=notes)
 
 
+OutModel = Annotated[
+    Path,
+    typer.Option(
+        "--out", help="The model to make, as robot_corrected.xml; wrapper, diff and patch.json lie beside it."
+    ),
+]
+
+
+@export_app.command("model")
+def model_command(folder: Diagnosed, out: OutModel) -> None:
+    """The corrected MuJoCo model as MJCF, and a wrapper (mujoco and numpy alone) for what MJCF cannot say."""
+    from gpsim.stages.export_model import export_corrected_model, told
+
+    made, notes = export_corrected_model(folder, out)
+    say(f"export: {out}")
+    for line in notes:
+        say(f"  {line}")
+    answer({"diagnosis": folder, "export": out}, notes=notes, **told(made))
+
+
 Policy = Annotated[
     Path,
     typer.Argument(

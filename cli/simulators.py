@@ -91,6 +91,8 @@ def _tell(facts: Declared) -> None:
 
 def _tell_checked(facts: Checked) -> None:
     say(f"own step     {facts.step:g} s, {facts.steps_a_second:,.0f} steps a processor second")
+    if facts.control_step is not None:
+        say(f"control step {facts.control_step:g} s, {facts.control_step / facts.step:.0f} steps each")
     drift = "nothing moves" if facts.energy_drift is None else f"{facts.energy_drift:.2g} of what moves"
     say(f"energy       changes by {drift} in 1 s of free motion at its own step")
     if not facts.confusable:

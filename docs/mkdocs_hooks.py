@@ -13,6 +13,7 @@ FOLDERS = {"tutorial": "Tutorial", "how-to": "How to", "reference": "Reference",
 FIRST = (  # in this order; what is not named comes behind, by its title
     "tutorial/first_diagnosis.md",
     "tutorial/python.md",
+    "tutorial/mujoco.md",
     "tutorial/cartpole.md",
     "tutorial/limo.md",
     "how-to/import.md",

@@ -117,6 +117,19 @@ def test_an_angle_that_wraps_in_the_simulator_does_so_in_fit_and_prediction(tmp_
     assert np.abs(errors).max() < 0.2 * np.abs(read.values[rows]).max()
 
 
+def test_more_rows_than_an_exact_fit_takes_are_refused_with_the_subsample_that_fits(tmp_path, monkeypatch):
+    words = (*on_disk(spinning(), tmp_path), "gp.inputs=[x_dot,theta,theta_dot,force]")
+    for name in ("gpsim.stages.fit_gp.MOST_ROWS", "gpsim.gp.training_data.MOST_ROWS"):
+        monkeypatch.setattr(name, 40)
+    build_residuals.STAGE.make(request(*words))
+    with pytest.raises(UsageError, match=r"^gp.n_train=80: 80 distinct training inputs") as refused:
+        fit_gp.STAGE.make(request(*words))
+    assert "give gp.n_train=40, which are drawn from all by seed" in str(refused.value)
+    fit_gp.STAGE.make(request(*words, "gp.n_train=40"))
+    with pytest.raises(UsageError, match="n_train=41: 41"):
+        fit_gp.STAGE.make(request(*words, "gp.n_train=41"))
+
+
 def test_an_angle_that_wraps_in_the_recording_alone_goes_through_the_whole_evaluation(tmp_path):
     words = (
         *on_disk(spinning(lost=(20,)), tmp_path),

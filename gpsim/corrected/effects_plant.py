@@ -128,12 +128,17 @@ class EffectsPlant:
         back = self.chain.sensors.reach(self._values(1), np.array([self._step]))
         return self.chain.sensors.begin(np.repeat(state[:, None], back, axis=1))
 
-    def _drawn_ages(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """(count,) s; a drift that began inside the recording is no younger than its onset."""
+    @property
+    def youngest(self) -> float:
+        """The least age [s] of an episode; a drift that began inside the recording is no younger than its onset."""
         onsets = [t.gate.since or 0.0 for t in self.terms if t.effect.drifts]
-        if not onsets:
+        return max(self.ages[0], *onsets) if onsets else 0.0
+
+    def _drawn_ages(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """(count,) s."""
+        if not any(t.effect.drifts for t in self.terms):
             return np.zeros(count)
-        youngest = max(self.ages[0], *onsets)
+        youngest = self.youngest
         oldest = max(self.ages[1], youngest)
         return rng.uniform(youngest, oldest, count) if oldest > youngest else np.full(count, youngest)
 

@@ -10,6 +10,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.corrected.command_filter import CommandFilter, mean_rates
 from gpsim.corrected.features import Features
+from gpsim.effects import closed
 from gpsim.gp import Predictor
 from gpsim.residuals import Residuals
 from gpsim.simulators import Memory, SimulatorPlant
@@ -85,6 +86,11 @@ class CorrectedPlant(SimulatorPlant):
             own = {k.removeprefix("filter/"): v for k, v in memory.items() if k.startswith("filter/")}
             action = self.filter.step(action, own)
         extra = self.correction.rates(state, action, memory, rng)
+        if (owner := closed(self.simulator)) is not None:  # it integrates by itself, the correction held
+            count = owner.steps_of(self.dt)
+            held, step = np.repeat(action[:, None], count, axis=1), np.full(len(state), self.dt / count)
+            begun = np.zeros(len(state))
+            return owner.rolled((), self.parameters, (), state, held, step, begun, extra)[:, -1]
         return self.simulator.integrate(
             state,
             lambda s: self.simulator.rates(s, action, self.parameters) + extra,

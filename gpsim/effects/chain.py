@@ -282,12 +282,12 @@ class Chain:
         if self.scheme != "fine" or self.refinement == 1:
             return state
         rates = np.zeros((len(state), len(self.simulator.rate)))
-        if not self._looks_at_positions:
+        if not self.looks_at_positions:
             rates = self.simulator.rates(state, action, self.parameters)
         return np.asarray(state + step[:, None] * self.simulator.derivative(state, rates))
 
     @cached_property
-    def _looks_at_positions(self) -> bool:
+    def looks_at_positions(self) -> bool:
         """Whether gates look at nothing but positions and commands, which rates do not move at once."""
         names = [c.name for c in self.simulator.coordinates]
         known = {*names, *self.simulator.action.names}

@@ -52,6 +52,20 @@ class Sensors:
             memory |= {f"{i}/{key}": values for key, values in effect.begin(history, steps).items()}
         return memory
 
+    def __bool__(self) -> bool:
+        return bool(self._effects)
+
+    def having_seen(self, passed: FloatArray, when: FloatArray | None) -> Memory:
+        """Their memory after these states (B, K, S), as `begin` and `watch` would have left it, without a copy.
+
+        when: (B, K) s, of each state; None where the clock is even.
+        """
+        seen = {"past": passed, "head": np.zeros(len(passed))}
+        if when is not None:
+            seen["when"] = when
+        kept = [i for i, effect, _ in self._effects if type(effect).watch is not SensorEffect.watch]
+        return {f"{i}/{key}": values for i in kept for key, values in seen.items()}
+
     def watch(self, state: FloatArray, memory: Memory, step: FloatArray) -> None:
         """Let those that remember see the state (B, S) at the end of a substep (B,) [s]."""
         for i, effect, columns in self._effects:

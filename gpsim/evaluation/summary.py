@@ -18,15 +18,18 @@ AVERAGED = ("outside_recording", "one_step", "one_step_random", "rollout", "own_
 def start_sets(
     returns: Mapping[str, FloatArray],
     certified: BoolArray,
-    max_steps: int,
+    max_steps: int | None,
     reached: Mapping[str, BoolArray] | None = None,
 ) -> dict[str, BoolArray]:
     """The three sets of starts, masks (N,): what a Target policy of any seed solves, all, what the search certifies.
 
     returns: policy to (seeds, N). Solved means a return of max_steps, 1 for every step there is, or, where the task
-    has a goal, that it was reached: policy to (seeds, N). Without a Target policy the first set is the certified one.
+    has a goal, that it was reached: policy to (seeds, N). Without a Target policy the first set is the certified one,
+    and so it is where no return means that a start is solved (max_steps None).
     """
-    solves = {name: values >= max_steps for name, values in returns.items()} if reached is None else reached
+    solves: Mapping[str, BoolArray] = reached or {}
+    if reached is None and max_steps is not None:
+        solves = {name: values >= max_steps for name, values in returns.items()}
     solved = np.asarray(solves["Target"].any(axis=0)) if "Target" in solves else certified
     return {"returns": solved, "returns_all": np.ones_like(certified), "returns_certified": certified}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -15,6 +16,7 @@ from gpsim.environments import BatchedEnv, SingleEnv
 from gpsim.errors import UsageError
 from gpsim.face.corrected import Corrected, CorrectedSimulator
 from gpsim.face.registration import register_environments
+from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
 from gpsim.recordings import Recording
 from gpsim.settings import build, choice, positive
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 Told = Mapping[str, Any]
 STEPS = 500
 """Control steps of an episode, as the tasks that come with gpsim have it."""
+SAME_DT = 1e-6
+"""Relative difference of two control steps that are one."""
 
 
 @overload
@@ -67,8 +71,9 @@ def make_env(
 
     Args:
         simulator: a diagnosis, its folder, or a corrected simulator.
-        task: `balance` (the cart-pole) or `goal` (a vehicle), with its `settings`, or an object with the methods of
-            `gpsim.tasks.Task`. Without a task give a reward.
+        task: `balance` (the cart-pole) or `goal` (a vehicle), with its `settings`, `gym:ID` (of a Gymnasium
+            environment built on MuJoCo: starts, observation, reward and end are theirs), or an object with the methods
+            of `gpsim.tasks.Task`. Without a task give a reward.
         reward: reward(state, action, next_state) -> number. Each is a mapping of channel to number; the action is in
             the units of its channels, states are the true ones.
         terminated: terminated(state) -> whether the episode is over for good; never by default.
@@ -156,6 +161,8 @@ def _plant(given: Any, gp: bool) -> tuple[Corrected, Recording | None]:
 
 
 def _task(task: str | Task, settings: Mapping[str, Any]) -> Task:
+    if isinstance(task, str) and is_gym_task(task):
+        return build(GymTask, settings, "task", reference=task)
     if isinstance(task, str):
         return build(TASKS[choice(task, tuple(TASKS), "task")], settings, "task")
     if settings:
@@ -173,6 +180,11 @@ def _fitting(task: Task, plant: Plant) -> Task:
                 f"make_env: the task is of another system: its {kind} is {needs.listed()}, the simulator's is "
                 f"{has.listed()}; give reward=function(state, action, next_state) instead"
             )
+    if isinstance(task, GymTask) and not math.isclose(task.dt, plant.dt, rel_tol=SAME_DT):
+        raise UsageError(
+            f"make_env: {task.reference} takes control steps of {task.dt:g} s, the recording's are {plant.dt:g} s; "
+            "record at its pace, or give reward=function(state, action, next_state) instead"
+        )
     return task
 
 

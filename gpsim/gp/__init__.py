@@ -7,10 +7,11 @@ from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, fit, fit_o
 from gpsim.gp.kernels import Bounds, HyperParameters, Interval, covariance
 from gpsim.gp.predictor import Predictor
 from gpsim.gp.starts import first_start
-from gpsim.gp.training_data import Standardisation, TrainingData
+from gpsim.gp.training_data import MOST_ROWS, Standardisation, TooManyRowsError, TrainingData
 
 __all__ = [
     "JITTER",
+    "MOST_ROWS",
     "AtBound",
     "Bounds",
     "FitOutcome",
@@ -23,6 +24,7 @@ __all__ = [
     "PosteriorTerms",
     "Predictor",
     "Standardisation",
+    "TooManyRowsError",
     "TrainingData",
     "condition",
     "covariance",

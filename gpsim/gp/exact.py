@@ -77,7 +77,7 @@ class PosteriorTerms:
     `support` (M, D), `weights` (M,), `root` (M, P). The exact GP has support = the distinct training inputs,
     weights = alpha and a root of (K + v/n I)^-1: L^-T, or one of fewer columns where few will do. Inducing points
     (none built) would fit the same form with support = the inducing inputs and root root^T = Kuu^-1 - B^-1: the
-    seam for N beyond a few thousand.
+    seam for N beyond MOST_ROWS.
     """
 
     support: FloatArray

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 
 from .kernels import FloatArray, read_only
 
+MOST_ROWS = 5000
+"""Distinct inputs of an exact fit: one evaluation of the likelihood is seconds there, and a matrix 200 MB."""
+
 # A column whose spread is below this share of its size is constant up to rounding.
 CONSTANT_RELATIVE_SPREAD = 1e-13
 
@@ -92,6 +95,10 @@ def constant_columns(columns: FloatArray) -> np.ndarray:
     return np.asarray(np.ptp(columns, axis=0) <= CONSTANT_RELATIVE_SPREAD * np.abs(columns).max(axis=0))
 
 
+class TooManyRowsError(ValueError):
+    """More distinct inputs than an exact fit takes."""
+
+
 @dataclass(frozen=True, eq=False)
 class TrainingData:
     """Standardised data of one GP; with averaged replicates one row per distinct input.
@@ -113,7 +120,20 @@ class TrainingData:
 
     @staticmethod
     def of(inputs: FloatArray, targets: FloatArray, average_replicates: bool) -> TrainingData:
-        """From standardised rows (N, D) and (N,); distinct inputs keep the order of first appearance."""
+        """From standardised rows (N, D) and (N,); distinct inputs keep the order of first appearance.
+
+        Raises TooManyRowsError for more distinct ones than MOST_ROWS.
+        """
+        data = TrainingData._of(inputs, targets, average_replicates)
+        if data.counts.size > MOST_ROWS:
+            raise TooManyRowsError(
+                f"{data.counts.size} distinct inputs; an exact Gaussian process takes at most {MOST_ROWS}: fit a "
+                "subsample"
+            )
+        return data
+
+    @staticmethod
+    def _of(inputs: FloatArray, targets: FloatArray, average_replicates: bool) -> TrainingData:
         if average_replicates:
             _, first, group, counts = np.unique(
                 inputs, axis=0, return_index=True, return_inverse=True, return_counts=True

@@ -32,6 +32,7 @@ SPARE = 8  # tasks handed out besides: for workers that come in the meantime
 LOOK = 1.0  # s between two counts of the threads
 PATIENCE = 10.0  # s in which a file that was just written here comes in sight on another machine
 CONNECT = 20  # s within which a scheduler answers
+ALONE = 10.0  # s without any worker after which that is said
 DEATHS = 5  # workers that a task may lose before it is given up: a task that kills them would go on for ever
 
 
@@ -44,8 +45,15 @@ class _Started:
 class DaskExecutor:
     """At most a few tasks a thread are on their way at a time, the others wait here."""
 
-    def __init__(self, client: Client, mark: str, shared: bool, workers: SlurmWorkers | None = None) -> None:
-        self._client, self._mark, self._shared, self._workers = client, mark, shared, workers
+    def __init__(
+        self,
+        client: Client,
+        mark: str,
+        launcher: Dask | Slurm,
+        workers: SlurmWorkers | None = None,
+    ) -> None:
+        self._client, self._mark, self._shared, self._workers = client, mark, launcher.shared, workers
+        self._alone = _Alone(client, launcher)
         self._folder = str(Path.cwd())
         self._running: dict[str, _Started] = {}
         self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -57,6 +65,7 @@ class DaskExecutor:
         """Twice the threads of all workers, and some for those that come."""
         if time.monotonic() - self._looked > LOOK:
             self._looked, self._threads = time.monotonic(), self._count()
+            self._alone.look(self._threads)
         return max(0, AHEAD * self._threads + SPARE - len(self._running))
 
     def start(self, task: Task) -> None:
@@ -142,6 +151,29 @@ class DaskExecutor:
             return Outcome(task.label, task.keep(Path(folder), report.result), node=report.node)
 
 
+class _Alone:
+    """Says once in a while that nobody works: a command that waits without a word looks like one that hangs."""
+
+    def __init__(self, client: Client, launcher: Dask | Slurm) -> None:
+        self._client, self._launcher, self._seen = client, launcher, time.monotonic()
+        self._patience = ALONE
+
+    def look(self, threads: int) -> None:
+        """threads: of all workers now."""
+        now = time.monotonic()
+        if threads:
+            self._seen, self._patience = now, ALONE
+        elif now - self._seen > self._patience:
+            self._patience *= 6  # the next time is later
+            self._launcher.announce(self._said())
+
+    def _said(self) -> str:
+        if isinstance(self._launcher, Slurm):
+            return "waiting: no worker yet, the SLURM jobs are in the queue (squeue --me)"
+        address = self._client.scheduler.address
+        return f"waiting: {address} has no workers; start some with: dask worker {address} --nthreads 1 --nworkers 4"
+
+
 def _on(node: str, said: str) -> str:
     return f"{said} (on {node})"
 
@@ -184,7 +216,7 @@ def dask_executor(launcher: Dask | Slurm) -> Iterator[DaskExecutor]:
             client = stack.enter_context(_connected(launcher.address))
         launcher.announce(f"Dask's dashboard: {client.dashboard_link}")
         mark = stack.enter_context(_mark()) if launcher.shared else ""
-        executor = DaskExecutor(client, mark, launcher.shared, workers)
+        executor = DaskExecutor(client, mark, launcher, workers)
         try:
             yield executor
         finally:

@@ -28,6 +28,7 @@ TOPIC = "gpsim"
 BETWEEN = 1.0  # s between two messages of one task
 _ONE = threading.Lock()  # a worker with several threads has one current folder
 _seen: set[str] = set()
+_missed: set[str] = set()
 
 
 @dataclass(frozen=True)
@@ -114,12 +115,13 @@ def _place(errand: Errand) -> Iterator[list[str]]:
 
 
 def _check_shared(folder: Path, mark: str, patience: float) -> None:
-    """Raise UsageError where this machine does not see the command's folder. It is looked for once a command."""
-    until = time.monotonic() + patience
+    """Raise UsageError where this machine does not see the command's folder. It is waited for once a command."""
+    until = time.monotonic() + (0.0 if mark in _missed else patience)
     while mark not in _seen:
         if (folder / mark).is_file():
             _seen.add(mark)
-        elif time.monotonic() > until:
+        elif time.monotonic() >= until:
+            _missed.add(mark)
             raise UsageError(
                 f"{folder}: not the folder in which the command was started; give launcher.shared=false where there is "
                 "no shared file system"

@@ -1,21 +1,33 @@
 """MuJoCo models as simulators: what a robot.xml, a URDF or a Gymnasium environment left out. Needs gpsim[mujoco]."""
 
+from gpsim.mjcf.exporting import Exported, export_model, files_of
 from gpsim.mjcf.facts import Checked, Declared, checked, declared
-from gpsim.mjcf.loading import is_mujoco, source_of
+from gpsim.mjcf.layout import Layout
+from gpsim.mjcf.loading import GYM, is_mujoco, new_environment, source_of
 from gpsim.mjcf.opening import SYSTEM, files_digest, in_its_columns, open_simulator, simulator_name
+from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.patching import Correction
 from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
 
 __all__ = [
+    "GYM",
     "SYSTEM",
     "Checked",
+    "Correction",
     "Declared",
+    "Exported",
+    "Layout",
     "MjcfSimulator",
     "checked",
     "declared",
+    "export_model",
     "files_digest",
+    "files_of",
     "in_its_columns",
     "is_mujoco",
     "load_mjcf",
+    "mujoco",
+    "new_environment",
     "open_simulator",
     "simulator_name",
     "source_of",

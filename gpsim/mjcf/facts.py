@@ -38,10 +38,12 @@ class Declared:
 class Checked:
     """What was tried: the model's step [s], steps a processor second, energy, and what is hard to tell apart.
 
+    control_step: [s], of the environment that the model is from (its frame skip times the step), None of a file.
     energy_drift: its largest change in a second of free motion, as a part of what moved; None: nothing did.
     """
 
     step: float
+    control_step: float | None
     steps_a_second: float
     energy_drift: float | None
     confusable: tuple[tuple[str, str, float], ...]
@@ -62,7 +64,11 @@ def declared(simulator: Simulator) -> Declared:
 def checked(simulator: MjcfSimulator, rng: np.random.Generator) -> Checked:
     """What a MuJoCo model is like: speed, energy, and which parameters and laws change its motion alike."""
     return Checked(
-        simulator.own_step, _speed(simulator, rng), _energy_drift(simulator), _confusable(simulator, rng)
+        simulator.own_step,
+        simulator.control_step,
+        _speed(simulator, rng),
+        _energy_drift(simulator),
+        _confusable(simulator, rng),
     )
 
 

@@ -22,6 +22,7 @@ from gpsim.mjcf.optional import mujoco
 
 GYM = "gym:"
 FILMS = "imageio"
+ENDLESS = 1000  # steps of an episode where an environment names none
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
@@ -128,16 +129,32 @@ def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
 
 
 def _of_file(path: Path) -> Any:
+    spec = spec_of_file(path)
+    try:
+        return spec.compile()
+    except Terminated:
+        raise
+    except Exception as error:  # the compiler raises what it likes
+        raise compile_fault(path, error) from error
+
+
+def spec_of_file(path: Path) -> Any:
+    """The MjSpec of robot.xml or robot.urdf, not compiled; raises UsageError."""
     mj = mujoco()
     try:
         spec = mj.MjSpec.from_file(str(path))
         if not spec.actuators and path.suffix.lower() == ".urdf":
             _add_motors(mj, spec)
-        return spec.compile()
     except Terminated:
         raise
-    except Exception as error:  # the parser and the compiler raise what they like
+    except Exception as error:  # and so does the parser
         raise compile_fault(path, error) from error
+    return spec
+
+
+def file_of_environment(reference: str) -> Path:
+    """The model file of gym:ID."""
+    return Path(str(getattr(_environment(reference), "fullpath", "")))
 
 
 def _add_motors(mj: Any, spec: Any) -> None:
@@ -149,25 +166,35 @@ def _add_motors(mj: Any, spec: Any) -> None:
 
 
 def _of_function(reference: str) -> Any:
-    mj = mujoco()
+    mj, name = mujoco(), reference.rpartition(":")[2]
+    model = made_by(reference)
+    if isinstance(model, mj.MjSpec):
+        try:
+            return model.compile()
+        except Terminated:
+            raise
+        except Exception as error:  # as above
+            raise UsageError(f"{reference}: {name}() does not compile: {one_line(error)}") from error
+    if not isinstance(model, mj.MjModel):
+        raise UsageError(
+            f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
+        )
+    return model
+
+
+def made_by(reference: str) -> Any:
+    """What the function of FILE.py:function returns; raises UsageError."""
     file, _, name = reference.rpartition(":")
     module = ModuleType(f"user_model_{Path(file).stem}")
     module.__file__ = str(Path(file).resolve())
     sys.modules[module.__name__] = module  # dataclasses look there
     try:
         exec(compile(Path(file).read_text(encoding="utf-8"), file, "exec"), vars(module))
-        model = getattr(module, name)()
-        if isinstance(model, mj.MjSpec):
-            model = model.compile()
+        return getattr(module, name)()
     except Terminated:
         raise
     except (Exception, SystemExit) as error:  # a user's code may raise anything
         raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {one_line(error)}") from error
-    if not isinstance(model, mj.MjModel):
-        raise UsageError(
-            f"{reference}: {name}() returned {type(model).__name__}; it must return a mujoco.MjModel"
-        )
-    return model
 
 
 def _of_environment(reference: str) -> tuple[Any, float]:
@@ -183,12 +210,18 @@ def _of_environment(reference: str) -> tuple[Any, float]:
 
 @lru_cache(maxsize=4)
 def _environment(reference: str) -> Any:
+    return new_environment(reference)[0]
+
+
+def new_environment(reference: str) -> tuple[Any, int]:
+    """A new environment gym:ID without its wrappers, and the steps of its episodes; raises UsageError."""
     mujoco()
     import gymnasium
 
     try:
         with _without_pictures():
-            return gymnasium.make(reference.removeprefix(GYM)).unwrapped
+            made = gymnasium.make(reference.removeprefix(GYM))
+            return made.unwrapped, int(getattr(made.spec, "max_episode_steps", None) or ENDLESS)
     except Terminated:
         raise
     except Exception as error:  # an unknown id, or an environment whose packages are missing

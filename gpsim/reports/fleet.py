@@ -123,11 +123,11 @@ def _deviation(
         possible = any(claim in other.conceivable for other in others)
         alone = "none, though not ruled out in all" if possible else "none"
         some = f"{len(having)} of {len(others)} have it"
-        return Deviation(robot.name, name, _size(mine), some if having else alone, since)
+        return Deviation(robot.name, name, size_of(mine), some if having else alone, since)
     late = since and not any(gate_text(other, dt) for other in having)
     if not late and not any(_apart(p, _of_others(having, key)) for key, p in mine.parameters.items()):
         return None
-    return Deviation(robot.name, name, _size(mine), _sizes(having), since)
+    return Deviation(robot.name, name, size_of(mine), _sizes(having), since)
 
 
 def _of_others(effects: Sequence[NamedEffect], parameter: str) -> list[Estimate]:
@@ -148,7 +148,8 @@ def _apart(mine: Estimate, others: Sequence[Estimate]) -> bool:
     return abs(off) > max(WIDER * half, TRIFLE * abs(middle), SPREAD * spread)
 
 
-def _size(effect: NamedEffect) -> str:
+def size_of(effect: NamedEffect) -> str:
+    """Its parameters in words, each with its interval."""
     several = len(effect.parameters) > 1
     sizes = [
         f"{name.replace('_', ' ')} " * several + size_text(name, p) for name, p in effect.parameters.items()
@@ -162,7 +163,7 @@ def _sizes(effects: Sequence[NamedEffect]) -> str:
     if not named:
         return f"all {len(effects)} have it"
     ordered = sorted(named, key=lambda e: next(iter(e.parameters.values())).value)
-    return f"{_size(ordered[len(ordered) // 2])} in the middle of {len(named)}"
+    return f"{size_of(ordered[len(ordered) // 2])} in the middle of {len(named)}"
 
 
 def headline(robots: Sequence[Robot], found: Sequence[Deviation]) -> str:

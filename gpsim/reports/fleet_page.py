@@ -8,7 +8,7 @@ from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.diagnosis_text import gate_text
-from gpsim.reports.fleet import Deviation, Robot, deviations, headline
+from gpsim.reports.fleet import Deviation, Robot, deviations, headline, size_of
 from gpsim.reports.html import page_of
 from gpsim.reports.prove_page import STYLE
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, whole_percent
@@ -77,7 +77,8 @@ def _robot(robot: Robot, odd: bool) -> tuple[Cell, ...]:
         return row(Cell(robot.name, marked=True), Cell("failed", marked=True), MISSING, robot.error)
     share = found.explained.rollout.share if found.explained.rollout is not None else None
     effects = [
-        " ".join(filter(None, (effect_name(e), gate_text(e, found.dt)))) for e in told_effects(found)[0]
+        " ".join(filter(None, (effect_name(e), size_of(e), gate_text(e, found.dt))))
+        for e in told_effects(found)[0]
     ]
     return row(
         Cell(robot.name, marked=odd), found.verdict, whole_percent(share), "; ".join(effects) or MISSING

@@ -74,13 +74,11 @@ def _numbers(report: LoopReport) -> str:
         return said + _one_step(report)
     if report.trips is not None:
         return f"{_goals(report, starts, shown)} {_scope(report, starts)}{_one_step(report)}"
-    best = f"{report.best_return:g}"
+    best = "" if report.own_rewards else f" of {report.best_return:g}"
     parts = []
     for card in shown:
         if card.policy == "Source":
-            parts.append(
-                f"the policy trained in the plain simulator earns {card.value} of {best} on the target"
-            )
+            parts.append(f"the policy trained in the plain simulator earns {card.value}{best} on the target")
         elif card.policy == "Target":
             parts.append(f"the reachable optimum, trained on the target itself, earns {card.value}")
         else:

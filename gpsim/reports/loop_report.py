@@ -71,9 +71,11 @@ class LoopReport:
     one_step_random, rollout); returns: policy to (seeds, N) episode returns on the target, NaN where unknown;
     trips: what a task with a goal adds, else None; system: the base simulator;
     starts: the keys of the sets of starts to masks (N,); best_return: how many steps an episode may take,
-    which is what it earns at most where every step earns 1 (earns_steps); held: control steps that a decision is held
-    in training; curves: policy to one (decisions, mean return) per seed; rounds: policy to one (round of expert
-    iteration, mean return on fresh starts) per seed; slices: rate to slice, of the first seed;
+    which is what it earns at most where every step earns 1 (earns_steps); own_rewards: whether rewards are a Gymnasium
+    environment's own, of which none says that a start is solved (best_return is then the most that was earned);
+    held: control steps that a decision is held in training; curves: policy to one (decisions, mean return) per seed;
+    rounds: policy to one (round of expert iteration, mean return on fresh starts) per seed; slices: rate to slice, of
+    the first seed;
     named: seed to what its diagnosis found, in sentences; given: what the loop was given instead of making it
     (recording, diagnosis); fits: seed to the content of fit.json; outside: seed to the share of what each driver
     visited outside the recording; rollouts: simulator to (B, T + 1, S) states
@@ -91,6 +93,7 @@ class LoopReport:
     starts: Mapping[str, BoolArray] = field(default_factory=dict)
     best_return: float = 500.0
     earns_steps: bool = True
+    own_rewards: bool = False
     held: int = 1
     curves: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
     rounds: Mapping[str, Sequence[tuple[FloatArray, FloatArray]]] = field(default_factory=dict)
@@ -120,6 +123,8 @@ class LoopReport:
 
         Without a Target policy nobody knows what one solves: summary.json then has the certified starts there.
         """
+        if self.own_rewards:
+            return {ALL: "all starts"}
         how = "a search over action sequences" if self.earns_steps else "the geometry of arcs and straights"
         words = {
             SOLVED: "starts that a Target policy of any seed solves",

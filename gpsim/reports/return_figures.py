@@ -66,14 +66,14 @@ def _distribution(axis: Axes, report: LoopReport, starts: str) -> None:
                 edges[:-1], HILL * share, np.diff(edges), bottom=row, align="edge", color=colour[policy], alpha=0.75,
                 edgecolor="white", linewidth=0.4, zorder=2,
             )  # fmt: skip
+            full = "" if report.own_rewards else f"{whole_percent(report.full_share(starts, policy))} full"
             axis.annotate(
-                f"{whole_percent(report.full_share(starts, policy))} full", (0.94 * report.best_return, row + 0.3),
-                ha="right", va="bottom", fontsize=8.5, color=FAINT,
+                full, (0.94 * report.best_return, row + 0.3), ha="right", va="bottom", fontsize=8.5, color=FAINT,
             )  # fmt: skip
         axis.axhline(row, color=FAINT, linewidth=0.6, zorder=1)
         _mean(axis, report, starts, policy, row - 0.14, first=row == len(report.policies) - 1)
     axis.set_xlim(-0.02 * report.best_return, 1.04 * report.best_return)
-    axis.set_xlabel("return of an episode [steps]")
+    axis.set_xlabel("return of an episode" if report.own_rewards else "return of an episode [steps]")
     axis.grid(visible=False, axis="y")
     axis.tick_params(axis="y", length=0)
     axis.spines["left"].set_visible(False)

@@ -44,7 +44,7 @@ def _sheet(report: LoopReport, starts: str) -> Sheet:
     several = len(report.seeds) > 1
     # The thesis leaves starts that cannot be solved out.
     compare = starts != "returns_all" and bool(thesis.returns(report.system))
-    full = bool(report.returns) and report.trips is None
+    full = bool(report.returns) and report.trips is None and not report.own_rewards
     columns = ["Policy"]
     columns += ["Thesis"] if compare else []
     columns += ["Mean ± std", "IQM"]

@@ -1,8 +1,11 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
+from gpsim.simulators.ackermann import Ackermann
+from gpsim.simulators.cartpole import CartPole
 from gpsim.simulators.own import lives_here, own_simulator
+from gpsim.simulators.pendulum import Pendulum
 from gpsim.simulators.plant import Memory, Plant, RandomisedPlant, SimulatorPlant, part_of, restart
-from gpsim.simulators.reduced import reduced
+from gpsim.simulators.reduced import Whole, reduced, whole
 from gpsim.simulators.registry import SIMULATORS, make_simulator, source_file
 from gpsim.simulators.simulator import (
     INTEGRATORS,
@@ -14,24 +17,30 @@ from gpsim.simulators.simulator import (
     RateFunction,
     Simulator,
 )
+from gpsim.simulators.slider import Slider
 from gpsim.simulators.unicycle import Unicycle
-from gpsim.simulators.wrapping import wrapping
+from gpsim.simulators.wrapping import unwrapped, wrapping
 
 __all__ = [
     "INTEGRATORS",
     "SIMULATORS",
+    "Ackermann",
+    "CartPole",
     "Coordinate",
     "Integrator",
     "Memory",
     "ModelPlace",
     "Parameter",
     "Parameters",
+    "Pendulum",
     "Plant",
     "RandomisedPlant",
     "RateFunction",
     "Simulator",
     "SimulatorPlant",
+    "Slider",
     "Unicycle",
+    "Whole",
     "lives_here",
     "make_simulator",
     "own_simulator",
@@ -39,5 +48,7 @@ __all__ = [
     "reduced",
     "restart",
     "source_file",
+    "unwrapped",
+    "whole",
     "wrapping",
 ]

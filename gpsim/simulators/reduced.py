@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +19,31 @@ def reduced(simulator: Simulator, fixed: Mapping[str, float], held: Collection[s
     depends.
     """
     return (simulator.without(fixed, held) or _Reduced(simulator, fixed, held)) if fixed else simulator
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A simulator with all its states: which of them are `kept`, and where all rest (S,) that are not.
+
+    own: the coordinates that are left, of the simulator's; held: those that a force of constraint holds still.
+    """
+
+    simulator: Simulator
+    kept: tuple[int, ...]
+    rest: FloatArray
+    own: tuple[int, ...]
+    held: tuple[int, ...]
+
+
+def whole(simulator: Simulator) -> Whole:
+    """What a reduced simulator was made of; of another one itself."""
+    if isinstance(simulator, _Reduced):
+        kept, own, held = (tuple(i) for i in (simulator._kept, simulator._own, simulator._held))
+        return Whole(simulator._inner, kept, simulator._rest, own, held)
+    count = len(simulator.state)
+    return Whole(
+        simulator, tuple(range(count)), np.zeros(count), tuple(range(len(simulator.coordinates))), ()
+    )
 
 
 class _Reduced(Simulator):

@@ -16,6 +16,11 @@ def wrapping(simulator: Simulator, state: Channels) -> Simulator:
     return simulator.with_state(state) or _Wrapping(simulator, state)
 
 
+def unwrapped(simulator: Simulator) -> Simulator:
+    """The simulator itself, whose states step in the same way."""
+    return simulator._inner if isinstance(simulator, _Wrapping) else simulator
+
+
 class _Wrapping(Simulator):
     """Another's physics; its state's differences are taken the short way round where a channel wraps."""
 

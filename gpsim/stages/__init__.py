@@ -10,6 +10,7 @@ __all__ = [
     "diagnosing",
     "diagnosis_files",
     "export_diagnosis",
+    "export_model",
     "export_policy",
     "export_recording",
     "figures",

@@ -7,15 +7,20 @@ from collections.abc import Mapping
 from typing import Any
 
 from gpsim.errors import UsageError
+from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
 from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
 from gpsim.settings import build, choice
 from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant
-from gpsim.targets import FrictionCartPole, Limo
+from gpsim.targets import ChangedModel, FrictionCartPole, Limo
 from gpsim.tasks import TASKS, Task
 
-TARGETS: Mapping[str, type[Plant]] = {"friction_cartpole": FrictionCartPole, "limo": Limo}
+TARGETS: Mapping[str, type[Plant]] = {
+    "friction_cartpole": FrictionCartPole,
+    "limo": Limo,
+    "changed_model": ChangedModel,
+}
 RANDOMISED = ("parameters", "actions", "both")
 RECORDED = "recording"
 """The target that is known by its logs alone: nothing can be driven."""
@@ -72,10 +77,20 @@ def target_plant(config: Mapping[str, Any]) -> Plant:
 def make_task(config: Mapping[str, Any]) -> Task:
     """The task."""
     section = config["task"]
-    name = choice(section["name"], tuple(TASKS), "task.name")
-    task, simulator = build(TASKS[name], section, "task"), open_simulator(_name(config))
+    name, simulator, task = str(section["name"]), open_simulator(_name(config)), _task(section)
     _check_fits(f"task {name}", task, simulator)
+    if isinstance(task, GymTask) and not math.isclose(task.dt, config["simulator"]["dt"], rel_tol=1e-9):
+        raise UsageError(
+            f"simulator.dt={config['simulator']['dt']}: {name} takes control steps of {task.dt:g} s"
+        )
     return task
+
+
+def _task(section: Mapping[str, Any]) -> Task:
+    name = section["name"]
+    if isinstance(name, str) and is_gym_task(name):
+        return build(GymTask, section, "task", reference=name)
+    return build(TASKS[choice(name, tuple(TASKS), "task.name")], section, "task")
 
 
 def training_settings(config: Mapping[str, Any]) -> PpoSettings | SacSettings:

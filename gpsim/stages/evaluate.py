@@ -27,6 +27,7 @@ from gpsim.evaluation import (
     summarise_all,
 )
 from gpsim.files import Json, plain, write_json
+from gpsim.gymtasks import GymTask
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import positive, texts, truth
@@ -47,6 +48,7 @@ from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.stages.stand_in import measured_on
+from gpsim.tasks import Task
 
 TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
     "Source": (train_source.STAGE, {"variant": "source"}),
@@ -59,6 +61,11 @@ TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
 """The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
+
+
+def full_return(task: Task) -> int | None:
+    """The return that means that a start is solved; None of a task whose rewards are its own affair."""
+    return None if isinstance(task, GymTask) else task.max_steps
 
 
 def policy_names(request: Request) -> tuple[str, ...]:
@@ -137,7 +144,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         folder / "returns.csv", index_label="start", lineterminator="\n"
     )
     reached = {name: trip.reached[None] for name, trip in trips.items()} or None
-    steps = make_task(request.config).max_steps
+    steps = full_return(make_task(request.config))
     by_set = start_sets({name: values[None] for name, values in returns.items()}, certified, steps, reached)
     evaluation = {
         "experiment": request.config["experiment"],

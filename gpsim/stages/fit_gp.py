@@ -12,7 +12,7 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.corrected import CommandFilter, Features, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
 from gpsim.files import Json, write_json
-from gpsim.gp import Bounds, FitSettings, Interval, Predictor, fit_outputs
+from gpsim.gp import MOST_ROWS, Bounds, FitSettings, Interval, Predictor, fit_outputs
 from gpsim.residuals import Residuals
 from gpsim.settings import build, number, positive, texts, truth, whole
 from gpsim.simulators import SimulatorPlant
@@ -45,6 +45,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             f"only {len(rows)} training transitions{late}: record more, or hold out fewer episodes"
         )
     settings = fit_settings(request)
+    _check_size(residuals, base, features, count, settle)
     inputs, targets = features(residuals.inputs[rows]), residuals.values[rows]
     gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
     predictor = Predictor(gps)
@@ -61,6 +62,30 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         report["filter"] = dict(zip(base.action.names, found.describe(), strict=True))
     write_json(folder / "fit.json", report)
     return {}
+
+
+def _check_size(
+    residuals: Residuals, base: SimulatorPlant, features: Features, count: int, settle: int
+) -> None:
+    """Raise UsageError for more distinct training inputs than an exact fit takes, with the most that fit."""
+
+    def distinct(chosen: int) -> int:
+        rows = chosen_rows(residuals, base, chosen, settle)
+        return len(np.unique(features(residuals.inputs[rows]), axis=0))
+
+    if (found := distinct(count)) <= MOST_ROWS:
+        return
+    fits, too_many = (
+        MOST_ROWS,
+        min(count, int(np.sum(~residuals.test))),
+    )  # each row adds one distinct input at most
+    while too_many - fits > 1:
+        middle = (fits + too_many) // 2
+        fits, too_many = (middle, too_many) if distinct(middle) <= MOST_ROWS else (fits, middle)
+    raise UsageError(
+        f"gp.n_train={count}: {found} distinct training inputs, an exact Gaussian process takes at most {MOST_ROWS}; "
+        f"give gp.n_train={fits}, which are drawn from all by seed"
+    )
 
 
 def check(request: Request) -> None:

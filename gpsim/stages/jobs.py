@@ -152,5 +152,5 @@ def _in_a_line(error: Exception) -> str:
     if isinstance(error, UsageError):
         return str(error)
     lines = str(error).strip().splitlines()
-    said = [type(error).__name__, *dict.fromkeys((lines[0], lines[-1]) if lines else ())]
-    return ": ".join(said)
+    ends = dict.fromkeys((lines[0].rstrip(":"), lines[-1]) if lines else ())
+    return ": ".join([type(error).__name__, *ends])

@@ -32,7 +32,7 @@ from gpsim.stages import (
 from gpsim.stages.building import base_plant, drivable, make_task, training_settings
 from gpsim.stages.diagnose_loop import find_diagnosis, sentences
 from gpsim.stages.stage import Request, Stage, quoted
-from gpsim.tasks import Balance
+from gpsim.tasks import Balance, Task
 
 SETTINGS = (
     "simulator",
@@ -95,8 +95,9 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         trips=driven.trips,
         system=base.simulator.name,
         starts=driven.starts,
-        best_return=float(task.max_steps),
+        best_return=_best(task, driven.returns),
         earns_steps=isinstance(task, Balance),
+        own_rewards=evaluate.full_return(task) is None,
         held=getattr(training_settings(request.config), "action_repeat", 1),
         curves={
             name: [_curve(r, name) for r in requests.values()] for name in evaluate.policy_names(request)
@@ -135,11 +136,18 @@ class Driven:
     trips: TripReport | None = None
 
 
+def _best(task: Task, returns: Mapping[str, FloatArray]) -> float:
+    """What an episode may earn, as far as anybody knows: the most that one earned where rewards are the task's own."""
+    full = evaluate.full_return(task)
+    earned = [float(np.nanmax(values)) for values in returns.values() if np.isfinite(values).any()]
+    return float(full) if full is not None else max([*earned, 1.0])
+
+
 def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
     tables = [evaluate.read_returns(artifact) for artifact in evaluated]
     certified = tables[0][1]
     returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
-    trips, steps = _trips(request, evaluated), make_task(request.config).max_steps
+    trips, steps = _trips(request, evaluated), evaluate.full_return(make_task(request.config))
     return Driven(returns, start_sets(returns, certified, steps, trips.reached if trips else None), trips)
 
 

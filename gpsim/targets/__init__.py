@@ -5,5 +5,6 @@ They hold the physics that the simulators leave out, so nothing that explains a 
 
 from gpsim.targets.cartpole import CONTACTS, FrictionCartPole
 from gpsim.targets.limo import Limo
+from gpsim.targets.mujoco import ChangedModel
 
-__all__ = ["CONTACTS", "FrictionCartPole", "Limo"]
+__all__ = ["CONTACTS", "ChangedModel", "FrictionCartPole", "Limo"]

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from gpsim.gp import FitSettings, HyperParameters, Predictor, TrainingData, fit
+from gpsim.gp import FitSettings, HyperParameters, Predictor, TooManyRowsError, TrainingData, fit
 
 QUICK = FitSettings(restarts=1)
 
@@ -36,6 +36,16 @@ def test_a_value_that_is_not_finite_is_named_by_row_and_column(value: float) -> 
 def test_wrong_shapes_are_named(inputs: np.ndarray, targets: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         fit(inputs, targets, QUICK, np.random.default_rng(0))
+
+
+def test_more_distinct_rows_than_an_exact_fit_takes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gpsim.gp.training_data.MOST_ROWS", 20)
+    rng = np.random.default_rng(0)
+    inputs, targets = rng.normal(size=(21, 2)), rng.normal(size=21)
+    with pytest.raises(TooManyRowsError, match=r"21 distinct inputs; .* at most 20"):
+        fit(inputs, targets, QUICK, rng)
+    inputs[20] = inputs[0]  # a replicate is no new row
+    assert fit(inputs, targets, QUICK, rng).data.counts.size == 20
 
 
 def test_a_single_row_predicts_its_target_and_warns() -> None:

@@ -150,6 +150,25 @@ def test_a_scheduler_that_does_not_answer_is_one_line(monkeypatch):
         run("tcp://127.0.0.1:9", [Task("t", partial(doubled, 1))])
 
 
+def test_a_scheduler_without_workers_is_told_of_and_waited_for(monkeypatch):
+    monkeypatch.setattr("gpsim.launchers.dask_client.ALONE", 0.0)
+    said = []
+    with distributed.LocalCluster(
+        n_workers=0, threads_per_worker=1, dashboard_address=":0", silence_logs=logging.CRITICAL
+    ) as cluster:
+
+        def announce(line):
+            said.append(line)
+            if line.startswith("waiting"):
+                cluster.scale(1)
+
+        launcher = Dask(cluster.scheduler_address, announce=announce)
+        [outcome] = run_tasks(launcher, [Task("t", partial(doubled, 2))], silent)
+        assert outcome.result == 4
+        address = cluster.scheduler_address
+    assert said[1].startswith(f"waiting: {address} has no workers; start some with: dask worker {address}")
+
+
 def test_what_came_back_otherwise_than_it_was_made_is_refused(tmp_path):
     from gpsim.artifacts import Recipe, Store
 

@@ -50,3 +50,8 @@ def test_each_of_them_answers_in_json(words, tmp_path, monkeypatch, capsys):
         assert content["declared"]["parameters"]["lower.mass"] == [0.6, "kg"]
     else:
         assert content["declared"]["coordinates"] == {"theta": "N m"}
+
+
+def test_an_environment_tells_its_control_step(monkeypatch, capsys):
+    assert run(monkeypatch, "simulators", "check", "gym:InvertedDoublePendulum-v5") == 0
+    assert "control step 0.05 s, 5 steps each" in capsys.readouterr().out

@@ -1,5 +1,6 @@
-"""What smooth functions change, told by pushes, is what each of them simulated by itself changes."""
+"""What is spared where steps are dear: functions told by pushes, finer grids that could tell nothing."""
 
+from dataclasses import replace
 from importlib import import_module
 
 import mujoco
@@ -9,7 +10,9 @@ import yaml
 from mjcf_models import DOUBLE, written
 
 from gpsim.diagnosis.fitting import Directions, Hypothesis, fit
-from gpsim.diagnosis.setup import prepare
+from gpsim.diagnosis.selection.grid_check import _grid_matters
+from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.effects import closed
 from gpsim.stages.diagnose import Task, open_recording
 
 DT = 0.01
@@ -56,3 +59,15 @@ def test_a_function_answers_as_the_sum_of_its_pushes(tmp_path):
     for (nats, freedom), (own, freedom_alone) in zip(told, alone, strict=True):
         assert nats == pytest.approx(own, rel=0.05)
         assert freedom == freedom_alone
+
+
+def test_a_finer_grid_is_asked_for_where_commands_are_remembered(tmp_path):
+    asked = question(tmp_path)
+    exact = closed(asked.searched.simulator).exact()
+    problem, plain = replace(asked.searched, simulator=exact), Hypothesis(scheme="fine")
+    at = fit(problem, plain, problem.windows.measured[:, 0], iterations=1)
+    late = next(c for c in offers_of(asked) if c.family == "actuator_delay")
+    delayed = replace(at, hypothesis=plain.plus(late.term([0.03]), late.declared))
+    assert not _grid_matters(problem, [at])
+    assert _grid_matters(problem, [at, delayed])
+    assert not _grid_matters(replace(problem, simulator=exact.as_modelled()), [at, delayed])

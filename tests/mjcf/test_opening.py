@@ -65,7 +65,7 @@ def test_a_function_gives_a_model_or_its_spec_and_a_class_is_no_model(tmp_path):
     assert not is_mujoco(f"{file}:System")
     with pytest.raises(UsageError, match=r"nothing\(\) returned int; it must return a mujoco.MjModel"):
         open_simulator(f"{file}:nothing")
-    with pytest.raises(UsageError, match=r"unfinished\(\) raised ValueError: Error: mass and inertia"):
+    with pytest.raises(UsageError, match=r"unfinished\(\) does not compile: Error: mass and inertia"):
         open_simulator(f"{file}:unfinished")
 
 
@@ -294,3 +294,20 @@ def test_a_free_joint_needs_its_pose_and_its_twist(quaternion, leave_out, said, 
         open_recording(Task(floating(tmp_path, quaternion, leave_out), None))
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 0.1) for y in (0, 0.1) for z in (0, 0.1))
+FACES = "f 1 2 3\nf 2 4 3\nf 5 7 6\nf 6 7 8\nf 1 5 2\nf 2 5 6\nf 3 4 7\nf 4 8 7\nf 1 3 5\nf 3 7 5\nf 2 6 4\nf 4 6 8\n"
+
+
+def test_meshes_beside_the_model_are_hashed(tmp_path):
+    (tmp_path / "parts").mkdir()
+    written(tmp_path / "parts", CUBE + FACES, "cube.obj")
+    mesh = '<compiler meshdir="parts"/><asset><mesh name="cube" file="cube.obj"/></asset><worldbody>'
+    own = '<geom type="mesh" mesh="cube" mass="0.1"/><inertial pos'
+    name = written(tmp_path, PENDULUM.replace("<worldbody>", mesh).replace("<inertial pos", own))
+    before = files_digest(name)
+    assert sorted(before) == ["parts/cube.obj", "robot.xml"]
+    assert load_mjcf(name).state.names == ("theta", "theta_dot")
+    written(tmp_path / "parts", CUBE.replace("0.1", "0.2") + FACES, "cube.obj")
+    assert files_digest(name) != before

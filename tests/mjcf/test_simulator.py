@@ -338,3 +338,16 @@ def test_of_a_free_joint_no_effect_is_asked(tmp_path):
     places = [on for effect in FAMILIES.values() for on in effect.places(floating)]
     assert "hip" in places
     assert not [on for on in places if on.startswith("root")]
+
+
+def test_the_force_that_is_lacking_is_what_inverse_dynamics_say(double):
+    state, action = random_states(double, 5, np.random.default_rng(8))
+    acceleration = np.random.default_rng(9).normal(size=(5, 2))
+    lacking = double.generalised_force(state, action, acceleration, double.defaults())
+    model = mujoco.MjModel.from_xml_string(DOUBLE)
+    data = mujoco.MjData(model)
+    for s, a, acc, force in zip(state, action, acceleration, lacking, strict=True):
+        data.qpos[:], data.qvel[:] = split(s)
+        data.qacc[:] = acc
+        mujoco.mj_inverse(model, data)
+        assert force == pytest.approx(data.qfrc_inverse - a, rel=1e-6, abs=1e-9)

@@ -171,7 +171,9 @@ def steps_of(
     problem, recording = question.everything, question.recording
     past = _remembers(problem, hypotheses["after"])
     if question.hidden:
-        return {kind: _steps(problem, completions.by(h), past) for kind, h in hypotheses.items()}
+        by = {kind: completions.by(h) for kind, h in hypotheses.items()}
+        found = {key: _steps(problem, done, past) for key, done in {id(r): r for r in by.values()}.items()}
+        return {kind: found[id(done)] for kind, done in by.items()}
     steps, made_by = (
         _steps(problem, recording, past),
         filters(recording, problem.simulator, problem.run.settings.velocity_filter),

@@ -126,19 +126,16 @@ def _places(recording: Recording, length: int, settings: WindowSettings) -> list
 
 
 def _cut_at(recording: Recording, places: Sequence[tuple[int, int, int]], length: int) -> Windows:
-    parts = [
-        _window(recording, index, recording.episodes[index], low, high, length) for index, low, high in places
-    ]
+    steps = _usual_steps(recording, [index for index, _, _ in places])
+    parts = [_window(recording, index, steps[index], low, high, length) for index, low, high in places]
     return _stacked(parts) if parts else _none(recording, length)
 
 
 def at(recording: Recording, places: Sequence[tuple[int, int]], length: int) -> Windows:
     """Windows of `length` transitions from these (episode, sample) on; none may cross a gap or the end."""
+    steps = _usual_steps(recording, [index for index, _ in places])
     return _stacked(
-        [
-            _window(recording, index, recording.episodes[index], first, first + length, length)
-            for index, first in places
-        ]
+        [_window(recording, index, steps[index], first, first + length, length) for index, first in places]
     )
 
 
@@ -191,12 +188,13 @@ def _slices(first: int, last: int, length: int, least: int) -> list[tuple[int, i
 def _window(
     recording: Recording,
     index: int,
-    episode: Episode,
+    step: float,
     low: int,
     high: int,
     length: int,
 ) -> tuple[Any, ...]:
-    count, dt, step = high - low, recording.dt, _usual_step(episode, recording.dt)
+    """step: the usual one of its episode [s]."""
+    count, dt, episode = high - low, recording.dt, recording.episodes[index]
     pad = length - count
     measured = np.concatenate(
         [episode.states[low : high + 1], np.repeat(episode.states[high : high + 1], pad, axis=0)]
@@ -225,6 +223,10 @@ def _window(
         np.bool_(lost),
         weights,
     )
+
+
+def _usual_steps(recording: Recording, episodes: Sequence[int]) -> dict[int, float]:
+    return {index: _usual_step(recording.episodes[index], recording.dt) for index in set(episodes)}
 
 
 def _usual_step(episode: Episode, dt: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows
 from gpsim.effects import IN_EPISODE, Chain, Values
+from gpsim.kernels import Commands
 from gpsim.simulators import Memory
 
 Spread = Callable[[FloatArray, int], Sequence[Values]]
@@ -66,6 +67,50 @@ def precomputed(
 
     Where they do depend on the state, those before the window are taken at the measured one, those in it step by step.
     """
+    n = setting.n
+    acted, memory, before = _acted(chain, windows, spread, thetas, setting)
+    by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
+    which = _which(setting, len(windows))
+    if not chain.looks:
+        return lambda k, j, state: by_time[before + n * k + j][which]
+    held = {key: kept[which] for key, kept in memory.items()}
+    every = values_of(chain, windows, spread, thetas)
+    row = np.tile(np.arange(len(windows)), len(thetas))
+
+    @lru_cache(maxsize=1)  # it is asked for n times in a row
+    def transition(k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begin = windows.t[row, k]
+        return windows.actions[row, k], begin, (windows.t[row, k + 1] - begin) / n
+
+    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
+        if k < 0:
+            return np.asarray(by_time[before + n * k + j][which])
+        action, begin, substep = transition(k)
+        return chain.command(action, state, every, held, substep, begin + j * substep)
+
+    return drive
+
+
+def commands(
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: Setting, rows: IntArray
+) -> Commands:
+    """The same as `as_recorded` or `precomputed` where commands do not depend on the simulated state, as arrays."""
+    if chain.actuates:
+        acted, _, before = _acted(chain, windows, spread, thetas, setting)
+        return Commands(acted, _which(setting, len(windows)), before, finely=True)
+    every = np.concatenate([windows.before_actions, windows.actions], axis=1)
+    return Commands(every, rows, windows.before_actions.shape[1], finely=False)
+
+
+def _which(setting: Setting, count: int) -> IntArray:
+    """(C W,) which of the windows' commands, of all copies that have some of their own, are a row's."""
+    return np.asarray((setting.which[:, None] * count + np.arange(count)).ravel())
+
+
+def _acted(
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, setting: Setting
+) -> tuple[FloatArray, Memory, int]:
+    """(B, K, A) what reaches the simulator at every substep, memory after them, how many lie before the windows."""
     count, n, first = len(windows), setting.n, setting.first
     rows, values = np.tile(np.arange(count), len(first)), values_of(chain, windows, spread, thetas[first])
     coarser = chain.looks and not setting.even
@@ -83,28 +128,9 @@ def precomputed(
     states = np.empty((count, step.shape[1] + 1, 0))  # nobody looks at them
     if chain.looks:
         states = _measured_between(windows, n, chain.simulator.state)[:, : step.shape[1] + 1]
-    commands = np.repeat(actions, n, axis=1)[:, :end]
-    acted = chain.commands(commands[rows], states[rows], values, memory, step[rows], t[rows])
-    by_time = np.ascontiguousarray(acted.transpose(1, 0, 2))
-    which = (setting.which[:, None] * count + np.arange(count)).ravel()
-    if not chain.looks:
-        return lambda k, j, state: by_time[before + n * k + j][which]
-    held = {key: kept[which] for key, kept in memory.items()}
-    every = values_of(chain, windows, spread, thetas)
-    row = np.tile(np.arange(count), len(thetas))
-
-    @lru_cache(maxsize=1)  # it is asked for n times in a row
-    def transition(k: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        begin = windows.t[row, k]
-        return windows.actions[row, k], begin, (windows.t[row, k + 1] - begin) / n
-
-    def drive(k: int, j: int, state: FloatArray) -> FloatArray:
-        if k < 0:
-            return np.asarray(by_time[before + n * k + j][which])
-        action, begin, substep = transition(k)
-        return chain.command(action, state, every, held, substep, begin + j * substep)
-
-    return drive
+    given = np.repeat(actions, n, axis=1)[:, :end]
+    acted = chain.commands(given[rows], states[rows], values, memory, step[rows], t[rows])
+    return acted, memory, before
 
 
 def _led_up_to(

@@ -22,11 +22,13 @@ LEAST_TIMES = 1e-9  # guards a division: a law that falls with its parameter wou
 class Directions:
     """How hypotheses around a fitted parent change its residual, start states and its own parameters projected out.
 
-    In standard deviations of the parent's residual, observed channels only: a vector has shape (W, M).
+    In standard deviations of the parent's residual, observed channels only: a vector has shape (W, M). pushed: what is
+    known already of pushes on a rate (see `impulses`).
     """
 
     def __init__(self, problem: Problem, parent: Fit) -> None:
         self.problem, self.parent = problem, parent
+        self.pushed: dict[int, FloatArray] = {}
         self._sd = np.sqrt(parent.variance[problem.observed])
         hypothesis = parent.hypothesis
         # What differs is looked at in the same steps on both sides.

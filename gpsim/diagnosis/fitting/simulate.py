@@ -9,10 +9,12 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
+from gpsim.diagnosis.fitting.compiled import simulated
 from gpsim.diagnosis.fitting.rollout import FAR, Extra, roll, tamed
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values, last_at_most
+from gpsim.kernels import Program, can_compile, program_of
 
 
 def simulate(
@@ -35,6 +37,9 @@ def simulate(
     starts = tamed(starts)  # a step may have sent one anywhere
     setting, windows = _set(run, chain, windows, spread, thetas, n)
     _count(run, chain, windows, len(thetas), setting)
+    program = _program(run.settings.sharing, chain) if extra is None else None
+    if program is not None:
+        return simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count)
     parts = _parts(run.settings.sharing, run.workers.count, len(thetas), len(windows), windows.length * n)
     if parts < 2 or not setting.even or extra is not None:
         return _simulated(chain, windows, starts, spread, thetas, setting, extra)
@@ -63,6 +68,11 @@ def _simulated(
         run = _run if chain.closed is None else roll
         out = run(chain, windows, rows, starts.reshape(copies * count, -1), values, setting, drive, extra)
     return out.reshape(copies, count, windows.length + 1, -1)
+
+
+def _program(settings: SharingSettings, chain: Chain) -> Program | None:
+    """The chain in compiled form, where it has one and that is wanted."""
+    return program_of(chain) if settings.compiled and can_compile() else None
 
 
 def _set(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from gpsim.effects import (
     VehicleEffect,
     changed,
 )
+from gpsim.kernels import Curve, Hat
 from gpsim.simulators import Memory, Simulator
 
 FREE = "free_curve"
@@ -56,6 +57,11 @@ class HatGate(Gate):
 
     def __bool__(self) -> bool:
         return True
+
+    @property
+    def hat(self) -> Hat:
+        """For compiled code."""
+        return Hat(self.along, self.knots, self.place)
 
     def share(
         self,
@@ -96,6 +102,12 @@ class FreeForce(_Free, ForceEffect):
     of_speed: bool
     wraps: bool = False
 
+    @property
+    def curve(self) -> Curve:
+        """For compiled code."""
+        wraps = self.wraps and not self.of_speed
+        return Curve("force", self.basis.axes, self.basis.names, (int(self.of_speed),), (wraps,))
+
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """The function."""
         return self.basis.value([_argument(position, speed, self.of_speed, self.wraps)], values)
@@ -107,6 +119,12 @@ class FreeGrip(_Free, ForceEffect):
 
     of_speed: bool
     wraps: bool = False
+
+    @property
+    def curve(self) -> Curve:
+        """For compiled code."""
+        wraps = self.wraps and not self.of_speed
+        return Curve("grip", self.basis.axes, self.basis.names, (int(self.of_speed),), (wraps,))
 
     def grip(
         self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
@@ -145,6 +163,13 @@ class FreeTurn(_Free, VehicleEffect):
     laws: tuple[Term, ...] = ()
     order: ClassVar[int] = 10  # where the first of them stands
     changes: ClassVar[str] = "w"
+
+    @property
+    def curve(self) -> Curve:
+        """For compiled code."""
+        of: Literal["turn", "slip"] = "turn" if self.changes == "w" else "slip"
+        beside = tuple((law.family, law.values) for law in self.laws)
+        return Curve(of, self.basis.axes, self.basis.names, (0, 1), (False, False), beside=beside)
 
     def twist(
         self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
@@ -195,6 +220,11 @@ class FreeRate(_Free, RateEffect):
     inputs: tuple[int, ...]
     wraps: tuple[bool, ...]
 
+    @property
+    def curve(self) -> Curve:
+        """For compiled code."""
+        return Curve("rate", self.basis.axes, self.basis.names, self.inputs, self.wraps, self.rate)
+
     def added(
         self,
         simulator: Simulator,
@@ -216,6 +246,11 @@ class FreeDrive(_Free, RateEffect):
     action: int
     inputs: tuple[int, ...]
     wraps: tuple[bool, ...]
+
+    @property
+    def curve(self) -> Curve:
+        """For compiled code."""
+        return Curve("drive", self.basis.axes, self.basis.names, self.inputs, self.wraps, self.action)
 
     def added(
         self,

@@ -32,7 +32,7 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
 from gpsim.diagnosis.selection.required import with_required
 from gpsim.diagnosis.settings import SearchSettings
-from gpsim.effects import Scheme
+from gpsim.effects import Scheme, closed
 
 Note = Callable[[int, int, str], None]
 
@@ -84,7 +84,11 @@ def _grown_beam(
     seeds = [with_required(problem, f, offers) for f in nulls] if problem.run.known.require else []
     fits, beam = [*nulls, *seeds], seeds or list(nulls)
     counts = _fitted_per_depth(settings)
-    total = 2 * sum(counts[:1]) + settings.beam * sum(counts[1:])
+    dear = problem.run.settings.closed_step if closed(problem.simulator) is not None else None
+    width, gated_depths = (
+        (settings.beam, settings.gated_depths) if dear is None else (dear.beam, dear.gated_depths)
+    )
+    total = 2 * sum(counts[:1]) + width * sum(counts[1:])
     done, most = 0, problem.run.budget.spent + settings.budget
     for depth, count in enumerate(counts):
         children: list[Fit] = []
@@ -97,7 +101,7 @@ def _grown_beam(
                 problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
-            if parent is beam[0] and depth < settings.gated_depths and _structured(problem, [*fits, *plain]):
+            if parent is beam[0] and depth < gated_depths and _structured(problem, [*fits, *plain]):
                 gated = gated_children(problem, directions, plain, offers)
                 children += with_edges(problem, gated)
             done += count
@@ -111,7 +115,7 @@ def _grown_beam(
         fits += children
         if not children or not _structured(problem, fits) or problem.run.budget.spent > most:
             break
-        beam = _beam(problem, children)
+        beam = _beam(problem, children, width)
     note(total, total, "")
     ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
     return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
@@ -201,9 +205,9 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
     return list(best.values())
 
 
-def _beam(problem: Problem, children: Sequence[Fit]) -> list[Fit]:
+def _beam(problem: Problem, children: Sequence[Fit], most: int) -> list[Fit]:
     """The best to grow on: each says something else, and one gate at most is among them, since gates are dear."""
-    most, out = problem.run.settings.search.beam, list[Fit]()
+    out = list[Fit]()
     for found in _ranked(problem, children):
         gates = _gated_terms(found)
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in out)

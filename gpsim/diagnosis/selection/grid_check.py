@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting import Fit, Order, Problem, fit_all, rescored
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import lean, simplest
 from gpsim.diagnosis.setup import Question, settled_question
@@ -32,8 +32,7 @@ def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
     """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
     fewer = _best_of_each(best, fits)[: problem.run.settings.grid_check.tried]
-    system = closed(problem.simulator)
-    if not fewer or (system is not None and system.own_grid):
+    if not fewer or not _grid_matters(problem, [best, *fewer]):
         return best, best
     settings = problem.run.settings.discretisation
     grid = replace(problem, substeps=settings.most_finer * problem.substeps)
@@ -48,6 +47,20 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     leader = fit_all(grid, [_order(problem, best)])[0]
     chosen = simplest(grid, [leader, *(after for _, after in gained)])
     return next(((before, after) for before, after in gained if after is chosen), (best, best))
+
+
+def _grid_matters(problem: Problem, fits: Sequence[Fit]) -> bool:
+    """Whether a finer grid may tell: of a simulator that owns its integration steps are exact enough as they are.
+
+    Unless it steps by a method of its own choice and something remembers commands, which change within a step.
+    """
+    system = closed(problem.simulator)
+    return system is None or (not system.own_grid and any(_remembers(problem, f.hypothesis) for f in fits))
+
+
+def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    return chain.remembers(hypothesis.spread(hypothesis.theta[None], 1)) > 0.0
 
 
 def _order(problem: Problem, found: Fit) -> Order:

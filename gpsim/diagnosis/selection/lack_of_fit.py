@@ -143,9 +143,10 @@ def _told_by_impulses(
     """The same where each function is a sum of pushes: what pushes on a rate do is simulated once."""
     rest, states = directions.rest.ravel(), visited(problem, at)
     inputs = _inputs(problem, states[:, :-1], problem.windows.actions)
-    rates = sorted({group.rate for group in groups})
+    rates = sorted({group.rate for group in groups} - directions.pushed.keys())
     calls = [(problem, at, directions, r, _probe(problem, r) * problem.windows.length) for r in rates]
-    answers = dict(zip(rates, problem.run.side_by_side(impulses, calls), strict=True))
+    answers = directions.pushed
+    answers.update(zip(rates, problem.run.side_by_side(impulses, calls), strict=True))
     return [
         _explained(
             directions.projected(_summed(problem, g, inputs, answers[g.rate])).reshape(g.size, -1), rest

@@ -228,5 +228,23 @@ class ClosedStepSettings:
         3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
     )
 
+    beam: int = setting(
+        2,
+        "1",
+        "hypotheses that each depth of the search grows on",
+        "by hand: as many more are as dear",
+        least=1,
+    )
+    gated_depths: int = setting(
+        1,
+        "1",
+        "depths of the search at which gates are looked for; later ones are left to the stepwise search",
+    )
+    completed: float = setting(
+        0.05,
+        "nats a window",
+        "that a round must gain where only start states are fitted, to complete a recording",
+    )
+
     def __post_init__(self) -> None:
         check(self, lists=("coarser", "coarser_exact"))

@@ -40,6 +40,9 @@ class SharingSettings:
         5e4, "rows times substeps", "below, a batch is simulated here", "some ten milliseconds of work"
     )
     screened_in_a_row: int = setting(8, "candidates", "that one process screens in a row", least=1)
+    compiled: bool = setting(
+        True, "yes or no", "simulate by compiled code what has such a form, else by NumPy"
+    )
     remembered: int = setting(
         6,
         "answers",

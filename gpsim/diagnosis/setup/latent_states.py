@@ -15,6 +15,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.data import Windows, cut_in_parts
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
+from gpsim.effects import closed
 from gpsim.recordings import Episode, Recording
 
 
@@ -49,8 +50,13 @@ def completed(problem: Problem, hypothesis: Hypothesis, hidden: Sequence[str]) -
     windows = problem.windows
     if not hidden:
         return windows
-    iterations = problem.run.settings.latent_states.iterations
-    found = fit(problem, hypothesis.frozen(), windows.measured[:, 0], iterations=iterations)
+    iterations, tolerance = problem.run.settings.latent_states.iterations, None
+    if (
+        closed(problem.simulator) is not None
+    ):  # a round costs seconds, and a window's share of a nat is no news
+        tolerance = problem.run.settings.closed_step.completed * len(windows)
+    start = windows.measured[:, 0]
+    found = fit(problem, hypothesis.frozen(), start, iterations=iterations, tolerance=tolerance)
     columns = [problem.simulator.state.index(name) for name in hidden]
     measured = np.array(windows.measured)
     measured[..., columns] = traced(problem, found)[..., columns]

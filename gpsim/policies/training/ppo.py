@@ -15,11 +15,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from gpsim.environments import BatchedEnv
 from gpsim.policies import Policy
 from gpsim.policies.training.events import event_log, note
+from gpsim.policies.training.lean_ppo import FusedAdam, LeanPPO
 from gpsim.policies.training.sb3 import StableBaselinesEnv, arrays, falling, hidden_layers
 from gpsim.policies.training.settings import LearningCurve, PpoSettings, Progress, observation_scale
-
-# stable-baselines3's own choice, which naming any other option of Adam takes back
-ADAM_EPSILON = 1e-5
 
 Watch = Callable[[int, Policy], None]
 
@@ -59,7 +57,7 @@ def train_ppo(
 
 def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_steps: int, seed: int) -> PPO:
     share = n_steps * settings.n_envs / settings.total_steps
-    return PPO(
+    return LeanPPO(
         "MlpPolicy",
         StableBaselinesEnv(env, scale, settings.reward_scale),
         n_steps=n_steps,
@@ -70,10 +68,7 @@ def _ppo(env: BatchedEnv, scale: NDArray[np.float32], settings: PpoSettings, n_s
         gamma=settings.gamma,
         gae_lambda=settings.gae_lambda,
         ent_coef=settings.ent_coef,
-        policy_kwargs={
-            "net_arch": list(settings.hidden),
-            "optimizer_kwargs": {"fused": True, "eps": ADAM_EPSILON},
-        },
+        policy_kwargs={"net_arch": list(settings.hidden), "optimizer_class": FusedAdam},
         seed=seed,
         device="cpu",
     )

@@ -1,0 +1,76 @@
+"""Which families and systems have a compiled form, under which number, and the order of their values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from gpsim.kernels import codes
+from gpsim.simulators import Ackermann, CartPole, Pendulum, Simulator, Slider, Unicycle
+
+Law = tuple[int, tuple[str, ...]]
+
+SYSTEMS: Mapping[type[Simulator], int] = {
+    CartPole: codes.CARTPOLE,
+    Pendulum: codes.PENDULUM,
+    Slider: codes.SLIDER,
+    Unicycle: codes.UNICYCLE,
+    Ackermann: codes.ACKERMANN,
+}
+
+FORCES: Mapping[str, Law] = {
+    "viscous_friction": (codes.VISCOUS, ("damping",)),
+    "quadratic_drag": (codes.QUADRATIC, ("drag",)),
+    "spring": (codes.SPRING, ("stiffness", "rest_position")),
+    "constant_force": (codes.CONSTANT, ("force",)),
+}
+DRY: Mapping[str, Law] = {
+    "coulomb_friction": (codes.COULOMB, ("force",)),
+    "local_friction_patch": (codes.COULOMB, ("force",)),
+    "stribeck_friction": (codes.STRIBECK, ("force", "static_force", "stribeck_velocity")),
+}
+BY_LOAD: Mapping[str, Law] = {"coulomb_friction": (codes.COEFFICIENT, ("coefficient",))}
+PARAMETERS: Mapping[str, Law] = {"parameter_offset": (codes.RATIO, ("ratio",))}
+TWISTS: Mapping[str, Law] = {
+    "minimum_turning_radius": (codes.RADIUS, ("radius",)),
+    "understeer": (codes.UNDERSTEER, ("gradient",)),
+    "steering_bias": (codes.STEERING, ("curvature",)),
+    "lateral_slip": (codes.SLIP, ("slip",)),
+}
+CURVES: Mapping[str, int] = {
+    "force": codes.FORCE_CURVE,
+    "grip": codes.GRIP_CURVE,
+    "turn": codes.TURN_CURVE,
+    "slip": codes.SLIP_CURVE,
+    "rate": codes.RATE_CURVE,
+    "drive": codes.DRIVE_CURVE,
+}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A law that is a piecewise linear function of one input or two, for a law that no family names.
+
+    axes: the knots along each input; names: of the coefficients among a term's values, the last axis running fastest.
+    of: what it gives; inputs: channels of state and action, whose angles may wrap; of a force or a grip its
+    coordinate's position (0) or speed (1); of a turn or a slip speed and turn rate. on: the rate or the action. beside:
+    family and values of laws of the twist that act together with it.
+    """
+
+    of: Literal["force", "grip", "turn", "slip", "rate", "drive"]
+    axes: tuple[tuple[float, ...], ...]
+    names: tuple[str, ...]
+    inputs: tuple[int, ...]
+    wraps: tuple[bool, ...]
+    on: int = 0
+    beside: tuple[tuple[str, Mapping[str, float]], ...] = ()
+
+
+@dataclass(frozen=True)
+class Hat:
+    """A gate that opens and closes gradually along a channel: 1 at the knot of a place, 0 at its neighbours."""
+
+    along: str
+    knots: tuple[float, ...]
+    place: int

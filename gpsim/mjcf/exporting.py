@@ -1,0 +1,184 @@
+"""A corrected model written down: MJCF, a wrapper for what MJCF cannot say, and where each effect went."""
+
+from __future__ import annotations
+
+import difflib
+import pprint
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.errors import Terminated, UsageError
+from gpsim.files import disk_errors, write_json
+from gpsim.mjcf.attributes import Change, apply, changes_of, named, written
+from gpsim.mjcf.naming import names_of
+from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.patching import Correction, Patch, patch_of
+from gpsim.mjcf.simulator import MjcfSimulator
+from gpsim.mjcf.specs import asset_places, spec_of
+
+SCHEMA = "gpsim.patch/1"
+PATCH_FILE = "patch.json"
+SAME = 1e-4
+"""Of a field: a model that comes back from its file further off is not the one that was written."""
+FIELDS = (
+    "qpos0", "qpos_spring", "body_pos", "body_quat", "body_mass", "body_inertia", "body_ipos", "jnt_axis", "jnt_pos",
+    "jnt_range", "jnt_stiffness", "dof_armature", "dof_damping", "dof_dampingpoly", "dof_frictionloss",
+    "actuator_gainprm", "actuator_biasprm", "actuator_gear", "actuator_ctrlrange", "actuator_forcerange", "geom_size",
+    "geom_pos",
+)  # fmt: skip
+Said = Mapping[tuple[str, str], str]
+"""Of an effect, by family and place, its sentence with its intervals."""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written. effects: where each went; difference: see `largest_difference`."""
+
+    files: Mapping[str, Path]
+    effects: Sequence[Mapping[str, Any]]
+    difference: float
+
+    @property
+    def wrapped(self) -> bool:
+        """Whether the wrapper has something to do."""
+        return any("wrapper" in effect["where"] for effect in self.effects)
+
+
+def export_model(correction: Correction, said: Said, source: Mapping[str, str], out: Path) -> Exported:
+    """Write OUT.xml, OUT.py, OUT.diff and patch.json; raises UsageError. Nothing is overwritten.
+
+    source: what patch.json says of where it is from.
+    """
+    files, name = files_of(out), correction.simulator.name
+    patch, body = patch_of(correction), correction.simulator.body
+    spec = spec_of(name)
+    assets = asset_places(spec, out.resolve().parent)
+    named(spec)
+    before = written(spec.to_xml(), spec, (), assets)
+    changes = changes_of(body, patch.fields, patch.motors, correction.step)
+    effects = _account(patch, changes, said, correction)
+    apply(spec, body, changes)
+    wanted, text = _compiled(spec, name), written(spec.to_xml(), spec, changes, assets)
+    difference = largest_difference(wanted, _read_back(text, out))
+    told = {"model": out.name, **patch.told}
+    about = {
+        "schema": SCHEMA, **source, "model": out.name, "wrapper": files["wrapper"].name,
+        "control_step": correction.dt, "largest_difference": difference, "effects": effects,
+    }  # fmt: skip
+    with disk_errors(out, "--out"):
+        files["model"].write_text(text, encoding="utf-8")
+        files["wrapper"].write_text(wrapper(told), encoding="utf-8")
+        files["diff"].write_text(_diff(before, text, name, out.name), encoding="utf-8")
+        write_json(files["patch"], about)
+    return Exported(files, effects, difference)
+
+
+def files_of(out: Path) -> dict[str, Path]:
+    """The files that are made beside each other; raises UsageError where one is there already."""
+    if out.suffix.lower() not in (".xml", ".mjcf"):
+        raise UsageError(f"--out {out}: a corrected model is MJCF; name it robot_corrected.xml")
+    if not out.stem.isidentifier():
+        raise UsageError(f"--out {out}: its wrapper is imported by its name; use letters, digits and _ alone")
+    files = {
+        "model": out,
+        "wrapper": out.with_suffix(".py"),
+        "diff": out.with_suffix(".diff"),
+        "patch": out.with_name(PATCH_FILE),
+    }
+    for path in files.values():
+        if path.exists():
+            raise UsageError(f"{path}: exists already; choose another --out, each in a folder of its own")
+    if not out.resolve().parent.is_dir():
+        raise UsageError(f"{out.parent}: no such folder; make it first")
+    return files
+
+
+def wrapper(told: Mapping[str, Any]) -> str:
+    """The wrapper's text: the same for every robot, but for what it is told."""
+    text = Path(__file__).with_name("robot_template.py").read_text(encoding="utf-8")
+    patch = pprint.pformat(dict(told), width=110, sort_dicts=False)
+    empty = "PATCH: dict[str, Any] = {}"
+    assert text.count(empty) == 1
+    return text.replace(empty, f"PATCH: dict[str, Any] = {patch}").replace("MODEL", str(told["model"]), 1)
+
+
+def largest_difference(wanted: Any, found: Any) -> float:
+    """The largest difference of a field between two models, over the field's largest entry."""
+    worst = 0.0
+    for name in FIELDS:
+        one, other = (np.asarray(getattr(m, name), dtype=np.float64) for m in (wanted, found))
+        if one.shape != other.shape:
+            return float("inf")
+        if one.size:
+            worst = max(worst, float(np.abs(one - other).max() / max(float(np.abs(one).max()), 1e-12)))
+    return worst
+
+
+def _account(
+    patch: Patch, changes: Sequence[Change], said: Said, correction: Correction
+) -> list[dict[str, Any]]:
+    """Where each effect went, in the order of the diagnosis; its sentence goes into the comments of what it changes."""
+    effects = []
+    order = {(t.family, t.on): i for i, t in enumerate(correction.terms)}
+    for went in sorted(patch.went, key=lambda w: order[w.term.identity]):
+        sentence = said.get(went.term.identity, f"{went.term.family} on {went.term.on}")
+        attributes = []
+        for change in changes:
+            if (change.kind, change.index) not in went.elements:
+                continue
+            change.comments.append(sentence)
+            called = _called(correction.simulator, change)
+            moved = [name for name in change.attributes if name not in change.kept]
+            attributes.append(f"{called}: {', '.join(moved)}")
+        made = {"family": went.term.family, "on": went.term.on, "said": sentence, "where": went.where}
+        effects.append({**made, "attributes": attributes, "why": went.why})
+    return effects
+
+
+def _called(simulator: MjcfSimulator, change: Change) -> str:
+    """An element by its name in what is written."""
+    if change.kind == "option":
+        return "option"
+    name = getattr(simulator.body.base, change.kind)(change.index).name
+    return f"{change.kind} {name or f'{change.kind}{change.index}'}"
+
+
+def _compiled(spec: Any, name: str) -> Any:
+    try:
+        return spec.compile()
+    except Terminated:
+        raise
+    except Exception as error:
+        raise UsageError(
+            f"{name}: does not compile with what was found: {' '.join(str(error).split())}"
+        ) from error
+
+
+def _read_back(text: str, out: Path) -> Any:
+    """The model as whoever opens the file gets it, meshes looked for from where it will lie."""
+    mj = mujoco()
+    temporary = out.with_name(f".{out.name}")
+    try:
+        with disk_errors(out, "--out"):
+            temporary.write_text(text, encoding="utf-8")
+        model = mj.MjModel.from_xml_path(str(temporary))
+        names_of(model, out.name)
+        return model
+    except (Terminated, UsageError):
+        raise
+    except Exception as error:
+        raise UsageError(
+            f"{out}: MuJoCo does not read back what it wrote: {' '.join(str(error).split())[:200]}"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _diff(before: str, after: str, name: str, new: str) -> str:
+    """What differs from the model as MjSpec writes it, which keeps neither comments nor includes."""
+    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), name, new, lineterm="", n=1)
+    return "".join(f"{line}\n" for line in lines)

@@ -1,0 +1,231 @@
+"""MODEL, and what MJCF cannot say of the robot: made by `gpsim export model`. It needs mujoco and numpy only.
+
+    robot = Robot()
+    robot.reset(qpos, qvel)
+    robot.step(ctrl)                  # one control step, the command held
+    qpos, qvel = robot.measured()     # what the sensors say; robot.data holds the truth
+
+`step` takes as many steps of the model as make a control step. What becomes of a command on its way, friction that
+depends on speed or place, forces from outside and sensors are here; everything else is in the model. PATCH lists it.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+PATCH: dict[str, Any] = {}
+REST = 80  # control steps without a command before an episode
+STICKS = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # solimp of dry friction that holds
+
+
+class Robot:
+    """The corrected model with its wrapper. model, data: MuJoCo's own. age: s on the recording's clock at a reset."""
+
+    def __init__(self, path: str | Path | None = None, age: float | None = None) -> None:
+        file = Path(path) if path is not None else Path(__file__).with_name(PATCH["model"])
+        self.model = mujoco.MjModel.from_xml_path(str(file))
+        self.data, self._scratch = mujoco.MjData(self.model), mujoco.MjData(self.model)
+        self.age = float(PATCH["age"]) if age is None else age
+        self._h = PATCH["control_step"] / PATCH["substeps"]
+        limited = np.asarray(self.model.actuator_ctrllimited, dtype=bool)
+        self._low = np.where(limited, self.model.actuator_ctrlrange[:, 0], -np.inf)
+        self._high = np.where(limited, self.model.actuator_ctrlrange[:, 1], np.inf)
+        if PATCH["commands"]:  # effects act on commands within the range, and may leave it
+            self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        self._laws = [(self.model.joint(law["joint"]).dofadr[0], law) for law in PATCH["laws"]]
+        for dof, _ in self._laws:
+            self.model.dof_solref[dof] = -1.0, -2.0 / self._h
+            self.model.dof_solimp[dof] = STICKS
+        fields = {change["field"] for change in PATCH["changes"]} | {"dof_frictionloss"}
+        self._was = {name: np.array(self._field(name)) for name in fields}
+        self.reset()
+
+    def reset(self, qpos: Any = None, qvel: Any = None) -> None:
+        """A new episode: nothing was commanded before, and the sensors have long seen this state."""
+        mujoco.mj_resetData(self.model, self.data)
+        if qpos is not None:
+            self.data.qpos[:] = qpos
+        if qvel is not None:
+            self.data.qvel[:] = qvel
+        mujoco.mj_forward(self.model, self.data)
+        actuators = {self.model.actuator(name).id: way for name, way in PATCH["commands"].items()}
+        self._ways = {i: [Effect(e, self._h) for e in way] for i, way in actuators.items()}
+        self._clock = 0.0
+        looks = any(effect.region for way in self._ways.values() for effect in way)
+        for _ in range(0 if looks else REST * PATCH["substeps"]):  # a bias in front of a lag has arrived
+            self._arriving(np.zeros(self.model.nu))
+        self._clock = self.age
+        late = [s["values"]["delay"] for s in PATCH["sensors"] if s["family"] == "sensor_delay"]
+        depth = math.ceil(max(late, default=0.0) / self._h) + 2
+        self._seen = [self._state()] * depth  # the newest last
+
+    def step(self, ctrl: Any) -> None:
+        """One control step: the command (nu,) is held within the actuators' ranges."""
+        sent = np.clip(np.asarray(ctrl, dtype=float), self._low, self._high)
+        for _ in range(PATCH["substeps"]):
+            arriving = self._arriving(sent)
+            self._act(arriving)
+            self.data.ctrl[:] = arriving
+            mujoco.mj_step(self.model, self.data)
+            self._clock += self._h
+            self._seen = [*self._seen[1:], self._state()]
+
+    def measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """(nq,), (nv,): what the sensors say."""
+        said = {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}
+        for sensor in PATCH["sensors"]:
+            (kind, place, _), values = PATCH["channels"][sensor["channel"]], sensor["values"]
+            if sensor["family"] == "sensor_scale":
+                said[kind][place] *= values["scale"]
+            elif sensor["family"] == "sensor_delay":
+                history = [state[kind][place] for state in self._seen]
+                said[kind][place] += _ago(history, values["delay"] / self._h) - history[-1]
+            else:
+                said[kind][place] += values["offset"]
+        return said["qpos"], said["qvel"]
+
+    def _state(self) -> dict[str, np.ndarray]:
+        return {"qpos": self.data.qpos.copy(), "qvel": self.data.qvel.copy()}
+
+    def _arriving(self, sent: np.ndarray) -> np.ndarray:
+        """(nu,): what reaches the actuators during a step of the model; their memories move on."""
+        out, state = sent.copy(), self._state() | {"ctrl": sent}
+        for i, way in self._ways.items():
+            out[i] = _through(way, float(sent[i]), self._h, self._clock, state)
+        return out
+
+    def _act(self, ctrl: np.ndarray) -> None:
+        """Friction and fields that change with speed or place."""
+        begin = self._state() | {"ctrl": ctrl}
+        end = {kind: values.copy() for kind, values in begin.items()}
+        for q, v in PATCH["moving"]:
+            end["qpos"][q] += self._h * begin["qvel"][v]
+        now = {name: values.copy() for name, values in self._was.items()}
+        for dof, law in self._laws:
+            speed, share = float(begin["qvel"][dof]), _share(law["region"], begin, end)
+            now["dof_frictionloss"][dof] += share * _grip(speed, law["values"])
+        for change in PATCH["changes"]:
+            now[change["field"]][tuple(change["index"])] += change["add"] * _share(
+                change["region"], begin, end
+            )
+        for name in ("dof_frictionloss", "dof_damping"):
+            if name in now:
+                now[name] = np.maximum(now[name], 0.0)
+        derived = [n for n in now if n.startswith(("body_", "dof_armature"))]
+        moved = any((now[n] != self._field(n)).any() for n in derived)
+        for name, values in now.items():
+            self._field(name)[:] = values
+        if moved:
+            self.model.body_sameframe[:] = 0  # no centre of mass need lie where it did
+            mujoco.mj_setConst(self.model, self._scratch)
+
+    def _field(self, name: str) -> Any:
+        if name == "qfrc_applied":
+            return self.data.qfrc_applied
+        return getattr(self.model.opt, name[4:]) if name.startswith("opt.") else getattr(self.model, name)
+
+
+class Effect:
+    """What happens to a command on its way, with what it remembers."""
+
+    def __init__(self, told: dict[str, Any], h: float) -> None:
+        self.family, self.values, self.region = told["family"], told["values"], told["region"]
+        self.level = 0.0
+        self.past = [0.0] * (math.ceil(self.values.get("delay", 0.0) / h) + 3)  # the newest first
+
+    def __call__(self, u: float, h: float, t: float) -> float:
+        """What becomes of a command that is held for h [s] from t [s] on: its mean."""
+        v: dict[str, float] = self.values
+        was = self.level
+        if self.family == "actuator_dead_zone":
+            return 0.0 if abs(u) < v["width"] else u
+        if self.family == "actuator_saturation":
+            return min(max(u, -v["limit"]), v["limit"])
+        if self.family == "actuator_gain":
+            return v["gain"] * u
+        if self.family == "actuator_asymmetry":
+            return (v["gain_positive"] if u > 0 else v["gain_negative"]) * u
+        if self.family == "battery_sag":
+            return u * max(1.0 - v["loss_per_second"] * t, 0.0)
+        if self.family == "actuator_bias":
+            return u + v["bias"]
+        if self.family == "actuator_backlash":
+            self.level = min(max(was, u - v["half_width"]), u + v["half_width"])
+            return self.level
+        if self.family == "actuator_rate_limit":
+            reach = v["rate"] * h
+            self.level = min(max(u, was - reach), was + reach)
+            moved = self.level - was
+            return self.level - moved * abs(moved) / max(2.0 * reach, 1e-300)
+        if self.family == "actuator_lag":
+            ratio = max(h, 1e-12) / max(v["time_constant"], 1e-9)
+            self.level = u + (was - u) * math.exp(-ratio)
+            return u + (was - u) * -math.expm1(-ratio) / ratio
+        raise ValueError(f"unknown effect {self.family}")
+
+    def delayed(self, u: float, h: float) -> tuple[float, float, float]:
+        """The two commands that act during h [s], the earlier one first, and the share of h that it lasts."""
+        self.past = [u, *self.past[:-1]]
+        back = self.values["delay"] / h
+        whole = int(back)
+        return self.past[whole + 1], self.past[whole], back - whole
+
+
+def _through(way: list[Effect], u: float, h: float, t: float, state: dict[str, np.ndarray]) -> float:
+    """A command through an actuator's effects: its mean over h [s]. A late one may change on the way."""
+    pieces = [(u, h, t)]
+    for place, effect in enumerate(way):
+        opened = _share(effect.region, state, state) == 1.0
+        if effect.family != "actuator_delay":
+            done = [(effect(c, length, begin), length, begin) for c, length, begin in pieces]
+        else:
+            earlier, recent, share = effect.delayed(u, h)
+            if place == len(way) - 1:
+                done = [(recent + share * (earlier - recent), h, t)]
+            else:
+                done = [(earlier, share * h, t), (recent, (1.0 - share) * h, t + share * h)]
+                pieces = [(u, length, begin) for _, length, begin in done]
+        pieces = done if opened else pieces
+    if len(pieces) == 1:
+        return pieces[0][0]
+    return sum(c * length for c, length, _ in pieces) / h
+
+
+def _share(region: dict[str, Any], begin: dict[str, np.ndarray], end: dict[str, np.ndarray]) -> float:
+    """How much of the way from one state to the other lies in a region: channel -> from, to."""
+    share = 1.0
+    for name, (low, high) in region.items():
+        kind, place, wraps = PATCH["channels"][name]
+        a, b = float(begin[kind][place]), float(end[kind][place])
+        if wraps:
+            turns = 2.0 * math.pi * np.round((a - 0.5 * (low + high)) / (2.0 * math.pi))
+            a, b = a - turns, b - turns
+        inside = min(max(a, b), high) - max(min(a, b), low)
+        share *= min(max(inside / abs(b - a), 0.0), 1.0) if a != b else float(low <= a <= high)
+    return share
+
+
+def _grip(speed: float, v: dict[str, float]) -> float:
+    """Dry friction: of its own size, larger the slower the joint moves where there is a static one."""
+    more = max(v.get("static_force", 0.0) - v["force"], 0.0)
+    return v["force"] + (more * math.exp(-((speed / v["stribeck_velocity"]) ** 2)) if more else 0.0)
+
+
+def _ago(history: list[float], back: float) -> float:
+    """What was so many steps ago, between steps by Lagrange's cubic; history: the newest last."""
+    depth = len(history)
+    back = min(back, depth - 2.0)
+    first = min(max(int(back) - 1, 0), max(depth - 4, 0))
+    nodes, out = range(min(4, depth)), 0.0
+    for i in nodes:
+        weight = 1.0
+        for j in nodes:
+            if j != i:
+                weight *= (back - first - j) / (i - j)
+        out += weight * history[-1 - first - i]
+    return out
