@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
@@ -97,7 +98,9 @@ def of_the_mapping(word: str) -> bool:
 
 def _is_channel(key: str) -> bool:
     """Whether it may be a channel's name, as `theta`, `root.x`."""
-    return all(part.isidentifier() for part in key.split(".")) and key.split(".")[0] not in TOP_KEYS
+    top = key.split(".")[0]
+    setting = top != key and (files("gpsim.conf") / top).is_dir()
+    return all(part.isidentifier() for part in key.split(".")) and top not in TOP_KEYS and not setting
 
 
 @dataclass(frozen=True)

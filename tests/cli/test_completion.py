@@ -50,7 +50,7 @@ def folder(tmp_path):
         ("gpsim fit-gp gp.n_tr", ["gp.n_train="]),
         ("gpsim fit-gp gp=ju", ["gp=jump"]),
         ("gpsim fit-gp gp = ju", ["jump"]),  # as Bash cuts it
-        ("gpsim fit-gp experiment =", ["cartpole", "limo"]),
+        ("gpsim fit-gp experiment =", ["cartpole", "limo", "mujoco"]),
         ("gpsim run full-loop budget=", ["budget=smoke", "budget=thesis"]),
         ("gpsim diagnose dri", ["drive.bag"]),
         ("gpsim diagnose --simulator pend", ["pendulum"]),

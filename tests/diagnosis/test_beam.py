@@ -37,14 +37,13 @@ def test_the_beam_holds_different_claims_and_one_gate():
     plain = found(-6.0, "coulomb_friction")
     coarse = found(-5.0, "coulomb_friction", scheme="euler")
     last = found(-4.0, "quadratic_drag")
-    beam = search._beam(PROBLEM, [last, coarse, plain, another_gate, same, gated])
+    beam = search._beam(PROBLEM, [last, coarse, plain, another_gate, same, gated], 3)
     assert [f.objective for f in beam] == [-9.0, -6.0, -4.0]
 
 
 def test_a_narrower_beam_holds_fewer():
-    narrow = SimpleNamespace(run=Run(settings=read_settings({"search": {"beam": 1}})))
     best, other = found(-9.0, "spring"), found(-6.0, "coulomb_friction")
-    assert search._beam(narrow, [other, best]) == [best]
+    assert search._beam(PROBLEM, [other, best], 1) == [best]
 
 
 def test_a_search_that_goes_deeper_fits_as_many_terms_as_at_the_last_depth_that_is_named():

@@ -10,6 +10,7 @@ from gpsim.diagnosis.data.windows import cut
 from gpsim.diagnosis.fitting import multiple_shooting as shooting
 from gpsim.diagnosis.fitting import simulate
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.point import point_at
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.candidates import candidates
@@ -141,7 +142,7 @@ def test_a_step_that_is_no_number_is_not_taken():
     hypothesis = Hypothesis().plus(delay.term([0.05]), delay.declared)
     starts = problem.windows.measured[:, 0]
     residual = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
-    here = shooting._point(problem, hypothesis.theta, starts, residual)
+    here = point_at(problem, hypothesis.theta, starts, residual)
     nowhere = shooting.Step(np.full(1, np.nan), np.zeros((*starts.shape, 1)), np.zeros_like(starts))
     new, moved, *_ = shooting._stepped(
         problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1), alone=False
