@@ -10,12 +10,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from dask_jobqueue import SLURMCluster
-from dask_jobqueue.slurm import SLURMJob
 from distributed.deploy.adaptive import Adaptive
 
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
+from gpsim.launchers.jobqueue import SLURMCluster, SLURMJob
 from gpsim.launchers.launcher import Slurm
 
 NAME = "gpsim"  # of the SLURM jobs

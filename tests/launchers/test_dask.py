@@ -4,6 +4,8 @@ import logging
 import os
 import signal
 import socket
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 
@@ -182,3 +184,12 @@ def test_what_came_back_otherwise_than_it_was_made_is_refused(tmp_path):
     with pytest.raises(UsageError, match="changed after it was written"):
         Store(tmp_path / "elsewhere", "x").adopt(made.path, made)
     assert not (tmp_path / "elsewhere").exists()
+
+
+def test_ctrl_c_stays_what_it_was():
+    """Importing dask-jobqueue makes it an exit with code 0."""
+    code = (
+        "import signal, gpsim.launchers.dask_client;"
+        "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

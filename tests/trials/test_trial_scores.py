@@ -49,7 +49,7 @@ def say(out, name, report):
     (out / "diagnoses" / name / "diagnosis" / "diagnosis.json").write_text(json.dumps(report))
 
 
-def made_up(room):
+def made_up(room, limit):
     """In place of a diagnosis."""
     (room / "diagnosis").mkdir()
     (room / "diagnosis" / "diagnosis.json").write_text(json.dumps(said(effect("constant_force", "q"))))
@@ -135,10 +135,10 @@ def test_the_hash_on_record_is_the_one_that_stood_there_before_the_diagnosis(
     shutil.copytree(concealed, out)
     before = published(out)[NAME]
 
-    def meanwhile(room):
+    def meanwhile(room, limit):
         path = out / "public" / "answers.sha256"
         path.write_text(path.read_text().replace(before, "0" * 64))
-        return made_up(room)
+        return made_up(room, limit)
 
     monkeypatch.setattr(blind_diagnosis, "_run", meanwhile)
     assert diagnose_blind(out, NAME)["answer_sha256"] == before
@@ -172,7 +172,7 @@ def test_a_diagnosis_that_failed_after_it_was_written_is_none(concealed, tmp_pat
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
     monkeypatch.setattr(
-        blind_diagnosis, "_run", lambda room: (made_up(room) and code, "error: the disk is full\n")
+        blind_diagnosis, "_run", lambda *given: (made_up(*given) and code, "error: the disk is full\n")
     )
     outcome = diagnose_blind(out, NAME)
     assert outcome["error"] == words
@@ -247,7 +247,7 @@ def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypat
 def test_a_diagnosis_for_which_the_disk_had_no_space_is_made_again(concealed, tmp_path, monkeypatch, words):
     out = tmp_path / "proof"
     shutil.copytree(concealed, out)
-    monkeypatch.setattr(blind_diagnosis, "_run", lambda room: (1, f"{words}\n"))
+    monkeypatch.setattr(blind_diagnosis, "_run", lambda *_: (1, f"{words}\n"))
     with pytest.raises(UsageError, match="no space left"):
         diagnose_blind(out, NAME)
     assert not (out / "diagnoses").exists()
