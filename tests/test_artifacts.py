@@ -437,3 +437,18 @@ def test_what_is_finished_has_its_marker_before(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         store.publish(numbered(1), lambda f: None)
     assert store.find(numbered(1), looked=True) is not None
+
+
+def test_a_checkout_tells_its_commit(monkeypatch, tmp_path):
+    """Looked for where the code lies, whatever folder a command runs in; nothing outside a checkout of gpsim."""
+    from gpsim.artifacts import git_commit, provenance
+
+    root = Path(provenance.__file__).resolve().parents[2]
+    known = subprocess.run(
+        ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
+    )
+    expected = known.stdout.strip() if (root / ".git").exists() and known.returncode == 0 else None
+    assert git_commit() == expected
+    assert (root / "pyproject.toml").exists() or expected is None
+    monkeypatch.setattr(provenance, "__file__", str(tmp_path / "gpsim/artifacts/provenance.py"))
+    assert git_commit.__wrapped__() is None  # it is asked once a process

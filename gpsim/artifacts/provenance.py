@@ -36,7 +36,7 @@ def package_versions() -> dict[str, str]:
 @cache
 def git_commit() -> str | None:
     """The commit of the checkout that gpsim runs from; None outside a checkout of gpsim itself."""
-    root = Path(__file__).resolve().parent.parent
+    root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return None
     command = ["git", "-C", str(root), "rev-parse", "HEAD"]
