@@ -1,6 +1,6 @@
 """MuJoCo models as simulators: what a robot.xml, a URDF or a Gymnasium environment left out. Needs gpsim[mujoco]."""
 
-from gpsim.mjcf.exporting import Exported, export_model, files_of
+from gpsim.mjcf.exporting import Exported, export_model, files_of, planned
 from gpsim.mjcf.facts import Checked, Declared, checked, declared
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import GYM, is_mujoco, new_environment, source_of
@@ -29,6 +29,7 @@ __all__ = [
     "mujoco",
     "new_environment",
     "open_simulator",
+    "planned",
     "simulator_name",
     "source_of",
 ]

@@ -80,6 +80,12 @@ def export_model(correction: Correction, said: Said, source: Mapping[str, str], 
     return Exported(files, effects, difference)
 
 
+def planned(correction: Correction, said: Said) -> list[dict[str, Any]]:
+    """Where each effect would go, as in patch.json; nothing is written or compiled. Raises UsageError."""
+    patch, body = patch_of(correction), correction.simulator.body
+    return _account(patch, changes_of(body, patch.fields, patch.motors, correction.step), said, correction)
+
+
 def files_of(out: Path) -> dict[str, Path]:
     """The files that are made beside each other; raises UsageError where one is there already."""
     if out.suffix.lower() not in (".xml", ".mjcf"):

@@ -44,10 +44,12 @@ def page(
     missing: Sequence[str] = (),
     decisions: Sequence[Decision] = (),
     simulator: str | None = None,
+    model: Sequence[str] = (),
 ) -> str:
     """One self-contained HTML page: no network, no scripts, no dates.
 
-    missing: lines about what it lacks; simulator: the base's name, if it is known.
+    missing: lines about what it lacks; simulator: the base's name, if it is known; model: where in a model's file each
+    effect goes.
     """
     short = {k: v for k, v in diagnosis.to_dict().items() if k != "ranking"}
     first = front_of(diagnosis)
@@ -70,6 +72,7 @@ def page(
         missing=list(missing),
         sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
         statistics=statistics(diagnosis),
+        model=model,
         not_asked=not_asked_lines(diagnosis.not_asked),
         ranking="\n".join(ranking(diagnosis)),
         trace="\n".join(trace_lines(decisions)),

@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from gpsim.artifacts import Mishaps
+from gpsim.corrected import ages_of
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
@@ -19,6 +20,7 @@ from gpsim.reports.diagnosis_figures import Picture, figures
 from gpsim.reports.diagnosis_page import page
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
+from gpsim.stages.corrected_model import where_effects_go
 from gpsim.stages.diagnosing import described
 from gpsim.stages.policy_files import write_gp
 
@@ -41,8 +43,12 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
         diagnosis = worded(replace(diagnosis, remainder=replace(diagnosis.remainder, gp=gp)))
         _write_result(folder, found, diagnosis, simulator)
     pictures = _pictures(folder, diagnosis, found, mishaps)
+    model: Sequence[str] = ()
+    with mishaps.contained("where effects go in the model is left out"):
+        plant = replace(found.plant, ages=ages_of(found.question.recording))
+        model = where_effects_go(plant, diagnosis.effects)
     with mishaps.contained("report.html is left out"):
-        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions, simulator.name)
+        text = page(diagnosis, pictures, title, mishaps.lines, found.decisions, simulator.name, model)
         (folder / "report.html").write_text(text, encoding="utf-8")
     mishaps.write(folder)
     return mishaps.lines

@@ -5,15 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from gpsim.artifacts import read_artifact
-from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.mjcf import Correction, Exported, MjcfSimulator, export_model
-from gpsim.reports.account_effects import claim_name
+from gpsim.mjcf import Exported, MjcfSimulator, export_model
+from gpsim.stages.corrected_model import correction_of, sentences, went
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
-
-DIGITS, STEP = 4, 12
-"""Of what is told, and of a control step that was taken from a log's stamps."""
 
 
 def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]]:
@@ -31,37 +27,15 @@ def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]
         )
     if _inside(out, artifact.path):
         raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
-    correction = Correction(
-        plant.simulator,
-        plant.parameters,
-        plant.terms,
-        float(f"{plant.dt:.{STEP}g}"),
-        plant.substeps,
-        plant.youngest,
-    )
-    said = {(e.family, e.place): said_of(e) for e in found.effects}
+    correction = correction_of(plant, plant.simulator)
     source = {
         "diagnosis": str(folder),
         "diagnosis_sha256": artifact.digest,
         "simulator": plant.simulator.name,
         "verdict": found.verdict,
     }
-    made = export_model(correction, said, source, out)
+    made = export_model(correction, sentences(found.effects), source, out)
     return made, _notes(made, plant.terms == ())
-
-
-def said_of(effect: NamedEffect) -> str:
-    """An effect with its numbers and their intervals, for a comment."""
-    numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
-    return f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
-
-
-def _estimate(estimate: Estimate) -> str:
-    """A value, its unit, and its 90 % interval."""
-    value = f"{estimate.value:.{DIGITS}g} {estimate.unit}".removesuffix(" 1")
-    if estimate.low is None or estimate.high is None:
-        return value
-    return f"{value} ({estimate.low:.{DIGITS}g} to {estimate.high:.{DIGITS}g})"
 
 
 def _inside(out: Path, folder: Path) -> bool:
@@ -73,13 +47,7 @@ def _notes(made: Exported, nothing: bool) -> list[str]:
     notes = [f"{kind:<8} {path.name}" for kind, path in made.files.items()]
     if nothing:
         notes.append("no effect stands: the model is the base")
-    for effect in made.effects:
-        there = "; ".join(effect["attributes"]) or "wrapper"
-        if effect["where"] == "attribute and wrapper":
-            there += "; wrapper"
-        reason = f" ({effect['why']})" if effect["why"] else ""
-        what = "left out" if effect["where"] == "left out" else there
-        notes.append(f"{effect['said']} -> {what}{reason}")
+    notes += [went(effect) for effect in made.effects]
     if made.wrapped:
         notes.append(
             f"the model alone lacks what the wrapper adds: drive it by Robot of {made.files['wrapper'].name}"

@@ -43,7 +43,10 @@ def asked(recording):
 
 @pytest.mark.parametrize(
     ("world", "family", "value"),
-    [(DRAGGED, "coulomb_friction", ("force", 1.0)), (DEAF, "actuator_dead_zone", ("width", 1.0))],
+    [
+        (DRAGGED, "coulomb_friction", ("force", 1.0)),
+        pytest.param(DEAF, "actuator_dead_zone", ("width", 1.0), marks=pytest.mark.slow),
+    ],
 )
 def test_it_is_named_since_the_episode(world, family, value):
     recording = changed(world)

@@ -151,6 +151,7 @@ def _idle_after_reversals(u, t, h, memory):
     return np.where(left > 1e-9, 0.0, u)
 
 
+@pytest.mark.slow
 def test_unknown_physics_that_acts_on_reversal_only_is_located_there():
     world = World("pendulum", filters=[_idle_after_reversals])
     report = run(record(world, seed=5, episodes=8, steps=155, noise=0.2))

@@ -19,6 +19,9 @@ from gpsim.diagnosis.report import Estimate
 from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.mjcf import open_simulator
+from gpsim.reports.diagnosis_page import page
+from gpsim.simulators import make_simulator
+from gpsim.stages.corrected_model import where_effects_go
 from gpsim.stages.export_model import export_corrected_model
 
 SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
@@ -131,3 +134,18 @@ def test_the_environment_goes_by_its_registered_id(tmp_path):
     assert observation.shape == (9,)
     ends = [env.step(env.action_space.sample() * 0.0)[2:4] for _ in range(7)]
     assert any(any(end) for end in ends)
+
+
+def test_the_page_of_a_diagnosis_says_it_too(tmp_path):
+    simulator = open_simulator(written(tmp_path, DOUBLE))
+    plant = EffectsPlant(simulator, simulator.defaults(), TERMS, "fine", simulator.steps_of(0.01), 0.01)
+    lines = where_effects_go(plant, EFFECTS)
+    assert "-> joint elbow: frictionloss" in lines[0]
+    assert "wrapper" in lines[1]
+    text = page(made_diagnosis(verdict="named", effects=EFFECTS), {}, "double", model=lines)
+    assert "Where each effect goes in the corrected model" in text
+    assert "joint elbow: frictionloss" in text
+    assert "Where each effect goes" not in page(made_diagnosis(), {}, "double")
+    slider = make_simulator("slider")
+    drag = (Term("viscous_friction", "q", {"damping": 1.0}),)
+    assert not where_effects_go(EffectsPlant(slider, slider.defaults(), drag, "fine", 1, 0.02), EFFECTS)
