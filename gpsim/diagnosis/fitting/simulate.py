@@ -13,7 +13,7 @@ from gpsim.diagnosis.fitting.compiled import simulated
 from gpsim.diagnosis.fitting.rollout import FAR, Extra, roll, tamed
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import SharingSettings
-from gpsim.effects import Chain, Values, last_at_most
+from gpsim.effects import Chain, Values
 from gpsim.kernels import Program, can_compile, program_of
 
 
@@ -197,7 +197,4 @@ def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> 
     """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
     if windows.even:
         return chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
-    clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
-    rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
-    first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.sensors.looks_back(values))
-    return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
+    return n * windows.samples_within(chain.sensors.looks_back(values)) + 3

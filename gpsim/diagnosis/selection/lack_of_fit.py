@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import ncx2
 
 from gpsim.channels import FloatArray, IntArray, difference
 from gpsim.diagnosis.fitting import (
@@ -25,6 +24,7 @@ from gpsim.diagnosis.fitting import (
     numerical_error,
 )
 from gpsim.diagnosis.run import kept
+from gpsim.diagnosis.selection.chi_square import beyond
 from gpsim.diagnosis.selection.elimination import on_some_windows
 from gpsim.diagnosis.selection.impulses import impulses, visited
 from gpsim.effects import closed
@@ -122,7 +122,7 @@ def _chance(nats: float, freedom: int, own: float, groups: int) -> float:
     """How probable it is that one of so many groups explains so many nats, `own` of which are numerical error."""
     if nats <= own or not freedom:  # more likely than not, and far below SciPy's function overflows
         return 1.0
-    return min(1.0, groups * float(ncx2.sf(2 * nats, freedom, 2 * own)))
+    return min(1.0, groups * beyond(2 * nats, freedom, 2 * own))
 
 
 def _all_tested(
