@@ -97,8 +97,12 @@ def columns_beside(names: Sequence[str], others: Collection[str], prefix: str) -
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Map angles [rad] to [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi, dtype=np.float64)
+    """Map angles [rad] to [-pi, pi); those that lie there stay as they are."""
+    wrapped = np.array(angle, dtype=np.float64)
+    beyond = ~((wrapped >= -np.pi) & (wrapped < np.pi))
+    if beyond.any():  # a division with remainder costs ten times as much as to see that it is not needed
+        wrapped[beyond] = (wrapped[beyond] + np.pi) % (2.0 * np.pi) - np.pi
+    return wrapped
 
 
 def difference(after: FloatArray, before: FloatArray, channels: Channels) -> FloatArray:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
@@ -128,6 +127,8 @@ def fit_filter(
     squares, each rate on the scale of its spread; delay and lag of one action are told apart by the shape of the answer
     only, their sum is known much better.
     """
+    from scipy.optimize import least_squares  # here: most of a second that few commands need to wait for
+
     scale = np.maximum(measured.std(axis=0), 1e-12)
     count = actions.shape[1]
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store, read_artifact
 from gpsim.channels import Channels
@@ -20,13 +20,15 @@ from gpsim.files import Json, canonical, disk_errors, written_whole
 from gpsim.gp import Predictor
 from gpsim.mjcf import files_digest, open_simulator
 from gpsim.recordings import Recording
-from gpsim.reports.diagnosis_figures import Picture
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis
 from gpsim.stages.diagnosing import Question, described, plant_of, title_of
 from gpsim.stages.diagnosis_files import FIGURES, drawn, write_diagnosis
+
+if TYPE_CHECKING:
+    from gpsim.reports.diagnosis_figures import Picture
 
 
 class Found(Protocol):
@@ -156,6 +158,8 @@ class Kept:
     @cached_property
     def pictures(self) -> Mapping[str, Picture]:
         """Those that were drawn, by the names of their files."""
+        from gpsim.reports.diagnosis_figures import Picture
+
         paths = sorted((self.artifact.path / FIGURES).glob("*.png"))
         return {path.stem: Picture(path.stem.replace("_", " "), "", path.read_bytes()) for path in paths}
 

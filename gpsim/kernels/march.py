@@ -8,7 +8,7 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.acting import act
 from gpsim.kernels.codes import ACTIONS, LOOKS, PER_SUBSTEP, SUBSTEPS, UNEVEN, WIDTH
 from gpsim.kernels.compiling import compiled, entry
-from gpsim.kernels.lanes import AHEAD, LANES, SIZE, U1, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, EXTRA, LANES, SIZE, U1, H, T, U, X
 from gpsim.kernels.scalars import tamed
 from gpsim.kernels.substep import advance, peer
 
@@ -106,8 +106,8 @@ TABLES = f"{I1}, {I2}, {I2}, {I2}, {F1}, {F1}, {I1}, {F1}"
 
 
 @entry(
-    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {F3}, {F3}, int64, int64,"
-    " int64)"
+    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {I1}, int64,"
+    f" float64, {F3}, {F3}, int64, int64, int64)"
 )
 def march(
     layout: IntArray,
@@ -130,6 +130,9 @@ def march(
     before: int,
     given: FloatArray,
     memories: FloatArray,
+    when: IntArray,
+    pushed: int,
+    push: float,
     out: FloatArray,
     passed: FloatArray,
     depth: int,
@@ -145,6 +148,7 @@ def march(
     even; stood: (W,) whether a window's system stood still before it.
     Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
     their memories (U, .) are those at the windows' start.
+    when: (B,) the transition in which a `push` is added to the rate `pushed`; nothing is where it is empty.
     """
     lanes = layout[WIDTH]
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
@@ -188,6 +192,10 @@ def march(
                 b[T + i], b[H + i] = t, h if m >= 0 else -h
             if looks:
                 acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
+            if len(when):
+                for i in range(lanes):
+                    at = when[min(begin + i, last - 1)]
+                    b[EXTRA + pushed * LANES + i] = push if m >= 0 and k == at else 0.0
             advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares)
             if m < 0 or (m + 1) % n == 0:
                 tame(b, lanes)

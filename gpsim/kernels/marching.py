@@ -58,6 +58,15 @@ class Past:
     stood: IntArray
 
 
+@dataclass(frozen=True)
+class Pushed:
+    """What is added to a rate in one transition of each row, `when` (B,): so much, throughout it."""
+
+    when: IntArray
+    rate: int
+    push: float
+
+
 @cache
 def can_compile() -> bool:
     """Whether numba is there."""
@@ -125,6 +134,7 @@ def marched(
     commands: Commands,
     threads: int = 1,
     past: Past | None = None,
+    pushed: Pushed | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """(B, L + 1, S) states at the transitions' ends; (B, D + L n, S) at the substeps' ends where the `past` matters.
 
@@ -144,7 +154,9 @@ def marched(
     told = (_own(values), _own(starts), _own(clock), _own(past.earlier), past.stood, window)
     known = (_own(commands.acted), commands.which, commands.before)
     given = np.empty((0, 0, 0)) if commands.given is None else _own(commands.given)
-    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories)
+    pushed = pushed or Pushed(np.empty(0, np.int64), 0, 0.0)
+    pushes = (pushed.when, pushed.rate, pushed.push)
+    arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories, *pushes)
     _shared(march, (*arguments, out, passed, past.depth), rows, rows * length * n, threads)
     return out, passed
 

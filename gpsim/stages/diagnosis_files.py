@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gpsim.artifacts import Mishaps
 from gpsim.corrected import ages_of
@@ -15,20 +16,22 @@ from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision
 from gpsim.files import Json, plain, write_json
-from gpsim.reports.account_figures import account_figures
-from gpsim.reports.diagnosis_figures import Picture, figures
-from gpsim.reports.diagnosis_page import page
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
 from gpsim.stages.corrected_model import where_effects_go
 from gpsim.stages.diagnosing import described
 from gpsim.stages.policy_files import write_gp
 
+if TYPE_CHECKING:
+    from gpsim.reports.diagnosis_figures import Picture
+
 TRACE, FIGURES = "trace.jsonl", "figures"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
     """diagnosis.json and corrected.json, then the Gaussian process, pictures and page; what went wrong with these."""
+    from gpsim.reports.diagnosis_page import page  # here, as in `drawn`: it draws
+
     mishaps = Mishaps(found.comparison.mishaps)
     diagnosis = worded(found.diagnosis)
     _write_result(folder, found, diagnosis, simulator)
@@ -93,6 +96,10 @@ def _pictures(folder: Path, diagnosis: Diagnosis, found: Outcome, mishaps: Misha
 
 def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str, Picture]:
     """Name -> picture, of those that can be drawn."""
+    # Here: who calls from Python and draws nothing need not wait a second for Matplotlib.
+    from gpsim.reports.account_figures import account_figures
+    from gpsim.reports.diagnosis_figures import figures
+
     leader, horizon = found.judgement.leader.hypothesis, found.comparison.rollout.horizon_s
     shown: Traces | None = None
     past: Course | None = None

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gpsim.channels import wrap_angle
 from gpsim.diagnosis.assessment.rollouts import _longest
@@ -117,3 +119,23 @@ def test_short_held_out_stretches_are_rolled_out_as_far_as_they_go(episodes, ste
     whole = windows.take(held_out_mask(recording, windows) & windows.valid[:, -1])
     assert length >= 10
     assert len(whole) >= 1
+
+
+@given(seed=st.integers(0, 10_000))
+def test_how_far_back_a_time_lies_is_what_a_look_at_every_sample_says(seed):
+    rng = np.random.default_rng(seed)
+    count, before, length = rng.integers(1, 6), rng.integers(0, 9), rng.integers(1, 9)
+    clock = np.cumsum(rng.uniform(0.01, 0.05, (count, before + 1 + length)), axis=1)
+    nothing = np.zeros((count, before, 1))
+    windows = Windows(
+        np.zeros((count, length + 1, 1)), np.zeros((count, length, 1)), clock[:, before:],
+        np.ones((count, length + 1), dtype=bool), nothing, nothing, clock[:, : before + 1],
+        np.zeros(count, dtype=int), np.zeros(count, dtype=bool),
+    )  # fmt: skip
+    time = rng.uniform(0.0, 0.4)
+    furthest = 0
+    for row in clock:
+        for sample in range(before, len(row)):
+            met = [place for place in range(sample + 1) if row[place] <= row[sample] - time]
+            furthest = max(furthest, sample - (met[-1] if met else 0))
+    assert windows.samples_within(time) == furthest

@@ -7,7 +7,7 @@ import pytest
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.fitting import Hypothesis, Pushes
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.form.basis import Basis
 from gpsim.diagnosis.form.laws import (
@@ -86,7 +86,9 @@ def drawn(
     return Drawn(hypothesis.terms, hypothesis, thetas)
 
 
-def both(simulator: Simulator, windows: Windows, what: Drawn, n: int) -> tuple[np.ndarray, np.ndarray]:
+def both(
+    simulator: Simulator, windows: Windows, what: Drawn, n: int, pushes: Pushes | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """What compiled code and NumPy say."""
     chain = what.hypothesis.chain(simulator, simulator_parameters(simulator), DT)
     assert program_of(chain) is not None, chain
@@ -95,7 +97,7 @@ def both(simulator: Simulator, windows: Windows, what: Drawn, n: int) -> tuple[n
     said = []
     for compiled in (True, False):
         run = Run(settings=Settings(sharing=SharingSettings(compiled=compiled)))
-        said.append(simulate(run, chain, windows, starts, what.hypothesis.spread, what.thetas, n))
+        said.append(simulate(run, chain, windows, starts, what.hypothesis.spread, what.thetas, n, pushes))
     return said[0], said[1]
 
 
@@ -103,8 +105,10 @@ def simulator_parameters(simulator: Simulator) -> dict[str, float]:
     return simulator.defaults()
 
 
-def the_same(simulator: Simulator, windows: Windows, what: Drawn, n: int) -> None:
-    got, expected = both(simulator, windows, what, n)
+def the_same(
+    simulator: Simulator, windows: Windows, what: Drawn, n: int, pushes: Pushes | None = None
+) -> None:
+    got, expected = both(simulator, windows, what, n, pushes)
     assert np.isfinite(expected).all()
     assert np.abs(got - expected).max() <= CLOSE * max(np.abs(expected).max(), 1.0), what.hypothesis.names
 
@@ -163,6 +167,17 @@ def test_actuators_one_after_another_behind_every_gate(name: str, even: bool) ->
                 wanted.append(("actuator_delay", on, "", Gate()))
             what = drawn(simulator, wanted, SCHEMES[i % 4] if i % 3 else "fine", rng)
             the_same(simulator, windows, what, 1 + i % 3)
+
+
+@pytest.mark.parametrize("name", SIMULATORS)
+def test_a_push_on_a_rate_in_one_transition(name: str) -> None:
+    rng, simulator = np.random.default_rng(5), make_simulator(name)
+    windows, rates = windows_of(simulator, rng), len(simulator.rate)
+    for i, (family, on, variant) in enumerate(places(name)):
+        gate = Gate(region(simulator, rng)) if FAMILIES[family].needs_region else Gate()
+        what = drawn(simulator, [(family, on, variant, gate)], SCHEMES[i % 4], rng)
+        when = rng.integers(LENGTH, size=COPIES * COUNT)
+        the_same(simulator, windows, what, 1 + i % 2, Pushes(when, i % rates, rates, 3.0))
 
 
 @pytest.mark.parametrize("seed", range(6))

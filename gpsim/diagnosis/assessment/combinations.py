@@ -15,7 +15,7 @@ from fractions import Fraction
 import numpy as np
 from scipy.linalg import qr
 from scipy.sparse.csgraph import connected_components
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.assessment.intervals import informed
@@ -45,7 +45,7 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
     asked = problem.run.settings.combinations
     groups = open_groups(information[np.ix_(logs, logs)], held[logs], asked)
     freedom = max(len(problem.windows) - len(theta), 2)
-    half = float(student.ppf(0.5 + problem.run.settings.intervals.level / 2, freedom))
+    half = float(stdtrit(freedom, 0.5 + problem.run.settings.intervals.level / 2))
     return tuple(
         made
         for members, products in groups

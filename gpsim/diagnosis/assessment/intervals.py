@@ -11,8 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature
@@ -31,7 +30,7 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
     covariance = _covariance(problem, fit, around)
     shift = _numerical_shift(problem, fit, around)
     freedom = max(len(problem.windows) - len(theta), 2)
-    half = student.ppf(0.5 + level / 2, freedom) * np.sqrt(np.diag(covariance)) + np.abs(shift)
+    half = stdtrit(freedom, 0.5 + level / 2) * np.sqrt(np.diag(covariance)) + np.abs(shift)
     low, high = theta - half, theta + half
     jumping = [(j, p.step) for j, p in enumerate(fit.hypothesis.parameters) if p.step is not None]
     calls = [(problem, fit, j, side * step, level) for j, step in jumping for side in (-1.0, 1.0)]
@@ -108,7 +107,7 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) 
     """
     settings = problem.run.settings.intervals
     theta, parameter = fit.hypothesis.theta, fit.hypothesis.parameters[index]
-    drop = 0.5 * float(chi2.ppf(level, 1)) * _correlated(problem, fit)
+    drop = 0.5 * float(chdtri(1, 1.0 - level)) * _correlated(problem, fit)
     bound = parameter.high if step > 0 else parameter.low
 
     def holds(distance: float) -> bool:

@@ -78,6 +78,24 @@ class Windows:
         ends = [(float(t.min()), float(t.max())) for t in every]
         return any(later[0] < earlier[1] for earlier, later in pairwise(ends))
 
+    @cached_property
+    def _shortest(self) -> FloatArray:
+        """(K,) s, of 0, 1, 2 ... transitions in a row that end in a window or at its start the shortest.
+
+        Those that begin with all that is known are left out: further back nobody can look.
+        """
+        clock, begin = np.concatenate([self.before_t, self.t[:, 1:]], axis=1), self.before_t.shape[1] - 1
+        spans = []
+        for back in range(clock.shape[1]):
+            ends = clock[:, max(begin, back + 1) :]
+            starts = clock[:, max(begin - back, 1) :][:, : ends.shape[1]]
+            spans.append(float((ends - starts).min(initial=np.inf)))
+        return np.array(spans)
+
+    def samples_within(self, time: float) -> int:
+        """How many transitions back everything lies that was so long [s] ago, from wherever that is furthest."""
+        return min(int(np.searchsorted(self._shortest, time)), len(self._shortest) - 1)
+
     def remembering(self, samples: int) -> Windows:
         """The windows with so many transitions before them, or as many as there are."""
         first = max(self.before_actions.shape[1] - samples, 0)

@@ -22,7 +22,7 @@ from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
-from gpsim.diagnosis.fitting.rollout import Extra
+from gpsim.diagnosis.fitting.rollout import Extra, Pushes
 from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Hypothesis",
     "Order",
     "Problem",
+    "Pushes",
     "Step",
     "as_it_was",
     "autocorrelation",

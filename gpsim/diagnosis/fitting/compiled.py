@@ -9,8 +9,9 @@ import numpy as np
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Setting, Spread, commands, values_of
+from gpsim.diagnosis.fitting.rollout import Pushes, tamed
 from gpsim.effects import Chain, Values
-from gpsim.kernels import Past, Program, marched, read_late
+from gpsim.kernels import Past, Program, Pushed, marched, read_late
 
 
 def simulated(
@@ -22,6 +23,7 @@ def simulated(
     thetas: FloatArray,
     setting: Setting,
     threads: int,
+    pushes: Pushes | None = None,
 ) -> FloatArray | None:
     """(C, W, L + 1, S): what the sensors would say, from starts (C, W, S); None where compiled code cannot."""
     copies, count = starts.shape[:2]
@@ -32,9 +34,12 @@ def simulated(
             return None
         past = _past(chain, windows, setting)
         begun, numbers = starts.reshape(copies * count, -1), program.values(values, len(rows))
-        states, passed = marched(program, setting.n, begun, numbers, windows.t, rows, known, threads, past)
+        pushed = None if pushes is None else Pushed(pushes.when, pushes.rate, pushes.push)
+        states, passed = marched(
+            program, setting.n, begun, numbers, windows.t, rows, known, threads, past, pushed
+        )
         if chain.sensors:
-            states = _read(chain, windows, rows, values, setting, states, passed, past)
+            states = tamed(_read(chain, windows, rows, values, setting, states, passed, past))
     return states.reshape(copies, count, windows.length + 1, -1)
 
 

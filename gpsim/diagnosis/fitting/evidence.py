@@ -8,7 +8,7 @@ structure, and earns little. The price of a parameter is the BIC's (Schwarz 1978
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtr
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
@@ -118,7 +118,7 @@ def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
         for lag in range(lags):
             products = _lag_products(fit.residuals[..., channel], lag + 1) / own + expected[place, lag]
             scatter = float(products.std(ddof=1)) / np.sqrt(len(products))
-            p = float(student.sf(float(products.mean()) / max(scatter, 1e-300), len(products) - 1))
+            p = float(stdtr(len(products) - 1, -float(products.mean()) / max(scatter, 1e-300)))
             if p < worst:
                 worst, size = p, float(rho[channel, lag])
     return min(1.0, worst * lags * len(seen)), size

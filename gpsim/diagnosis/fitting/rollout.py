@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +17,25 @@ Extra = Callable[[FloatArray, FloatArray, int], FloatArray]
 """State (B, S), recorded action (B, A) at the start of a window's transition k -> (B, R) rates added throughout it."""
 FAR = 1e6  # what a diverging simulation is clipped to: far beyond any state, and its square is still a number
 SEEN = 6  # moments of a transition, at the most, at which sensors that remember look: their curves are cubic
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """What is added to one of the `rates` in one transition of each row, `when` (B,); compiled code knows it.
+
+    push: how much, throughout it.
+    """
+
+    when: IntArray
+    rate: int
+    rates: int
+    push: float
+
+    def __call__(self, state: FloatArray, action: FloatArray, k: int) -> FloatArray:
+        """(B, R) in transition k."""
+        added = np.zeros((len(state), self.rates))
+        added[:, self.rate] = np.where(self.when == k, self.push, 0.0)
+        return added
 
 
 def tamed(state: FloatArray) -> FloatArray:

@@ -10,10 +10,10 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting.actuation import Drive, Setting, Spread, as_recorded, precomputed, values_of
 from gpsim.diagnosis.fitting.compiled import simulated
-from gpsim.diagnosis.fitting.rollout import FAR, Extra, roll, tamed
+from gpsim.diagnosis.fitting.rollout import FAR, Extra, Pushes, roll, tamed
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import SharingSettings
-from gpsim.effects import Chain, Values, last_at_most
+from gpsim.effects import Chain, Values
 from gpsim.kernels import Program, can_compile, program_of
 
 
@@ -37,9 +37,11 @@ def simulate(
     starts = tamed(starts)  # a step may have sent one anywhere
     setting, windows = _set(run, chain, windows, spread, thetas, n)
     _count(run, chain, windows, len(thetas), setting)
-    program = _program(run.settings.sharing, chain) if extra is None else None
+    known = extra is None or isinstance(extra, Pushes)
+    program = _program(run.settings.sharing, chain) if known else None
     if program is not None:
-        said = simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count)
+        pushes = extra if isinstance(extra, Pushes) else None
+        said = simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count, pushes)
         if said is not None:
             return said
     parts = _parts(run.settings.sharing, run.workers.count, len(thetas), len(windows), windows.length * n)
@@ -159,7 +161,7 @@ def _run(
                 chain.sensors.watch(state, seen, step)
         state = tamed(state)
         out[:, k + 1] = chain.sensors.measure(state, values, seen, step)
-    return out
+    return tamed(out) if watching else out  # a late sensor sees states of before they were tamed
 
 
 def _history(
@@ -197,7 +199,4 @@ def _slots(chain: Chain, windows: Windows, values: Sequence[Values], n: int) -> 
     """How many substeps back the sensors look, on an uneven clock from wherever that is furthest."""
     if windows.even:
         return chain.sensors.reach(values, (windows.t[:, 1] - windows.t[:, 0]) / n)
-    clock = np.concatenate([windows.before_t, windows.t[:, 1:]], axis=1)
-    rows, samples = np.arange(len(clock))[:, None], np.arange(clock.shape[1])
-    first = last_at_most(lambda at: clock[rows, at], len(samples), clock - chain.sensors.looks_back(values))
-    return n * int((samples - first)[:, windows.before_t.shape[1] - 1 :].max(initial=0)) + 3
+    return n * windows.samples_within(chain.sensors.looks_back(values)) + 3

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Problem, Step, damped_step, jacobians, projected, window_costs
 from gpsim.diagnosis.form.widened import Widened
 from gpsim.diagnosis.settings import FormSettings
 
-BAND = float(norm.ppf(0.95))  # standard deviations: a 90 % interval
+BAND = float(ndtri(0.95))  # standard deviations: a 90 % interval
 STEPS = (1.0, 0.5, 0.25, 0.1)  # of a Gauss-Newton step: the best of them is taken
 SINGULAR = 1e-9  # of the diagonal: directions that nothing determines stand still
 

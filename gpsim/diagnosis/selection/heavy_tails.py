@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import median_filter
-from scipy.stats import ks_2samp
 
 from gpsim.channels import BoolArray, FloatArray, difference
 from gpsim.diagnosis.data import Windows, cut_in_parts
@@ -170,6 +169,8 @@ def _by_chance(problem: Problem, above: BoolArray, far: BoolArray, usual: BoolAr
 
     So must those of them that lie `above` (W, L + 1) and those that lie below: a law has a sign.
     """
+    from scipy.stats import ks_2samp  # here: half a second that most diagnoses need not wait for
+
     windows, chance = problem.windows, problem.run.settings.heavy_tails.chance
     smooth = median_filter(windows.measured, size=(1, 2 * HALF + 1, 1), mode="nearest")
     states = difference(smooth, np.zeros_like(smooth), problem.simulator.state)

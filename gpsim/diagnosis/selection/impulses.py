@@ -1,7 +1,7 @@
-"""Impulses: how the residual answers a push on one rate in one transition, of a simulator that owns its integration.
+"""Impulses: how the residual answers a push on one rate in one transition.
 
 To first order whatever is added to a rate answers as the sum of its pushes, so that a few simulations a window tell
-of thousands of functions what each of them simulated by itself would; where steps are dear that decides.
+of thousands of functions what each of them simulated by itself would.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.fitting import Directions, Extra, Fit, Problem
+from gpsim.diagnosis.fitting import Directions, Fit, Problem, Pushes
 
 
 def impulses(problem: Problem, at: Fit, directions: Directions, rate: int, push: float) -> FloatArray:
@@ -25,22 +25,11 @@ def impulses(problem: Problem, at: Fit, directions: Directions, rate: int, push:
     for first in range(0, length, at_once):
         which = np.arange(first, min(first + at_once, length))
         starts, thetas = np.tile(at.starts, (len(which), 1, 1)), np.tile(theta, (len(which), 1))
-        pushed = _pushed(np.repeat(which, count), rate, rates, push)
+        pushed = Pushes(np.repeat(which, count), rate, rates, push)
         said = rough.simulated(chain, rough.windows, starts, spread, thetas, pushed)
         residual = rough.simulator.gap(rough.windows.measured[None], said) * rough.root_weights
         out.append(directions.raw(residual))
     return np.concatenate(out) / push
-
-
-def _pushed(when: np.ndarray, rate: int, rates: int, push: float) -> Extra:
-    """A push on one rate in the transition `when` (B,) of each row."""
-
-    def extra(state: FloatArray, action: FloatArray, k: int) -> FloatArray:
-        added = np.zeros((len(state), rates))
-        added[:, rate] = np.where(when == k, push, 0.0)
-        return added
-
-    return extra
 
 
 def visited(problem: Problem, at: Fit) -> FloatArray:

@@ -14,20 +14,18 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import ncx2
 
 from gpsim.channels import FloatArray, IntArray, difference
 from gpsim.diagnosis.fitting import (
     Directions,
-    Extra,
     Fit,
     Problem,
     numerical_error,
 )
 from gpsim.diagnosis.run import kept
+from gpsim.diagnosis.selection.chi_square import beyond
 from gpsim.diagnosis.selection.elimination import on_some_windows
 from gpsim.diagnosis.selection.impulses import impulses, visited
-from gpsim.effects import closed
 
 LEAST = 1e-6  # nats, of a simulation without an error: what rounding leaves is none
 NEGLIGIBLE = (
@@ -122,29 +120,20 @@ def _chance(nats: float, freedom: int, own: float, groups: int) -> float:
     """How probable it is that one of so many groups explains so many nats, `own` of which are numerical error."""
     if nats <= own or not freedom:  # more likely than not, and far below SciPy's function overflows
         return 1.0
-    return min(1.0, groups * float(ncx2.sf(2 * nats, freedom, 2 * own)))
+    return min(1.0, groups * beyond(2 * nats, freedom, 2 * own))
 
 
 def _all_tested(
     problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
 ) -> list[tuple[float, int]]:
-    """`_tested` on all cores, a few groups at a time: what they share is sent along with each chunk."""
-    if closed(problem.simulator) is not None:
-        return _told_by_impulses(problem, at, directions, groups)
-    size = problem.run.settings.lack_of_fit.groups_at_once
-    chunks = [groups[i : i + size] for i in range(0, len(groups), size)]
-    every = problem.run.side_by_side(_tested, [(problem, at, directions, chunk) for chunk in chunks])
-    return [found for chunk in every for found in chunk]
+    """Of each group the nats that it explains, and with how many functions that differ.
 
-
-def _told_by_impulses(
-    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
-) -> list[tuple[float, int]]:
-    """The same where each function is a sum of pushes: what pushes on a rate do is simulated once."""
+    Each function is a sum of pushes: what pushes on a rate do is simulated once.
+    """
     rest, states = directions.rest.ravel(), visited(problem, at)
     inputs = _inputs(problem, states[:, :-1], problem.windows.actions)
     rates = sorted({group.rate for group in groups} - directions.pushed.keys())
-    calls = [(problem, at, directions, r, _probe(problem, r) * problem.windows.length) for r in rates]
+    calls = [(problem, at, directions, r, _probe(problem, r)) for r in rates]
     answers = directions.pushed
     answers.update(zip(rates, problem.run.side_by_side(impulses, calls), strict=True))
     return [
@@ -166,14 +155,6 @@ def _summed(problem: Problem, group: _Group, inputs: FloatArray, answers: FloatA
     for column, knots, place in zip(columns, group.knots, places, strict=True):
         value *= _hat(column[None], knots, place)
     return np.asarray(np.einsum("fwl,lwm->fwm", value, answers, optimize=True))
-
-
-def _tested(
-    problem: Problem, at: Fit, directions: Directions, groups: Sequence[_Group]
-) -> list[tuple[float, int]]:
-    """Of each group the nats that it explains, and with how many functions that differ."""
-    rest = directions.rest.ravel()
-    return [_explained(_changes(problem, at, directions, group), rest) for group in groups]
 
 
 def _numerical(problem: Problem, at: Fit) -> float:
@@ -249,23 +230,6 @@ def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatA
     return np.concatenate([difference(states, np.zeros_like(states), channels), actions], axis=-1)
 
 
-def _changes(problem: Problem, at: Fit, directions: Directions, group: _Group) -> FloatArray:
-    """(F, N): how the residual changes with each function, in standard deviations."""
-    chain = at.hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    windows, settings, out = problem.windows, problem.run.settings.lack_of_fit, []
-    scale = _probe(problem, group.rate)
-    for first in range(0, group.size, settings.functions_at_once):
-        which = np.arange(first, min(first + settings.functions_at_once, group.size))
-        starts = np.tile(at.starts, (len(which), 1, 1))
-        thetas = np.tile(at.hypothesis.theta, (len(which), 1))
-        extra = _extra(problem, group, np.repeat(which, len(windows)), scale)
-        said = problem.simulated(chain, windows, starts, at.hypothesis.spread, thetas, extra)
-        residual = problem.simulator.gap(windows.measured[None], said)
-        residual *= problem.root_weights
-        out.append(directions.changes(residual).reshape(len(which), -1))
-    return np.concatenate(out) / scale
-
-
 def _probe(problem: Problem, rate: int) -> float:
     """How much is added to a rate, to see how the residual changes."""
     usual = float(np.abs(_rates(problem)[:, rate]).mean())
@@ -276,28 +240,6 @@ def _rates(problem: Problem) -> FloatArray:
     """(W, R) the simulator's rates at the windows' starts."""
     windows = problem.windows
     return problem.simulator.rates(windows.measured[:, 0], windows.actions[:, 0], problem.parameters)
-
-
-def _extra(problem: Problem, group: _Group, which: IntArray, scale: float) -> Extra:
-    """What is added to the rates of a batch whose rows have one function `which` (B,) each."""
-    knots = group.knots
-    places = np.unravel_index(which, (knots.shape[1],) * len(group.inputs))
-    past = np.empty((0, 0))
-    if group.memory is not None:
-        past = _past(problem, group.inputs[1] - len(problem.simulator.state), group.memory)
-
-    def extra(state: FloatArray, action: FloatArray, k: int) -> FloatArray:
-        inputs = [_inputs(problem, state, action)[:, i] for i in group.inputs]
-        if group.memory is not None:
-            inputs[1] = np.tile(past[:, k], len(state) // len(past))
-        value = np.full(len(state), scale)
-        for i, column in enumerate(inputs):
-            value = value * _hat(column, knots[i], places[i])
-        added = np.zeros((len(state), len(problem.simulator.rate)))
-        added[:, group.rate] = value
-        return added
-
-    return extra
 
 
 def _hat(x: FloatArray, knots: FloatArray, place: IntArray) -> FloatArray:

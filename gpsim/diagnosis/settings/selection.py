@@ -242,13 +242,6 @@ class LackOfFitSettings:
         "by hand, for the memory that a process takes",
         least=1,
     )
-    groups_at_once: int = setting(
-        4,
-        "1",
-        "groups that one process looks at in a row",
-        "by hand: all that they share is sent along each time",
-        least=1,
-    )
 
 
 @dataclass(frozen=True)
