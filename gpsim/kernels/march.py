@@ -6,9 +6,21 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.acting import act
-from gpsim.kernels.codes import ACTIONS, LOOKS, PER_SUBSTEP, SUBSTEPS, UNEVEN, WIDTH
+from gpsim.kernels.codes import (
+    ACTIONS,
+    DELAY,
+    FOLLOWED,
+    LAW,
+    LOOKS,
+    ON,
+    PER_SUBSTEP,
+    SUBSTEPS,
+    UNEVEN,
+    WIDTH,
+)
 from gpsim.kernels.compiling import compiled, entry
 from gpsim.kernels.lanes import AHEAD, LANES, SIZE, U1, H, T, U, X
+from gpsim.kernels.passing import move
 from gpsim.kernels.scalars import tamed
 from gpsim.kernels.substep import advance, peer
 
@@ -223,32 +235,40 @@ def travel(
     (U, .) at the windows' start, which move on.
     """
     n, length, actions = layout[SUBSTEPS], given.shape[1], given.shape[2]
+    count, ways = length * n, len(actuators)
     path, pieces, u = np.zeros((2, 6)), np.empty((3, memories.shape[1] + 2)), np.empty(2)
-    v = np.empty((values.shape[1], 1))
-    before = out.shape[1] - length * n
+    v, s, room = np.empty((values.shape[1], 1)), np.empty(count), np.empty(memories.shape[1] + count)
+    t, h = np.empty(count), np.empty(count)
+    before = out.shape[1] - count
     for row in range(first, last):
-        w = window[row]
+        w, memory = window[row], memories[row]
         v[:, 0] = values[row]
         for k in range(length):
-            h = (clock[w, k + 1] - clock[w, k]) / n
+            step = (clock[w, k + 1] - clock[w, k]) / n
             for j in range(n):
-                for x in range(actions):
-                    u[x] = given[w, k, x]
-                t = clock[w, k] + j * h
-                act(
-                    layout,
-                    actuators,
-                    conditions,
-                    knots,
-                    v,
-                    0,
-                    path,
-                    memories[row],
-                    layout[UNEVEN],
-                    t,
-                    h,
-                    pieces,
-                    u,
-                )
-                for x in range(actions):
-                    out[row, before + k * n + j, x] = u[x]
+                t[k * n + j], h[k * n + j] = clock[w, k] + j * step, step
+        for x in range(actions):
+            for k in range(length):
+                for j in range(n):
+                    s[k * n + j] = given[w, k, x]
+            begin = 0
+            while begin < ways and actuators[begin, ON] != x:
+                begin += 1
+            end, pieced = begin, False
+            while end < ways and actuators[end, ON] == x:
+                late = actuators[end, LAW] == DELAY
+                pieced = pieced or (late and (actuators[end, FOLLOWED] or layout[UNEVEN]))
+                end += 1
+            if pieced:  # what follows meets several commands within a substep
+                way = actuators[begin:end]
+                for m in range(count):
+                    u[x] = s[m]
+                    act(
+                        layout, way, conditions, knots, v, 0, path, memory, layout[UNEVEN], t[m], h[m], pieces, u
+                    )  # fmt: skip
+                    s[m] = u[x]
+            else:
+                for line in range(begin, end):
+                    move(layout, actuators, line, conditions, knots, v, memory, t, h, room, s)
+            for m in range(count):
+                out[row, before + m, x] = s[m]
