@@ -19,10 +19,10 @@ from gpsim.kernels.codes import (
     WIDTH,
 )
 from gpsim.kernels.compiling import compiled, entry
-from gpsim.kernels.lanes import AHEAD, LANES, SIZE, U1, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, LANES, SIZE, TOGETHER, U1, H, T, U, X
 from gpsim.kernels.passing import move
 from gpsim.kernels.scalars import tamed
-from gpsim.kernels.substep import advance, peer
+from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
 
 @compiled
@@ -39,8 +39,9 @@ def write(
 @compiled
 def tame(b: FloatArray, lanes: int) -> None:
     """States that may have diverged, within bounds."""
-    for i in range(4 * lanes):
-        b[X + i] = tamed(b[X + i])
+    for c in range(4):
+        for i in range(lanes):
+            b[X + c * LANES + i] = tamed(b[X + c * LANES + i])
 
 
 @compiled
@@ -158,14 +159,15 @@ def march(
     Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
     their memories (U, .) are those at the windows' start.
     """
-    lanes = layout[WIDTH]
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
-    b, shares, v = np.zeros(SIZE), np.ones((len(terms), lanes)), np.empty((columns, lanes))
-    memory, path = np.empty((lanes, memories.shape[1])), np.empty((2, 6))
+    b, shares, v = np.zeros(SIZE), np.ones((len(terms), LANES)), np.empty((columns, LANES))
+    memory, path = np.empty((LANES, memories.shape[1])), np.empty((2, 6))
     pieces, u = np.empty((3, memories.shape[1] + 2)), np.empty(2)
-    w, c = np.empty(lanes, dtype=np.int64), np.empty(lanes, dtype=np.int64)
-    for begin in range(first, last, lanes):
-        count = min(lanes, last - begin)
+    w, c = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
+    steady = is_steady(layout, terms)
+    for begin in range(first, last, LANES):
+        count = min(LANES, last - begin)
+        lanes = min(-(-count // TOGETHER) * TOGETHER, layout[WIDTH])
         for i in range(lanes):
             row = min(begin + i, last - 1)
             w[i], c[i] = window[row], which[row]
@@ -173,6 +175,8 @@ def march(
                 v[x, i] = values[row, x]
             for x in range(memories.shape[1]):
                 memory[i, x] = memories[which[row], x]
+        believe(b, lanes, believed)
+        correct(b, lanes, layout, terms, v, shares)
         start(b, lanes, kept, rest, starts, begin, last)
         write(b, lanes, kept, out, begin, count, 0)
         # Backwards from where the windows begin, then back to there and on.
@@ -200,7 +204,7 @@ def march(
                 b[T + i], b[H + i] = t, h if m >= 0 else -h
             if looks:
                 acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
-            advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares)
+            advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares, steady)
             if m < 0 or (m + 1) % n == 0:
                 tame(b, lanes)
             if m < 0:
