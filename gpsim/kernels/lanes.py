@@ -52,4 +52,6 @@ LOAD: Final = 47 * LANES
 LIGHTER: Final = 48 * LANES
 # Room for a law's value.
 ONE: Final = 49 * LANES
-SIZE: Final = 50 * LANES
+# When the transition began.
+BEGAN: Final = 50 * LANES
+SIZE: Final = 51 * LANES

@@ -19,21 +19,22 @@ from gpsim.kernels.codes import (
     WIDTH,
 )
 from gpsim.kernels.compiling import compiled, entry
-from gpsim.kernels.lanes import AHEAD, LANES, SIZE, TOGETHER, U1, H, T, U, X
+from gpsim.kernels.lanes import AHEAD, BEGAN, LANES, SIZE, TOGETHER, U1, H, T, U, X
 from gpsim.kernels.passing import move
-from gpsim.kernels.scalars import tamed
+from gpsim.kernels.scalars import place, tamed
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
 
 @compiled
 def write(
-    b: FloatArray, lanes: int, kept: IntArray, out: FloatArray, first: int, count: int, place: int
+    b: FloatArray, lanes: int, kept: IntArray, out: FloatArray, first: int, count: int, at: int
 ) -> None:
     """Put the states where they belong."""
+    first, at = place(first), place(at)
     for c in range(len(kept)):
-        at = X + kept[c] * LANES
+        of = place(X + kept[c] * LANES)
         for i in range(count):
-            out[first + i, place, c] = b[at + i]
+            out[first + i, at, c] = b[of + i]
 
 
 @compiled
@@ -56,10 +57,10 @@ def command(
     j: int,
 ) -> None:
     """Fill U with what reaches the simulator at substep j of transition k; negative ones are before the window."""
-    place = before + (k * layout[SUBSTEPS] + j if layout[PER_SUBSTEP] else k)
+    at = place(before + (k * layout[SUBSTEPS] + j if layout[PER_SUBSTEP] else k))
     for c in range(layout[ACTIONS]):
         for i in range(lanes):
-            b[U + c * LANES + i] = commands[which[i], place, c]
+            b[U + c * LANES + i] = commands[place(which[i]), at, c]
 
 
 @compiled
@@ -112,6 +113,21 @@ def start(
             b[X + x * LANES + i] = rest[x]
         for x in range(len(kept)):
             b[X + kept[x] * LANES + i] = starts[min(begin + i, last - 1), x]
+
+
+@compiled
+def look_back(
+    b: FloatArray, lanes: int, clock: FloatArray, earlier: FloatArray, w: IntArray, n: int, k: int, j: int
+) -> None:
+    """Fill T and H for the substep j of transition k before the window, gone through backwards; k is negative."""
+    for i in range(lanes):
+        h = (clock[w[i], 1] - clock[w[i], 0]) / n
+        t = clock[w[i], 0] + (k * n + j + 1) * h
+        if earlier.shape[1]:
+            at = earlier.shape[1] + k
+            h = (earlier[w[i], at] - earlier[w[i], at - 1]) / n
+            t = earlier[w[i], at] - (n - 1 - j) * h
+        b[T + i], b[H + i] = t, -h
 
 
 I1, I2, F1, F2, F3 = "int64[::1]", "int64[:, ::1]", "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
@@ -192,16 +208,17 @@ def march(
                 for x in range(layout[ACTIONS]):
                     for i in range(lanes):
                         b[U + x * LANES + i] = given[w[i], k, x]
-            else:
+            elif m <= 0 or j == 0 or layout[PER_SUBSTEP]:
                 command(b, lanes, layout, commands, c, before, k, j)
-            for i in range(lanes):
-                h = (clock[w[i], max(k, 0) + 1] - clock[w[i], max(k, 0)]) / n
-                t = clock[w[i], max(k, 0)] + j * h if m >= 0 else clock[w[i], 0] + (back + 1) * h
-                if m < 0 and earlier.shape[1]:
-                    at = earlier.shape[1] + k
-                    h = (earlier[w[i], at] - earlier[w[i], at - 1]) / n
-                    t = earlier[w[i], at] - (n - 1 - j) * h
-                b[T + i], b[H + i] = t, h if m >= 0 else -h
+            if m < 0:
+                look_back(b, lanes, clock, earlier, w, n, k, j)
+            else:
+                if j == 0:
+                    for i in range(lanes):
+                        b[BEGAN + i] = clock[w[i], k]
+                        b[H + i] = (clock[w[i], k + 1] - clock[w[i], k]) / n
+                for i in range(lanes):
+                    b[T + i] = b[BEGAN + i] + j * b[H + i]
             if looks:
                 acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
             advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares, steady)
