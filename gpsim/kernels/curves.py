@@ -49,6 +49,7 @@ def curve(
     to: int,
 ) -> None:
     """Fill `to` with the function n of the inputs at x and y; its coefficients are the values from `at` on."""
+    x, y, to = place(x), place(y), place(to)
     first, end = curves[n, FIRST_KNOTS], curves[n, FIRST_END]
     if curves[n, SECOND] < 0 and not curves[n, FIRST_WRAPS]:
         along(b, lanes, x, at, first, end, knots, v, to)
@@ -91,6 +92,7 @@ def along(
     to: int,
 ) -> None:
     """Fill `to` with a function of one input: piece by piece for all lanes, each keeps the last that it has reached."""
+    x, to = place(x), place(to)
     for left in range(end - first - 1):
         near, far = knots[first + left], knots[first + left + 1]
         per = 1.0 / (far - near if far > near else 1.0)

@@ -47,7 +47,7 @@ def force(
     """Add to `to` a smooth force on the coordinate of the term n in the stage's state."""
     law, at = terms[n, LAW], terms[n, VALUE]
     position = place(Y + 2 * terms[n, ON] * LANES)
-    speed = position + LANES
+    speed, to = place(position + LANES), place(to)
     if law == VISCOUS:
         for i in range(lanes):
             b[to + i] -= v[at, i] * b[speed + i] * shares[n, i]
@@ -82,7 +82,7 @@ def grip(
     """Add to MOST what the dry friction of the term n can hold; loaded: there is a normal force, in LOAD."""
     law, at = terms[n, LAW], terms[n, VALUE]
     position = place(Y + 2 * terms[n, ON] * LANES)
-    speed = position + LANES
+    speed = place(position + LANES)
     if law == COULOMB:
         for i in range(lanes):
             b[MOST + i] += v[at, i] * shares[n, i]
