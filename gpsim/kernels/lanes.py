@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-LANES: Final = 32
+LANES: Final = 64
 TOGETHER: Final = 8  # so many at once, at most; lanes that are left over are filled up to a multiple
 
 # Where the numbers begin: state at a substep's begin, command, state of a stage, rates, forces, parameters.
