@@ -9,8 +9,6 @@ from gpsim.kernels.codes import (
     DRY,
     FINE,
     FORCES,
-    GATE,
-    GATE_END,
     HELD,
     LAW,
     ON,
@@ -23,42 +21,24 @@ from gpsim.kernels.lanes import (
     AGAINST,
     BEFORE,
     BEGUN,
-    F1,
+    HOLDS,
+    LANES,
     LIGHTER,
     LOAD,
     M1,
     MOST,
     ONE,
-    OWN,
-    POSITION,
     R1,
-    REACTS,
-    SPEED,
     X1,
-    X3,
     Y1,
-    Y2,
-    Y3,
     F,
     H,
     M,
     R,
-    Y,
 )
 from gpsim.kernels.laws import force, grip
-from gpsim.kernels.scalars import larger, sign, smaller
+from gpsim.kernels.scalars import larger, place, sign, smaller
 from gpsim.kernels.systems import mobility, normal_force
-
-
-@compiled
-def coordinate(b: FloatArray, lanes: int, on: int) -> None:
-    """Fill POSITION and SPEED with those of a coordinate in the stage's state."""
-    if on == 0:
-        for i in range(lanes):
-            b[POSITION + i], b[SPEED + i] = b[Y + i], b[Y1 + i]
-    else:
-        for i in range(lanes):
-            b[POSITION + i], b[SPEED + i] = b[Y2 + i], b[Y3 + i]
 
 
 @compiled
@@ -73,36 +53,24 @@ def push(
     shares: FloatArray,
 ) -> None:
     """Fill F and F1 with the smooth forces on the coordinates."""
-    for i in range(2 * lanes):
+    for i in range(2 * LANES):
         b[F + i] = 0.0
     for n in range(layout[FORCES], layout[DRY]):
-        coordinate(b, lanes, terms[n, ON])
-        force(b, lanes, terms, n, v, curves, knots)
-        if terms[n, GATE] < terms[n, GATE_END]:
-            for i in range(lanes):
-                b[ONE + i] *= shares[n, i]
-        if terms[n, ON] == 0:
-            for i in range(lanes):
-                b[F + i] += b[ONE + i]
-        else:
-            for i in range(lanes):
-                b[F1 + i] += b[ONE + i]
+        force(b, lanes, terms, n, v, shares, curves, knots, place(F + terms[n, ON] * LANES))
 
 
 @compiled
 def look_at(b: FloatArray, lanes: int, on: int, fine: bool) -> None:
-    """Fill OWN and REACTS, and BEGUN with the speed that friction is against: at the substep's begin, if it sticks."""
-    if on == 0:
-        for i in range(lanes):
-            b[OWN + i], b[REACTS + i] = b[R + i], b[M + i]
-            b[BEGUN + i] = b[X1 + i] if fine else b[Y1 + i]
-    else:
-        for i in range(lanes):
-            b[OWN + i], b[REACTS + i] = b[R1 + i], b[M1 + i]
-            b[BEGUN + i] = b[X3 + i] if fine else b[Y3 + i]
+    """Fill HOLDS with what would hold a coordinate, AGAINST with the direction of its friction.
+
+    BEGUN is the speed that friction is against: at the substep's begin, if it sticks.
+    """
+    own, reacts = place(R + on * LANES), place(M + on * LANES)
+    begun = place((X1 if fine else Y1) + 2 * on * LANES)
     for i in range(lanes):
-        against = -sign(b[OWN + i] / b[REACTS + i])
-        b[AGAINST + i] = against if fine and b[BEGUN + i] == 0.0 else -sign(b[BEGUN + i])
+        holds, speed = -b[own + i] / b[reacts + i], b[begun + i]
+        b[HOLDS + i], b[BEGUN + i] = holds, speed
+        b[AGAINST + i] = sign(holds) if fine and speed == 0.0 else -sign(speed)
 
 
 @compiled
@@ -140,13 +108,16 @@ def rub(
             for i in range(lanes):
                 change = b[LOAD + i] - b[LIGHTER + i]
                 b[LOAD + i] = b[LIGHTER + i] + change * b[AGAINST + i] * b[BEFORE + i]
-        grips(b, lanes, terms, curves, knots, v, shares, loaded, first, last)
+        for i in range(LANES):
+            b[MOST + i] = 0.0
+        for n in range(first, last):
+            grip(b, lanes, terms, n, v, shares, loaded, curves, knots)
     if loaded:
         for i in range(lanes):
             most = b[BEFORE + i]
             slope = (b[MOST + i] - most) / most if most > 0.0 else 0.0
             b[MOST + i] = most / larger(1.0 - slope, 0.1)
-    stick(b, lanes, fine)
+    stick(b, lanes, on, fine)
     for i in range(lanes):
         b[R + i] += b[M + i] * b[ONE + i]
     if layout[SYSTEM] == CARTPOLE:
@@ -155,46 +126,21 @@ def rub(
 
 
 @compiled
-def stick(b: FloatArray, lanes: int, fine: bool) -> None:
+def stick(b: FloatArray, lanes: int, on: int, fine: bool) -> None:
     """Fill ONE with the friction force, a mean over the substep."""
-    for i in range(lanes):
-        b[ONE + i] = b[AGAINST + i] * b[MOST + i]
     if not fine:
+        for i in range(lanes):
+            b[ONE + i] = b[AGAINST + i] * b[MOST + i]
         return
+    own, reacts = place(R + on * LANES), place(M + on * LANES)
     for i in range(lanes):
-        most, moves, speed = b[MOST + i], b[ONE + i], b[BEGUN + i]
-        after = speed + b[H + i] * (b[OWN + i] + b[REACTS + i] * moves)
-        holding = smaller(larger(-b[OWN + i] / b[REACTS + i], -most), most)
+        most, speed = b[MOST + i], b[BEGUN + i]
+        moves = b[AGAINST + i] * most
+        after = speed + b[H + i] * (b[own + i] + b[reacts + i] * moves)
+        holding = smaller(larger(b[HOLDS + i], -most), most)
         part = speed / (1.0 if speed == after else speed - after)
         stopped = part * moves + (1.0 - part) * holding
         b[ONE + i] = stopped if speed * after <= 0.0 else moves
-
-
-@compiled
-def grips(
-    b: FloatArray,
-    lanes: int,
-    terms: IntArray,
-    curves: IntArray,
-    knots: FloatArray,
-    v: FloatArray,
-    shares: FloatArray,
-    loaded: bool,
-    first: int,
-    last: int,
-) -> None:
-    """Fill MOST with the most that all of the terms first to last can hold together."""
-    for i in range(lanes):
-        b[MOST + i] = 0.0
-    for n in range(first, last):
-        coordinate(b, lanes, terms[n, ON])
-        grip(b, lanes, terms, n, v, loaded, curves, knots)
-        if terms[n, GATE] < terms[n, GATE_END]:
-            for i in range(lanes):
-                b[MOST + i] += b[ONE + i] * shares[n, i]
-        else:
-            for i in range(lanes):
-                b[MOST + i] += b[ONE + i]
 
 
 @compiled

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.circular import WHOLE
 from gpsim.kernels.codes import (
     CHANNEL,
     EPISODE,
@@ -30,15 +31,17 @@ from gpsim.kernels.curves import channel, hat
 from gpsim.kernels.lanes import AHEAD, H, T, X
 from gpsim.kernels.scalars import larger, smaller, wrapped
 
+TURN = 2.0 * math.pi
+
 
 @compiled
 def between(begin: float, end: float, low: float, high: float) -> float:
     """The share of the way from begin to end that lies in [low, high]."""
-    way = larger(begin, end) - smaller(begin, end)
-    if not way > 0.0:
-        return 1.0 if begin >= low and begin <= high else 0.0
-    inside = smaller(larger(begin, end), high) - larger(smaller(begin, end), low)
-    return smaller(larger(inside / way, 0.0), 1.0)
+    first, last = smaller(begin, end), larger(begin, end)
+    way = last - first
+    inside = smaller(last, high) - larger(first, low)
+    share = smaller(larger(inside / way, 0.0), 1.0)
+    return share if way > 0.0 else (1.0 if (begin >= low) & (begin <= high) else 0.0)
 
 
 @compiled
@@ -101,6 +104,37 @@ def share_of(
 
 
 @compiled
+def multiply(
+    b: FloatArray,
+    lanes: int,
+    conditions: IntArray,
+    c: int,
+    knots: FloatArray,
+    v: FloatArray,
+    looking: float,
+    to: FloatArray,
+) -> None:
+    """Multiply `to` (lanes,) with the share of the substep in which a condition holds.
+
+    looking: 1 where all of the substep counts, 0 where its begin does.
+    """
+    begin, end = channel(conditions[c, CHANNEL], X), channel(conditions[c, CHANNEL], AHEAD)
+    kind, low, high = conditions[c, KIND], conditions[c, LOW], conditions[c, HIGH]
+    if kind == REGION and conditions[c, WRAPS]:
+        for i in range(lanes):
+            middle = 0.5 * (v[low, i] + v[high, i])
+            turns = TURN * (((b[begin + i] - middle) / TURN + WHOLE) - WHOLE)
+            to[i] *= between(b[begin + i] - turns, b[end + i] - turns, v[low, i], v[high, i])
+    elif kind == REGION:
+        for i in range(lanes):
+            to[i] *= between(b[begin + i], b[end + i], v[low, i], v[high, i])
+    else:
+        for i in range(lanes):
+            step = looking * b[H + i]
+            to[i] *= holds(conditions, c, knots, v, i, b[begin + i], b[end + i], b[T + i], step)
+
+
+@compiled
 def find_shares(
     b: FloatArray,
     lanes: int,
@@ -122,7 +156,4 @@ def find_shares(
         for i in range(lanes):
             shares[n, i] = 1.0
         for c in range(terms[n, GATE], terms[n, GATE_END]):
-            begin, end = channel(conditions[c, CHANNEL], X), channel(conditions[c, CHANNEL], AHEAD)
-            for i in range(lanes):
-                step = looking * b[H + i]
-                shares[n, i] *= holds(conditions, c, knots, v, i, b[begin + i], b[end + i], b[T + i], step)
+            multiply(b, lanes, conditions, c, knots, v, looking, shares[n])

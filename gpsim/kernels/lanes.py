@@ -1,20 +1,18 @@
 """Lanes: so many rows of a batch are stepped together, each number of all of them in a row of one small array.
 
-Every loop over them has a length and offsets that are known when it is compiled, so that a processor does several lanes
-at once. What is not known then (which coordinate, which slope) is copied to where it is expected.
+Every loop over them has offsets that are known when it is compiled, so that a processor does several lanes at once.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-LANES: Final = 32
+LANES: Final = 64
+TOGETHER: Final = 8  # so many at once, at most; lanes that are left over are filled up to a multiple
 
 # Where the numbers begin: state at a substep's begin, command, state of a stage, rates, forces, parameters.
 X: Final = 0
 X1: Final = 1 * LANES
-X2: Final = 2 * LANES
-X3: Final = 3 * LANES
 U: Final = 4 * LANES
 U1: Final = 5 * LANES
 Y: Final = 6 * LANES
@@ -36,27 +34,26 @@ SIN: Final = 20 * LANES
 COS: Final = 21 * LANES
 T: Final = 22 * LANES
 H: Final = 23 * LANES
-# Slopes of this stage and of the first one, and their sum; where a substep ends; what is added to the rates.
+# The slope of this stage, and a mean of those so far; rates before something changed them; where a substep ends.
 K: Final = 24 * LANES
 K1: Final = 28 * LANES
 SUM: Final = 32 * LANES
 AHEAD: Final = 36 * LANES
-EXTRA: Final = 40 * LANES
-# Of the coordinate that is looked at: position, speed, rate, what a unit force does to its rate and to both.
-POSITION: Final = 43 * LANES
-SPEED: Final = 44 * LANES
-OWN: Final = 45 * LANES
-REACTS: Final = 46 * LANES
-M: Final = 47 * LANES
-M1: Final = 48 * LANES
-# Dry friction: its direction, its size, the load.
-BEGUN: Final = 49 * LANES
-AGAINST: Final = 50 * LANES
-MOST: Final = 51 * LANES
-BEFORE: Final = 52 * LANES
-LOAD: Final = 53 * LANES
-LIGHTER: Final = 54 * LANES
-# Room for a law's value, and for others.
-ONE: Final = 55 * LANES
-OTHER: Final = 56 * LANES
-SIZE: Final = 57 * LANES
+# What a unit force on a coordinate does to both rates.
+M: Final = 40 * LANES
+M1: Final = 41 * LANES
+# Dry friction: the speed it is against, its direction, its size, what would hold the coordinate; the load.
+BEGUN: Final = 42 * LANES
+AGAINST: Final = 43 * LANES
+MOST: Final = 44 * LANES
+HOLDS: Final = 45 * LANES
+BEFORE: Final = 46 * LANES
+LOAD: Final = 47 * LANES
+LIGHTER: Final = 48 * LANES
+# Room for a law's value.
+ONE: Final = 49 * LANES
+# When the transition began.
+BEGAN: Final = 50 * LANES
+# What is added to a rate in this transition.
+PUSH: Final = 51 * LANES
+SIZE: Final = 52 * LANES

@@ -12,6 +12,7 @@ from gpsim.kernels.codes import (
     CURVE,
     FIRST,
     LAW,
+    ON,
     QUADRATIC,
     RADIUS,
     SLIP,
@@ -24,34 +25,46 @@ from gpsim.kernels.codes import (
     VISCOUS,
 )
 from gpsim.kernels.compiling import compiled
-from gpsim.kernels.curves import curve
-from gpsim.kernels.lanes import LANES, LOAD, ONE, OTHER, POSITION, R1, R2, SPEED, SUM, R
-from gpsim.kernels.scalars import clipped, larger
+from gpsim.kernels.curves import curve, curve_of
+from gpsim.kernels.lanes import LANES, LOAD, MOST, ONE, R1, R2, SUM, R, Y
+from gpsim.kernels.scalars import clipped, larger, place
 
 TINY = 2.2250738585072014e-308  # the smallest normal number
 
 
 @compiled
 def force(
-    b: FloatArray, lanes: int, terms: IntArray, n: int, v: FloatArray, curves: IntArray, knots: FloatArray
+    b: FloatArray,
+    lanes: int,
+    terms: IntArray,
+    n: int,
+    v: FloatArray,
+    shares: FloatArray,
+    curves: IntArray,
+    knots: FloatArray,
+    to: int,
 ) -> None:
-    """Fill ONE with a smooth force at POSITION and SPEED."""
+    """Add to `to` a smooth force on the coordinate of the term n in the stage's state."""
     law, at = terms[n, LAW], terms[n, VALUE]
+    position = place(Y + 2 * terms[n, ON] * LANES)
+    speed, to = place(position + LANES), place(to)
     if law == VISCOUS:
         for i in range(lanes):
-            b[ONE + i] = -v[at, i] * b[SPEED + i]
+            b[to + i] -= v[at, i] * b[speed + i] * shares[n, i]
     elif law == QUADRATIC:
         for i in range(lanes):
-            b[ONE + i] = -v[at, i] * abs(b[SPEED + i]) * b[SPEED + i]
+            b[to + i] -= v[at, i] * abs(b[speed + i]) * b[speed + i] * shares[n, i]
     elif law == SPRING:
         for i in range(lanes):
-            b[ONE + i] = -v[at, i] * (b[POSITION + i] - v[at + 1, i])
+            b[to + i] -= v[at, i] * (b[position + i] - v[at + 1, i]) * shares[n, i]
     elif law == CONSTANT:
         for i in range(lanes):
-            b[ONE + i] = v[at, i]
+            b[to + i] += v[at, i] * shares[n, i]
     else:
         about = terms[n, CURVE]
-        curve(b, lanes, SPEED if curves[about, FIRST] else POSITION, 0, at, curves, about, knots, v, ONE)
+        curve(b, lanes, speed if curves[about, FIRST] else position, 0, at, curves, about, knots, v, ONE)
+        for i in range(lanes):
+            b[to + i] += b[ONE + i] * shares[n, i]
 
 
 @compiled
@@ -61,33 +74,37 @@ def grip(
     terms: IntArray,
     n: int,
     v: FloatArray,
+    shares: FloatArray,
     loaded: bool,
     curves: IntArray,
     knots: FloatArray,
 ) -> None:
-    """Fill ONE with the most that dry friction can hold; loaded: there is a normal force, in LOAD."""
+    """Add to MOST what the dry friction of the term n can hold; loaded: there is a normal force, in LOAD."""
     law, at = terms[n, LAW], terms[n, VALUE]
+    position = place(Y + 2 * terms[n, ON] * LANES)
+    speed = place(position + LANES)
     if law == COULOMB:
         for i in range(lanes):
-            b[ONE + i] = v[at, i]
+            b[MOST + i] += v[at, i] * shares[n, i]
     elif law == COEFFICIENT:
-        for i in range(lanes):
-            b[ONE + i] = v[at, i] * larger(b[LOAD + i], 0.0) if loaded else 0.0
+        if loaded:
+            for i in range(lanes):
+                b[MOST + i] += v[at, i] * larger(b[LOAD + i], 0.0) * shares[n, i]
     elif law == STRIBECK:
         for i in range(lanes):
-            slow = b[SPEED + i] / v[at + 2, i]
-            b[ONE + i] = v[at, i] + larger(v[at + 1, i] - v[at, i], 0.0) * math.exp(-(slow * slow))
+            slow = b[speed + i] / v[at + 2, i]
+            more = larger(v[at + 1, i] - v[at, i], 0.0) * math.exp(-(slow * slow))
+            b[MOST + i] += (v[at, i] + more) * shares[n, i]
     else:
         about = terms[n, CURVE]
         of_speed = curves[about, FIRST] == 1
-        curve(b, lanes, SPEED if of_speed else POSITION, 0, at, curves, about, knots, v, ONE)
+        curve(b, lanes, speed if of_speed else position, 0, at, curves, about, knots, v, ONE)
         if of_speed:  # of what rests, the mean of both directions
             for i in range(lanes):
-                b[POSITION + i] = -TINY if b[SPEED + i] == 0.0 else b[SPEED + i]
-            curve(b, lanes, POSITION, 0, at, curves, about, knots, v, OTHER)
-            for i in range(lanes):
-                if b[SPEED + i] == 0.0:
-                    b[ONE + i] = 0.5 * (b[ONE + i] + b[OTHER + i])
+                if b[speed + i] == 0.0:
+                    b[ONE + i] = 0.5 * (b[ONE + i] + curve_of(-TINY, at, curves, about, knots, v, i))
+        for i in range(lanes):
+            b[MOST + i] += b[ONE + i] * shares[n, i]
 
 
 @compiled

@@ -6,29 +6,44 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.acting import act
-from gpsim.kernels.codes import ACTIONS, LOOKS, PER_SUBSTEP, SUBSTEPS, UNEVEN, WIDTH
+from gpsim.kernels.codes import (
+    ACTIONS,
+    DELAY,
+    FOLLOWED,
+    LAW,
+    LOOKS,
+    ON,
+    PER_SUBSTEP,
+    PUSHED,
+    SUBSTEPS,
+    UNEVEN,
+    WIDTH,
+)
 from gpsim.kernels.compiling import compiled, entry
-from gpsim.kernels.lanes import AHEAD, EXTRA, LANES, SIZE, U1, H, T, U, X
-from gpsim.kernels.scalars import tamed
-from gpsim.kernels.substep import advance, peer
+from gpsim.kernels.lanes import AHEAD, BEGAN, LANES, PUSH, SIZE, TOGETHER, U1, H, T, U, X
+from gpsim.kernels.passing import move
+from gpsim.kernels.scalars import place, tamed
+from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
 
 @compiled
 def write(
-    b: FloatArray, lanes: int, kept: IntArray, out: FloatArray, first: int, count: int, place: int
+    b: FloatArray, lanes: int, kept: IntArray, out: FloatArray, first: int, count: int, at: int
 ) -> None:
     """Put the states where they belong."""
+    first, at = place(first), place(at)
     for c in range(len(kept)):
-        at = X + kept[c] * LANES
+        of = place(X + kept[c] * LANES)
         for i in range(count):
-            out[first + i, place, c] = b[at + i]
+            out[first + i, at, c] = b[of + i]
 
 
 @compiled
 def tame(b: FloatArray, lanes: int) -> None:
     """States that may have diverged, within bounds."""
-    for i in range(4 * lanes):
-        b[X + i] = tamed(b[X + i])
+    for c in range(4):
+        for i in range(lanes):
+            b[X + c * LANES + i] = tamed(b[X + c * LANES + i])
 
 
 @compiled
@@ -43,10 +58,10 @@ def command(
     j: int,
 ) -> None:
     """Fill U with what reaches the simulator at substep j of transition k; negative ones are before the window."""
-    place = before + (k * layout[SUBSTEPS] + j if layout[PER_SUBSTEP] else k)
+    at = place(before + (k * layout[SUBSTEPS] + j if layout[PER_SUBSTEP] else k))
     for c in range(layout[ACTIONS]):
         for i in range(lanes):
-            b[U + c * LANES + i] = commands[which[i], place, c]
+            b[U + c * LANES + i] = commands[place(which[i]), at, c]
 
 
 @compiled
@@ -101,12 +116,27 @@ def start(
             b[X + kept[x] * LANES + i] = starts[min(begin + i, last - 1), x]
 
 
+@compiled
+def look_back(
+    b: FloatArray, lanes: int, clock: FloatArray, earlier: FloatArray, w: IntArray, n: int, k: int, j: int
+) -> None:
+    """Fill T and H for the substep j of transition k before the window, gone through backwards; k is negative."""
+    for i in range(lanes):
+        h = (clock[w[i], 1] - clock[w[i], 0]) / n
+        t = clock[w[i], 0] + (k * n + j + 1) * h
+        if earlier.shape[1]:
+            at = earlier.shape[1] + k
+            h = (earlier[w[i], at] - earlier[w[i], at - 1]) / n
+            t = earlier[w[i], at] - (n - 1 - j) * h
+        b[T + i], b[H + i] = t, -h
+
+
 I1, I2, F1, F2, F3 = "int64[::1]", "int64[:, ::1]", "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
 TABLES = f"{I1}, {I2}, {I2}, {I2}, {F1}, {F1}, {I1}, {F1}"
 
 
 @entry(
-    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {I1}, int64,"
+    f"void({TABLES}, {I2}, {F2}, {F2}, {F2}, {F2}, {I1}, {I1}, {F3}, {I1}, int64, {F3}, {F2}, {I1},"
     f" float64, {F3}, {F3}, int64, int64, int64)"
 )
 def march(
@@ -131,7 +161,6 @@ def march(
     given: FloatArray,
     memories: FloatArray,
     when: IntArray,
-    pushed: int,
     push: float,
     out: FloatArray,
     passed: FloatArray,
@@ -148,16 +177,17 @@ def march(
     even; stood: (W,) whether a window's system stood still before it.
     Where actuators look at the state, what is commanded in the windows is given, (W, L, A), and goes through them;
     their memories (U, .) are those at the windows' start.
-    when: (B,) the transition in which a `push` is added to the rate `pushed`; nothing is where it is empty.
+    when: (B,) the transition in which a `push` is added to the rate that the layout names, if it does.
     """
-    lanes = layout[WIDTH]
     n, columns, states = layout[SUBSTEPS], values.shape[1], len(kept)
-    b, shares, v = np.zeros(SIZE), np.ones((len(terms), lanes)), np.empty((columns, lanes))
-    memory, path = np.empty((lanes, memories.shape[1])), np.empty((2, 6))
+    b, shares, v = np.zeros(SIZE), np.ones((len(terms), LANES)), np.empty((columns, LANES))
+    memory, path = np.empty((LANES, memories.shape[1])), np.empty((2, 6))
     pieces, u = np.empty((3, memories.shape[1] + 2)), np.empty(2)
-    w, c = np.empty(lanes, dtype=np.int64), np.empty(lanes, dtype=np.int64)
-    for begin in range(first, last, lanes):
-        count = min(lanes, last - begin)
+    w, c = np.empty(LANES, dtype=np.int64), np.empty(LANES, dtype=np.int64)
+    steady = is_steady(layout, terms)
+    for begin in range(first, last, LANES):
+        count = min(LANES, last - begin)
+        lanes = min(-(-count // TOGETHER) * TOGETHER, layout[WIDTH])
         for i in range(lanes):
             row = min(begin + i, last - 1)
             w[i], c[i] = window[row], which[row]
@@ -165,6 +195,8 @@ def march(
                 v[x, i] = values[row, x]
             for x in range(memories.shape[1]):
                 memory[i, x] = memories[which[row], x]
+        believe(b, lanes, believed)
+        correct(b, lanes, layout, terms, v, shares)
         start(b, lanes, kept, rest, starts, begin, last)
         write(b, lanes, kept, out, begin, count, 0)
         # Backwards from where the windows begin, then back to there and on.
@@ -180,23 +212,24 @@ def march(
                 for x in range(layout[ACTIONS]):
                     for i in range(lanes):
                         b[U + x * LANES + i] = given[w[i], k, x]
-            else:
+            elif m <= 0 or j == 0 or layout[PER_SUBSTEP]:
                 command(b, lanes, layout, commands, c, before, k, j)
-            for i in range(lanes):
-                h = (clock[w[i], max(k, 0) + 1] - clock[w[i], max(k, 0)]) / n
-                t = clock[w[i], max(k, 0)] + j * h if m >= 0 else clock[w[i], 0] + (back + 1) * h
-                if m < 0 and earlier.shape[1]:
-                    at = earlier.shape[1] + k
-                    h = (earlier[w[i], at] - earlier[w[i], at - 1]) / n
-                    t = earlier[w[i], at] - (n - 1 - j) * h
-                b[T + i], b[H + i] = t, h if m >= 0 else -h
+            if m < 0:
+                look_back(b, lanes, clock, earlier, w, n, k, j)
+            else:
+                if j == 0:
+                    for i in range(lanes):
+                        b[BEGAN + i] = clock[w[i], k]
+                        b[H + i] = (clock[w[i], k + 1] - clock[w[i], k]) / n
+                for i in range(lanes):
+                    b[T + i] = b[BEGAN + i] + j * b[H + i]
             if looks:
                 acted(b, lanes, layout, actuators, conditions, knots, believed, v, memory, path, pieces, u)
-            if len(when):
+            if layout[PUSHED] and (m <= 0 or j == 0):
                 for i in range(lanes):
                     at = when[min(begin + i, last - 1)]
-                    b[EXTRA + pushed * LANES + i] = push if m >= 0 and k == at else 0.0
-            advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares)
+                    b[PUSH + i] = push if m >= 0 and k == at else 0.0
+            advance(b, lanes, layout, terms, conditions, curves, knots, believed, v, shares, steady)
             if m < 0 or (m + 1) % n == 0:
                 tame(b, lanes)
             if m < 0:
@@ -231,32 +264,40 @@ def travel(
     (U, .) at the windows' start, which move on.
     """
     n, length, actions = layout[SUBSTEPS], given.shape[1], given.shape[2]
+    count, ways = length * n, len(actuators)
     path, pieces, u = np.zeros((2, 6)), np.empty((3, memories.shape[1] + 2)), np.empty(2)
-    v = np.empty((values.shape[1], 1))
-    before = out.shape[1] - length * n
+    v, s, room = np.empty((values.shape[1], 1)), np.empty(count), np.empty(memories.shape[1] + count)
+    t, h = np.empty(count), np.empty(count)
+    before = out.shape[1] - count
     for row in range(first, last):
-        w = window[row]
+        w, memory = window[row], memories[row]
         v[:, 0] = values[row]
         for k in range(length):
-            h = (clock[w, k + 1] - clock[w, k]) / n
+            step = (clock[w, k + 1] - clock[w, k]) / n
             for j in range(n):
-                for x in range(actions):
-                    u[x] = given[w, k, x]
-                t = clock[w, k] + j * h
-                act(
-                    layout,
-                    actuators,
-                    conditions,
-                    knots,
-                    v,
-                    0,
-                    path,
-                    memories[row],
-                    layout[UNEVEN],
-                    t,
-                    h,
-                    pieces,
-                    u,
-                )
-                for x in range(actions):
-                    out[row, before + k * n + j, x] = u[x]
+                t[k * n + j], h[k * n + j] = clock[w, k] + j * step, step
+        for x in range(actions):
+            for k in range(length):
+                for j in range(n):
+                    s[k * n + j] = given[w, k, x]
+            begin = 0
+            while begin < ways and actuators[begin, ON] != x:
+                begin += 1
+            end, pieced = begin, False
+            while end < ways and actuators[end, ON] == x:
+                late = actuators[end, LAW] == DELAY
+                pieced = pieced or (late and (actuators[end, FOLLOWED] or layout[UNEVEN]))
+                end += 1
+            if pieced:  # what follows meets several commands within a substep
+                way = actuators[begin:end]
+                for m in range(count):
+                    u[x] = s[m]
+                    act(
+                        layout, way, conditions, knots, v, 0, path, memory, layout[UNEVEN], t[m], h[m], pieces, u
+                    )  # fmt: skip
+                    s[m] = u[x]
+            else:
+                for line in range(begin, end):
+                    move(layout, actuators, line, conditions, knots, v, memory, t, h, room, s)
+            for m in range(count):
+                out[row, before + m, x] = s[m]

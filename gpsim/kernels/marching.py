@@ -154,8 +154,8 @@ def marched(
     told = (_own(values), _own(starts), _own(clock), _own(past.earlier), past.stood, window)
     known = (_own(commands.acted), commands.which, commands.before)
     given = np.empty((0, 0, 0)) if commands.given is None else _own(commands.given)
-    pushed = pushed or Pushed(np.empty(0, np.int64), 0, 0.0)
-    pushes = (pushed.when, pushed.rate, pushed.push)
+    layout[codes.PUSHED] = 0 if pushed is None else 1 + pushed.rate
+    pushes = (np.empty(0, np.int64), 0.0) if pushed is None else (pushed.when, pushed.push)
     arguments = (*tables, program.kept, program.rest, at.table, *told, *known, given, memories, *pushes)
     _shared(march, (*arguments, out, passed, past.depth), rows, rows * length * n, threads)
     return out, passed

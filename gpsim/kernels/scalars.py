@@ -10,6 +10,15 @@ FAR = 1e6  # what a diverging simulation is clipped to: far beyond any state, an
 
 
 @compiled
+def place(at: int) -> int:
+    """An offset that is not negative, which the compiler then knows: no index is counted from an array's end.
+
+    Loops over lanes from an offset that is found while it runs become vectors only so.
+    """
+    return max(at, 0)
+
+
+@compiled
 def larger(a: float, b: float) -> float:
     """As np.maximum: not a number where one of them is not."""
     return a if a >= b or a != a else b

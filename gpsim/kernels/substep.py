@@ -1,10 +1,14 @@
-"""One substep of lanes of rows: gates, parameters, rates, integration (see `gpsim.effects.chain.Chain.advance`)."""
+"""One substep of lanes of rows: gates, parameters, rates, integration (see `gpsim.effects.chain.Chain.advance`).
+
+Shares of terms without a gate are one.
+"""
 
 from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.codes import (
     ACKERMANN,
+    CARTPOLE,
     CHANGING,
     CURVE,
     DRIVE_CURVE,
@@ -13,10 +17,12 @@ from gpsim.kernels.codes import (
     GATE_END,
     HELD,
     LAW,
+    LOOKS,
     LOOKS_AHEAD,
     ON,
     OPENING,
     PARAMETERS,
+    PUSHED,
     RATES,
     RK4,
     SCHEME,
@@ -32,9 +38,9 @@ from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import curve_at
 from gpsim.kernels.friction import push, rub_all
 from gpsim.kernels.gates import find_shares
-from gpsim.kernels.lanes import AHEAD, EXTRA, K1, LANES, ONE, SUM, F, H, K, P, R, U, X, Y
+from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, PUSH, SUM, F, H, K, P, R, U, X, Y
 from gpsim.kernels.laws import twist
-from gpsim.kernels.scalars import blended
+from gpsim.kernels.scalars import blended, place
 from gpsim.kernels.systems import rates, slope, turning
 
 
@@ -52,7 +58,11 @@ def correct(
 ) -> None:
     """Change P, as it was believed, to the parameters that the rows have."""
     for n in range(layout[PARAMETERS], layout[TWISTS]):
-        at, value, gated = P + terms[n, ON] * LANES, terms[n, VALUE], terms[n, GATE] < terms[n, GATE_END]
+        at, value, gated = (
+            place(P + terms[n, ON] * LANES),
+            terms[n, VALUE],
+            terms[n, GATE] < terms[n, GATE_END],
+        )
         for i in range(lanes):
             new = b[at + i] * v[value, i]
             b[at + i] = blended(shares[n, i], new, b[at + i]) if gated else new
@@ -75,7 +85,7 @@ def find(
     rub_all(b, lanes, layout, terms, curves, knots, v, shares)
     for n in range(layout[TWISTS], layout[RATES]):
         if terms[n, ON] <= OPENING:
-            for i in range(3 * lanes):
+            for i in range(3 * LANES):
                 b[SUM + i] = b[R + i]
         twist(b, lanes, terms, n, v, curves, knots)
         if terms[n, GATE] < terms[n, GATE_END]:
@@ -85,8 +95,10 @@ def find(
                     b[R + at] = blended(shares[n, i], b[R + at], b[SUM + at])
     for n in range(layout[RATES], layout[TERMS]):
         add_curve(b, lanes, layout, terms, n, curves, knots, v, shares)
-    for i in range(3 * lanes):
-        b[R + i] += b[EXTRA + i]
+    if layout[PUSHED]:
+        at = place(R + (layout[PUSHED] - 1) * LANES)
+        for i in range(lanes):
+            b[at + i] += b[PUSH + i]
 
 
 @compiled
@@ -103,14 +115,14 @@ def add_curve(
 ) -> None:
     """Add to R a free curve of one of the rates, or what one of a command does to them."""
     curve_at(b, lanes, terms[n, VALUE], curves, terms[n, CURVE], knots, v, ONE)
-    on, gated = terms[n, ON] * LANES, terms[n, GATE] < terms[n, GATE_END]
+    on = place(terms[n, ON] * LANES)
     if terms[n, LAW] != DRIVE_CURVE:
         for i in range(lanes):
-            b[R + on + i] += b[ONE + i] * shares[n, i] if gated else b[ONE + i]
+            b[R + on + i] += b[ONE + i] * shares[n, i]
         return
-    for i in range(3 * lanes):
+    for i in range(3 * LANES):
         b[SUM + i] = b[R + i]
-    for i in range(2 * lanes):
+    for i in range(2 * LANES):
         b[F + i] = 0.0
     for turn in range(2):
         times = 1.0 if turn else -1.0
@@ -120,32 +132,48 @@ def add_curve(
         for c in range(3):
             for i in range(lanes):
                 at = c * LANES + i
-                b[SUM + at] += times * b[R + at] * (shares[n, i] if gated else 1.0)
+                b[SUM + at] += times * b[R + at] * shares[n, i]
     for i in range(lanes):
         b[U + on + i] -= b[ONE + i]
-    for i in range(3 * lanes):
+    for i in range(3 * LANES):
         b[R + i] = b[SUM + i]
 
 
 @compiled
 def peer(b: FloatArray, lanes: int, layout: IntArray, believed: FloatArray) -> None:
-    """Fill AHEAD with about where the substep ends, for gates that look at the state; P is what was believed then."""
-    for i in range(4 * lanes):
+    """Fill AHEAD with about where the substep ends, for gates that look at the state.
+
+    Where that takes rates, P becomes what was believed; positions need none.
+    """
+    for i in range(4 * LANES):
         b[AHEAD + i] = b[Y + i] = b[X + i]
-    believe(b, lanes, believed)
-    if layout[LOOKS_AHEAD]:
+    if not layout[LOOKS_AHEAD]:
+        return
+    if layout[LOOKS_AHEAD] == 1:
+        for i in range(3 * LANES):
+            b[R + i] = 0.0
+    else:
+        believe(b, lanes, believed)
         turning(b, lanes, layout[SYSTEM])
-        for i in range(2 * lanes):
+        for i in range(2 * LANES):
             b[F + i] = 0.0
         rates(b, lanes, layout[SYSTEM], layout[HELD])
-        if layout[LOOKS_AHEAD] == 1:  # positions need no rates
-            for i in range(3 * lanes):
-                b[R + i] = 0.0
-        slope(b, lanes, layout[SYSTEM], layout[STILL])
-        for c in range(4):
-            for i in range(lanes):
-                at = c * LANES + i
-                b[AHEAD + at] = b[X + at] + b[H + i] * b[K + at]
+    slope(b, lanes, layout[SYSTEM], layout[STILL])
+    for c in range(4):
+        for i in range(lanes):
+            at = c * LANES + i
+            b[AHEAD + at] = b[X + at] + b[H + i] * b[K + at]
+
+
+@compiled
+def is_steady(layout: IntArray, terms: IntArray) -> bool:
+    """Whether the parameters that a row has stay as they are from one substep to the next."""
+    if layout[LOOKS_AHEAD] > 1 and (layout[CHANGING] or layout[LOOKS]):
+        return False
+    gated = 0
+    for n in range(layout[PARAMETERS], layout[TWISTS]):
+        gated += terms[n, GATE] < terms[n, GATE_END]
+    return gated == 0
 
 
 @compiled
@@ -160,57 +188,56 @@ def advance(
     believed: FloatArray,
     v: FloatArray,
     shares: FloatArray,
+    steady: bool,
 ) -> None:
-    """Move X on by a substep."""
+    """Move X on by a substep; steady: the parameters in P are the rows' still."""
     scheme, system = layout[SCHEME], layout[SYSTEM]
-    for i in range(4 * lanes):
-        b[Y + i] = b[X + i]
+    drives = system == UNICYCLE or system == ACKERMANN
     if layout[CHANGING]:
         peer(b, lanes, layout, believed)
         find_shares(b, lanes, layout, terms, conditions, knots, v, shares)
-    else:
+    if not steady:
         believe(b, lanes, believed)
-    correct(b, lanes, layout, terms, v, shares)
+        correct(b, lanes, layout, terms, v, shares)
+    for i in range(4 * LANES):
+        b[Y + i] = b[X + i]
     # Rates that are the same in all states, as a vehicle's often are, are found once.
-    held = (system == UNICYCLE or system == ACKERMANN) and layout[RATES] == layout[TERMS]
+    held = drives and layout[RATES] == layout[TERMS]
+    channels = 3 if drives else (4 if system == CARTPOLE else 2)
     stages = 3 if scheme == FINE else (4 if scheme == RK4 else 1)
     for n in range(stages):
         turning(b, lanes, system)
         if n == 0 or not held:
             find(b, lanes, layout, terms, curves, knots, v, shares)
         slope(b, lanes, system, layout[STILL])
-        add_up(b, lanes, scheme, n)
-        if n < stages - 1:
-            share = (n + 1) / 3.0 if scheme == FINE else (0.5 if n < 2 else 1.0)
-            for c in range(4):
-                for i in range(lanes):
-                    at = c * LANES + i
-                    b[Y + at] = b[X + at] + share * b[H + i] * b[K + at]
-    for c in range(4):
-        for i in range(lanes):
-            at = c * LANES + i
-            b[Y + at] = b[X + at] + b[H + i] * b[K1 + at]
-    if scheme == SEMI_IMPLICIT and not (system == UNICYCLE or system == ACKERMANN):
-        for q in range(0, 4, 2):  # positions go with the new velocities
+        go_on(b, lanes, channels, scheme, n, n == stages - 1)
+    if scheme == SEMI_IMPLICIT and not drives:
+        for q in range(0, channels, 2):  # positions go with the new velocities
             if not layout[STILL] & (1 << q):
                 for i in range(lanes):
                     at = q * LANES + i
                     b[Y + at] = b[X + at] + b[H + i] * b[Y + LANES + at]
-    for i in range(4 * lanes):
+    for i in range(4 * LANES):
         b[X + i] = b[Y + i]
 
 
 @compiled
-def add_up(b: FloatArray, lanes: int, scheme: int, stage: int) -> None:
-    """Add the slope of a stage to the mean slope K1: Heun (1900), third order; the classical Runge-Kutta scheme."""
-    weight = 1.0
+def go_on(b: FloatArray, lanes: int, channels: int, scheme: int, stage: int, ends: bool) -> None:
+    """Fill Y with the state of the next stage or of the substep's end.
+
+    The slope of a stage goes into the mean K1: Heun (1900), third order; the classical Runge-Kutta scheme.
+    """
+    weight, share = 1.0, 1.0
     if scheme == FINE:
         weight = 0.25 if stage == 0 else (0.0 if stage == 1 else 0.75)
+        share = (stage + 1) / 3.0
     elif scheme == RK4:
         weight = 1.0 / 6.0 if stage == 0 or stage == 3 else 1.0 / 3.0
-    if stage == 0:
-        for i in range(4 * lanes):
-            b[K1 + i] = weight * b[K + i]
-    elif weight > 0.0:
-        for i in range(4 * lanes):
-            b[K1 + i] += weight * b[K + i]
+        share = 0.5 if stage < 2 else 1.0
+    for c in range(channels):
+        for i in range(lanes):
+            at = c * LANES + i
+            slope = b[K + at]
+            mean = weight * slope + (b[K1 + at] if stage > 0 else 0.0)
+            b[K1 + at] = mean
+            b[Y + at] = b[X + at] + (b[H + i] * mean if ends else share * b[H + i] * slope)

@@ -1,0 +1,121 @@
+"""Commands of one row through the actuators on one way, law by law, where nothing depends on the state.
+
+It gives what `gpsim.kernels.acting` gives a substep at a time, but each law takes the commands of all substeps at once:
+which law it is, where its memory lies and what is constant are found once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.acting import passed
+from gpsim.kernels.codes import (
+    BIAS,
+    DEAD_ZONE,
+    DELAY,
+    DEPTH,
+    FINE,
+    GAIN,
+    GATE,
+    GATE_END,
+    LAG,
+    LAW,
+    MEMORY,
+    SCHEME,
+    VALUE,
+)
+from gpsim.kernels.compiling import compiled
+from gpsim.kernels.gates import share_of
+from gpsim.kernels.scalars import blended, larger
+
+
+@compiled
+def move(
+    layout: IntArray,
+    actuators: IntArray,
+    n: int,
+    conditions: IntArray,
+    knots: FloatArray,
+    v: FloatArray,
+    memory: FloatArray,
+    t: FloatArray,
+    h: FloatArray,
+    before: FloatArray,
+    s: FloatArray,
+) -> None:
+    """Change the commands s (M,), one a substep of h [s] that begins at t [s] each, to what actuator n makes of them.
+
+    memory of the row moves on; before: (depth + M,) room for what was commanded.
+    """
+    law, at, place, count = actuators[n, LAW], actuators[n, VALUE], actuators[n, MEMORY], len(s)
+    gated = actuators[n, GATE] < actuators[n, GATE_END]
+    # A delay has what it remembers before what is commanded now.
+    depth = actuators[n, DEPTH] if law == DELAY else 0
+    if gated or law == DELAY:
+        for m in range(count):
+            before[depth + m] = s[m]
+    first = v[at, 0]
+    if law == DELAY:
+        wait(first, memory, place, depth, h, before, s)
+    elif law == GAIN:
+        for m in range(count):
+            s[m] *= first
+    elif law == BIAS:
+        for m in range(count):
+            s[m] += first
+    elif law == DEAD_ZONE:
+        for m in range(count):
+            s[m] = 0.0 if abs(s[m]) < first else s[m]
+    elif law == LAG:
+        follow(first, memory, place, h, s)
+    else:
+        for m in range(count):
+            s[m] = passed(law, at, v, 0, memory, place, s[m], t[m], h[m])
+    if gated:
+        looking, path = (1.0 if layout[SCHEME] == FINE else 0.0), np.zeros((2, 6))
+        for m in range(count):
+            acts = share_of(
+                actuators[n, GATE], actuators[n, GATE_END], conditions, knots, v, 0, path, t[m], looking * h[m]
+            )  # fmt: skip
+            s[m] = blended(acts, s[m], before[depth + m])
+
+
+@compiled
+def follow(constant: float, memory: FloatArray, place: int, h: FloatArray, s: FloatArray) -> None:
+    """A lag of a time constant [s]; each command becomes its mean over its substep."""
+    level, last, kept, mean = memory[place], np.nan, 0.0, 0.0
+    for m in range(len(s)):
+        if h[m] != last:
+            last = h[m]
+            ratio = larger(last, 1e-12) / larger(constant, 1e-9)
+            kept, mean = math.exp(-ratio), -math.expm1(-ratio) / ratio
+        u = s[m]
+        behind = level - u
+        level = behind * kept + u
+        s[m] = u + behind * mean
+    memory[place] = level
+
+
+@compiled
+def wait(
+    delay: float, memory: FloatArray, at: int, depth: int, h: FloatArray, heard: FloatArray, s: FloatArray
+) -> None:
+    """A delay [s] on an even clock; each command becomes the mean of the two that its substep meets.
+
+    memory: a ring of `depth` commands and where the oldest lies; heard: (depth + M,) those and the ones since.
+    """
+    head, count = int(memory[at + 2 * depth]), len(s)
+    for i in range(depth):
+        heard[i] = memory[at + (head + i) % depth]
+    for m in range(count):
+        back = min(delay / h[m], depth - 1.0)
+        whole = int(back)
+        newer, older = heard[depth + m - whole], heard[depth + m - whole - 1]
+        s[m] = newer + (back - whole) * (older - newer)
+    head = (head + count) % depth
+    for i in range(depth):
+        memory[at + (head + i) % depth] = heard[count + i]
+    memory[at + 2 * depth] = head
