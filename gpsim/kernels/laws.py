@@ -62,7 +62,9 @@ def force(
             b[to + i] += v[at, i] * shares[n, i]
     else:
         about = terms[n, CURVE]
-        curve(b, lanes, speed if curves[about, FIRST] else position, 0, at, curves, about, knots, v, ONE)
+        curve(
+            b, lanes, speed if curves[about, FIRST] else position, position, at, curves, about, knots, v, ONE
+        )
         for i in range(lanes):
             b[to + i] += b[ONE + i] * shares[n, i]
 
@@ -98,7 +100,7 @@ def grip(
     else:
         about = terms[n, CURVE]
         of_speed = curves[about, FIRST] == 1
-        curve(b, lanes, speed if of_speed else position, 0, at, curves, about, knots, v, ONE)
+        curve(b, lanes, speed if of_speed else position, position, at, curves, about, knots, v, ONE)
         if of_speed:  # of what rests, the mean of both directions
             for i in range(lanes):
                 if b[speed + i] == 0.0:
@@ -127,7 +129,7 @@ def twist(
         for i in range(lanes):
             b[R1 + i] -= v[at, i] * b[R + i] * b[R2 + i]
     else:
-        curve(b, lanes, SUM, SUM + 2 * LANES, at, curves, terms[n, CURVE], knots, v, ONE)
+        curve(b, lanes, place(SUM), place(SUM + 2 * LANES), at, curves, terms[n, CURVE], knots, v, ONE)
         if law == TURN_CURVE:
             for i in range(lanes):
                 b[R2 + i] += b[ONE + i]

@@ -268,7 +268,10 @@ def travel(
     path, pieces, u = np.zeros((2, 6)), np.empty((3, memories.shape[1] + 2)), np.empty(2)
     v, s, room = np.empty((values.shape[1], 1)), np.empty(count), np.empty(memories.shape[1] + count)
     t, h = np.empty(count), np.empty(count)
-    before = out.shape[1] - count
+    before, lane = (
+        out.shape[1] - count,
+        int(np.int64(0)),
+    )  # a literal 0 would have all it is given to compiled once more
     for row in range(first, last):
         w, memory = window[row], memories[row]
         v[:, 0] = values[row]
@@ -293,7 +296,7 @@ def travel(
                 for m in range(count):
                     u[x] = s[m]
                     act(
-                        layout, way, conditions, knots, v, 0, path, memory, layout[UNEVEN], t[m], h[m], pieces, u
+                        layout, way, conditions, knots, v, lane, path, memory, layout[UNEVEN], t[m], h[m], pieces, u
                     )  # fmt: skip
                     s[m] = u[x]
             else:

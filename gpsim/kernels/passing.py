@@ -57,7 +57,7 @@ def move(
     if gated or law == DELAY:
         for m in range(count):
             before[depth + m] = s[m]
-    first = v[at, 0]
+    first, lane = v[at, 0], int(np.int64(0))
     if law == DELAY:
         wait(first, memory, place, depth, h, before, s)
     elif law == GAIN:
@@ -73,12 +73,12 @@ def move(
         follow(first, memory, place, h, s)
     else:
         for m in range(count):
-            s[m] = passed(law, at, v, 0, memory, place, s[m], t[m], h[m])
+            s[m] = passed(law, at, v, lane, memory, place, s[m], t[m], h[m])
     if gated:
         looking, path = (1.0 if layout[SCHEME] == FINE else 0.0), np.zeros((2, 6))
         for m in range(count):
             acts = share_of(
-                actuators[n, GATE], actuators[n, GATE_END], conditions, knots, v, 0, path, t[m], looking * h[m]
+                actuators[n, GATE], actuators[n, GATE_END], conditions, knots, v, lane, path, t[m], looking * h[m]
             )  # fmt: skip
             s[m] = blended(acts, s[m], before[depth + m])
 
