@@ -18,6 +18,8 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 ROOM = Path(__file__).parent
+I1, I2, F1, F2, F3 = "int64[::1]", "int64[:, ::1]", "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
+"""Types of arrays in signatures: of whole numbers and others, of one to three dimensions."""
 UNCALLED: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Python never calls it: what would let it is not made, which saves a tenth of the compilation."""
 

@@ -8,20 +8,15 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.kernels.acting import act
 from gpsim.kernels.codes import (
     ACTIONS,
-    DELAY,
-    FOLLOWED,
-    LAW,
     LOOKS,
-    ON,
     PER_SUBSTEP,
     PUSHED,
     SUBSTEPS,
     UNEVEN,
     WIDTH,
 )
-from gpsim.kernels.compiling import compiled, entry
+from gpsim.kernels.compiling import F1, F2, F3, I1, I2, compiled, entry
 from gpsim.kernels.lanes import AHEAD, BEGAN, LANES, PUSH, SIZE, TOGETHER, U1, H, T, U, X
-from gpsim.kernels.passing import move
 from gpsim.kernels.scalars import place, tamed
 from gpsim.kernels.substep import advance, believe, correct, is_steady, peer
 
@@ -131,7 +126,6 @@ def look_back(
         b[T + i], b[H + i] = t, -h
 
 
-I1, I2, F1, F2, F3 = "int64[::1]", "int64[:, ::1]", "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
 TABLES = f"{I1}, {I2}, {I2}, {I2}, {F1}, {F1}, {I1}, {F1}"
 
 
@@ -241,66 +235,3 @@ def march(
                 write(b, lanes, kept, passed, begin, count, depth - 1 + back if m < 0 else depth + m)
             if m >= 0 and (m + 1) % n == 0:
                 write(b, lanes, kept, out, begin, count, k + 1)
-
-
-@entry(f"void({I1}, {I2}, {I2}, {F1}, {F2}, {F2}, {I1}, {F3}, {F2}, {F3}, int64, int64)")
-def travel(
-    layout: IntArray,
-    actuators: IntArray,
-    conditions: IntArray,
-    knots: FloatArray,
-    values: FloatArray,
-    clock: FloatArray,
-    window: IntArray,
-    given: FloatArray,
-    memories: FloatArray,
-    out: FloatArray,
-    first: int,
-    last: int,
-) -> None:
-    """Fill out (U, K, A), the last L n of K, with what reaches the simulator in the windows, whatever its state.
-
-    values: (U, V); clock: (W, L + 1) s and given: (W, L, A), the commands, of each row's `window` (U,); memories:
-    (U, .) at the windows' start, which move on.
-    """
-    n, length, actions = layout[SUBSTEPS], given.shape[1], given.shape[2]
-    count, ways = length * n, len(actuators)
-    path, pieces, u = np.zeros((2, 6)), np.empty((3, memories.shape[1] + 2)), np.empty(2)
-    v, s, room = np.empty((values.shape[1], 1)), np.empty(count), np.empty(memories.shape[1] + count)
-    t, h = np.empty(count), np.empty(count)
-    before, lane = (
-        out.shape[1] - count,
-        int(np.int64(0)),
-    )  # a literal 0 would have all it is given to compiled once more
-    for row in range(first, last):
-        w, memory = window[row], memories[row]
-        v[:, 0] = values[row]
-        for k in range(length):
-            step = (clock[w, k + 1] - clock[w, k]) / n
-            for j in range(n):
-                t[k * n + j], h[k * n + j] = clock[w, k] + j * step, step
-        for x in range(actions):
-            for k in range(length):
-                for j in range(n):
-                    s[k * n + j] = given[w, k, x]
-            begin = 0
-            while begin < ways and actuators[begin, ON] != x:
-                begin += 1
-            end, pieced = begin, False
-            while end < ways and actuators[end, ON] == x:
-                late = actuators[end, LAW] == DELAY
-                pieced = pieced or (late and (actuators[end, FOLLOWED] or layout[UNEVEN]))
-                end += 1
-            if pieced:  # what follows meets several commands within a substep
-                way = actuators[begin:end]
-                for m in range(count):
-                    u[x] = s[m]
-                    act(
-                        layout, way, conditions, knots, v, lane, path, memory, layout[UNEVEN], t[m], h[m], pieces, u
-                    )  # fmt: skip
-                    s[m] = u[x]
-            else:
-                for line in range(begin, end):
-                    move(layout, actuators, line, conditions, knots, v, memory, t, h, room, s)
-            for m in range(count):
-                out[row, before + m, x] = s[m]

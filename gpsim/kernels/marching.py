@@ -112,7 +112,7 @@ def travelled(
 
     given: (W, L, A) the windows' commands, of each row's `window` (U,); the actuators' memories move on.
     """
-    from gpsim.kernels.march import travel  # which imports numba
+    from gpsim.kernels.passing import travel  # which imports numba
 
     (rows, past), length = before.shape[:2], given.shape[1]
     out = np.empty((rows, past + length * n, given.shape[2]))
