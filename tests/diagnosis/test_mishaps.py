@@ -86,7 +86,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     assert all(line in page for line in lines)
     read_artifact(made, "diagnose")
     with monkeypatch.context() as patched:
-        patched.setattr(diagnosis_files, "page", broken)
+        patched.setattr("gpsim.reports.diagnosis_page.page", broken)
         patched.setattr(diagnosis_files, "_write_process", broken)
         made, said = diagnosed("page")
     assert [line.split(":")[1].strip() for line in said.err.splitlines()] == [

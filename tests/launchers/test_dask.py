@@ -189,7 +189,8 @@ def test_what_came_back_otherwise_than_it_was_made_is_refused(tmp_path):
 def test_ctrl_c_stays_what_it_was():
     """Importing dask-jobqueue makes it an exit with code 0."""
     code = (
-        "import signal, gpsim.launchers.dask_client;"
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        "import gpsim.launchers.dask_client;"
         "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -54,11 +54,42 @@ def test_a_function_answers_as_the_sum_of_its_pushes(tmp_path):
     groups += (
         lack_of_fit._double(problem, single, [1.0] * len(single))[-2:] + lack_of_fit._remembering(problem)[:1]
     )
-    told = lack_of_fit._told_by_impulses(problem, at, directions, groups)
-    alone = lack_of_fit._tested(problem, at, directions, groups)
+    rest = directions.rest.ravel()
+    told = lack_of_fit._all_tested(problem, at, directions, groups)
+    alone = [lack_of_fit._explained(simulated(problem, at, directions, group), rest) for group in groups]
     for (nats, freedom), (own, freedom_alone) in zip(told, alone, strict=True):
         assert nats == pytest.approx(own, rel=0.05)
         assert freedom == freedom_alone
+
+
+def simulated(problem, at, directions, group):
+    """(F, N): what each function of a group takes off, each of them added to the rate where the simulation is."""
+    chain = at.hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    windows, states, push = (
+        problem.windows,
+        len(problem.simulator.state),
+        lack_of_fit._probe(problem, group.rate),
+    )
+    past = lack_of_fit._past(problem, group.inputs[1] - states, group.memory) if group.memory else None
+    out = []
+    for place in np.ndindex(*(group.knots.shape[1],) * len(group.inputs)):
+
+        def extra(state, action, k, place=place):
+            seen = lack_of_fit._inputs(problem, state, action)
+            columns = [seen[:, i] for i in group.inputs]
+            if past is not None:
+                columns[1] = past[:, k]
+            added = np.zeros((len(state), len(problem.simulator.rate)))
+            added[:, group.rate] = push
+            for column, knots, own in zip(columns, group.knots, place, strict=True):
+                added[:, group.rate] *= lack_of_fit._hat(column, knots, np.array(own))
+            return added
+
+        theta, spread = at.hypothesis.theta[None], at.hypothesis.spread
+        said = problem.simulated(chain, windows, at.starts[None], spread, theta, extra)
+        residual = problem.simulator.gap(windows.measured[None], said) * problem.root_weights
+        out.append(directions.changes(residual).ravel() / push)
+    return np.array(out)
 
 
 def test_a_finer_grid_is_asked_for_where_commands_are_remembered(tmp_path):
