@@ -122,7 +122,7 @@ def diagnosed(side: Path, recording: Path, simulator: str | None, cache: Path) -
 
 def claims(report: Mapping[str, Any]) -> set[tuple[str, str]]:
     """Family and place of what is claimed."""
-    return {(e["family"], e["place"]) for e in report["effects"] if e.get("role", "headline") == "headline"}
+    return {(e["family"], e["on"]) for e in report["effects"] if e.get("role", "headline") == "headline"}
 
 
 def difference(new: Mapping[str, Any], old: Mapping[str, Any]) -> str:
@@ -131,12 +131,12 @@ def difference(new: Mapping[str, Any], old: Mapping[str, Any]) -> str:
         return f"verdict {old['verdict']} -> {new['verdict']}"
     mine, theirs = claims(new), claims(old)
     if mine != theirs:
-        listed = [{(e["family"], e["place"]) for e in a["effects"]} for a in old.get("alternatives", [])]
+        listed = [{(e["family"], e["on"]) for e in a["effects"]} for a in old.get("alternatives", [])]
         if not any(mine == other or mine - theirs <= other for other in listed):
             return f"claims {sorted(theirs)} -> {sorted(mine)}"
-    before = {(e["family"], e["place"]): e["parameters"] for e in old["effects"]}
+    before = {(e["family"], e["on"]): e["parameters"] for e in old["effects"]}
     for effect in new["effects"]:
-        for name, value in before.get((effect["family"], effect["place"]), {}).items():
+        for name, value in before.get((effect["family"], effect["on"]), {}).items():
             got = effect["parameters"].get(name, {}).get("value")
             low, high = value.get("low"), value.get("high")
             if None not in (got, low, high) and not low <= got <= high:

@@ -97,17 +97,17 @@ def columns_beside(names: Sequence[str], others: Collection[str], prefix: str) -
 
 
 def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Map angles [rad] to [-pi, pi); those that lie there stay as they are."""
-    wrapped = np.array(angle, dtype=np.float64)
-    beyond = ~((wrapped >= -np.pi) & (wrapped < np.pi))
-    if beyond.any():  # a division with remainder costs ten times as much as to see that it is not needed
-        wrapped[beyond] = (wrapped[beyond] + np.pi) % (2.0 * np.pi) - np.pi
-    return wrapped
+    """Map angles [rad] to [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi, dtype=np.float64)
 
 
 def difference(after: FloatArray, before: FloatArray, channels: Channels) -> FloatArray:
     """After - before, (..., C), the short way round for channels that wrap."""
     delta = np.asarray(after - before, dtype=np.float64)
     if channels.wraps.any():
-        delta[..., channels.wraps] = wrap_angle(delta[..., channels.wraps])
+        angles = delta[..., channels.wraps]
+        beyond = ~((angles >= -np.pi) & (angles < np.pi))
+        if beyond.any():  # a division with remainder costs ten times as much as to see that it is not needed
+            angles[beyond] = wrap_angle(angles[beyond])
+            delta[..., channels.wraps] = angles
     return delta
