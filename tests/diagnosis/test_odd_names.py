@@ -36,13 +36,16 @@ def odd_recording(system):
     )
 
 
+FEW = "diagnose.families.only=[actuator_gain,parameter_offset,viscous_friction]"
+
+
 @pytest.fixture(scope="module")
 def diagnosed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("odd")
     (folder / "odd.py").write_text(ODD_SLIDER, encoding="utf-8")
     (folder / "log").mkdir()
     write_recording(odd_recording(make_simulator(f"{folder / 'odd.py'}:Odd")), folder / "log", "csv")
-    result = CliRunner().invoke(app, ["diagnose", str(folder / "log"), "--out", str(folder / "out")])
+    result = CliRunner().invoke(app, ["diagnose", str(folder / "log"), "--out", str(folder / "out"), FEW])
     assert result.exit_code == 0, result.output
     return folder / "out", result.output
 
