@@ -140,7 +140,9 @@ def difference(new: Mapping[str, Any], old: Mapping[str, Any]) -> str:
             got = effect["parameters"].get(name, {}).get("value")
             low, high = value.get("low"), value.get("high")
             if None not in (got, low, high) and not low <= got <= high:
-                return f"{effect['family']} on {effect['on']}: {name} {got:.4g} outside [{low:.4g}, {high:.4g}]"
+                return (
+                    f"{effect['family']} on {effect['on']}: {name} {got:.4g} outside [{low:.4g}, {high:.4g}]"
+                )
     return ""
 
 
