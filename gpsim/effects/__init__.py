@@ -17,7 +17,7 @@ from gpsim.effects.effect import (
     VehicleEffect,
     changed,
 )
-from gpsim.effects.elapsed import even, last_at_most
+from gpsim.effects.elapsed import even
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 
@@ -53,6 +53,5 @@ __all__ = [
     "even",
     "from_json",
     "has_patch",
-    "last_at_most",
     "to_json",
 ]

@@ -1,10 +1,11 @@
 """Lack of fit: whether a smooth function of state and command, added to a rate, explains what is left over.
 
 A score test (Rao 1948; with smooth alternatives Neyman 1937): a hypothesis is widened by piecewise linear functions of
-one input or of two, multiplied; how the residual would change with each is simulated once, and what the best
-combination of them would take off half the sum of squares is chi-squared distributed, halved, if nothing is missing;
-not centrally, where the simulation's own error is left over, too. It tells that something is missing where no law of
-the catalogue does, and on what it depends. Laws that remember get, beside a command, its average over the last moments.
+one input or of two, multiplied; how the residual would change with each is the sum of how it answers pushes on a rate
+(see `impulses`), and what the best combination of them would take off half the sum of squares is chi-squared
+distributed, halved, if nothing is missing; not centrally, where the simulation's own error is left over, too. It tells
+that something is missing where no law of the catalogue does, and on what it depends. Laws that remember get, beside a
+command, its average over the last moments.
 """
 
 from __future__ import annotations
