@@ -9,7 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray
-from gpsim.diagnosis.assessment import Comparison, combinations, depends_on, intervals, locate, tell_apart
+from gpsim.diagnosis.assessment import (
+    Comparison,
+    combinations,
+    depends_on,
+    intervals,
+    locate,
+    model_error,
+    tell_apart,
+    with_model_error,
+)
 from gpsim.diagnosis.attribution import Attribution, fits_without
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, gain
 from gpsim.diagnosis.judgement import Judgement, Laws, odds_against
@@ -51,9 +60,9 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
-        effects=_weighed(_effects(question, judgement, leader, judgement.probabilities[0]), answer),
+        effects=_weighed(_effects(question, answer, leader, judgement.probabilities[0]), answer),
         alternatives=tuple(
-            Alternative(_effects(question, judgement, rival, p), p)
+            Alternative(_effects(question, answer, rival, p), p)
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
         ),
         tell_apart=None,
@@ -130,14 +139,14 @@ def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
 
 def _effects(
     question: Question,
-    judgement: Judgement,
+    answer: Answer,
     found: Fit,
     probability: float,
 ) -> tuple[NamedEffect, ...]:
-    problem = question.everything
+    problem, judgement = question.everything, answer.judgement
     if not found.hypothesis.terms:
         return ()
-    bounds, lesser = intervals(problem, found), fits_without(problem, found, judgement.null)
+    bounds, lesser = _intervals(problem, answer, found), fits_without(problem, found, judgement.null)
     out, at = [], 0
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
@@ -162,6 +171,21 @@ def _effects(
             )
         )
     return tuple(out)
+
+
+def _intervals(problem: Problem, answer: Answer, found: Fit) -> FloatArray:
+    """(P, 2): what the data know of each parameter, less what physics without a name may have done to it."""
+    bounds, settings = intervals(problem, found), problem.run.settings.intervals
+    if not answer.judgement.structured:
+        return bounds
+    error = model_error(1.0 - answer.attribution.share.share, settings)
+    out, at = [], 0
+    for term, declared in zip(found.hypothesis.terms, found.hypothesis.declared, strict=True):
+        values = np.array([term.values[p.name] for p in declared])
+        own = bounds[at : at + len(declared)]
+        out.append(with_model_error(own, values, declared, error, settings.level))
+        at += len(declared)
+    return np.concatenate(out)
 
 
 def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> Estimate:

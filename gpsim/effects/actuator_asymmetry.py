@@ -25,8 +25,8 @@ class ActuatorAsymmetry(ActuatorEffect):
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """gain_positive and gain_negative [1]."""
         return (
-            EffectParameter("gain_positive", "1", -5.0, 5.0, (0.9,), 0.2),
-            EffectParameter("gain_negative", "1", -5.0, 5.0, (1.1,), 0.2),
+            EffectParameter("gain_positive", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0),
+            EffectParameter("gain_negative", "1", -5.0, 5.0, (1.1,), 0.2, none=1.0),
         )
 
     def actuate(

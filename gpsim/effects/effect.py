@@ -35,6 +35,7 @@ class EffectParameter:
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
+    place: whether it says where the effect acts, and not how much it does.
     """
 
     name: str
@@ -46,6 +47,7 @@ class EffectParameter:
     none: float = 0.0
     step: float | None = None
     falls: bool = False
+    place: bool = False
 
 
 def longest_delay(dt: float) -> float:

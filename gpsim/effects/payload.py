@@ -23,7 +23,9 @@ class Payload(ModelEffect):
         return (
             EffectParameter("mass", "kg", 0.0, 20 * span, (0.2 * span,), 0.2 * span),
             *(
-                EffectParameter(axis, "m", at - 2 * reach, at + 2 * reach, (at,), 0.3 * reach, none=at)
+                EffectParameter(
+                    axis, "m", at - 2 * reach, at + 2 * reach, (at,), 0.3 * reach, none=at, place=True
+                )
                 for axis, at in zip("xyz", centre, strict=True)
             ),
         )

@@ -29,6 +29,7 @@ class Spring(ForceEffect):
                 place.middle + 5 * place.reach,
                 (place.middle,),
                 0.3 * place.reach,
+                place=True,
             ),
         )
 

@@ -14,8 +14,8 @@ MOST = 2  # rivals that are told, the likeliest; further ones are in diagnosis.j
 
 
 def rivals(diagnosis: Diagnosis) -> Iterator[str]:
-    """Nothing where one explanation stands alone."""
-    if not diagnosis.alternatives or not any(told_effects(diagnosis)):
+    """Nothing where one explanation stands alone, or all others claim the same."""
+    if diagnosis.verdict == "named" or not diagnosis.alternatives or not any(told_effects(diagnosis)):
         return
     every = [_claims(diagnosis.effects), *(_claims(rival.effects) for rival in diagnosis.alternatives)]
     certain = [claim for claim in every[0] if all(claim in claims for claims in every)]

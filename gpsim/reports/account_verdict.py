@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import JudgedOn, NamedEffect
+from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.reports.account_effects import effect_name
 from gpsim.reports.quantities import share_text
 
@@ -26,16 +27,24 @@ def verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> s
     alone = len(headline) == 1 == len(diagnosis.effects)  # slight effects explain some of it, too
     what = f"{effect_name(headline[0])} explains" if alone else "the effects below explain"
     said = f"{what} {_share(diagnosis)}"
+    if diagnosis.verdict == "named" and diagnosis.alternatives:
+        return f"{said}; what does as well differs in small corrections alone."
     if diagnosis.verdict == "named":
         return f"{said}; no other explanation does as well."
     if diagnosis.verdict == "ambiguous":
         return f"{said}, but these data cannot tell this from {_others(len(diagnosis.alternatives))}."
     bent = [effect_name(effect) for effect in headline if effect.form == "approximate"]
-    if not bent:
+    if not bent or _much_is_left(diagnosis):
         return f"{said}; the rest has no name yet: train with it, and mind what is left."
     law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
     verb = "holds" if len(bent) == 1 else "hold"
     return f"{said}, but {law} {verb} only approximately: trust the curve, not the size."
+
+
+def _much_is_left(diagnosis: Diagnosis) -> bool:
+    """Whether the verdict would be `partial` if all laws held."""
+    share = diagnosis.explained.rollout
+    return share is not None and share.high is not None and share.high < VerdictSettings().nearly_all
 
 
 def _share(diagnosis: Diagnosis) -> str:

@@ -47,7 +47,8 @@ class Robot:
     @property
     def explanations(self) -> list[dict[Claim, NamedEffect]]:
         """Its headline effects, then those of each explanation that its recording cannot tell from them."""
-        others = self.diagnosis.alternatives if self.diagnosis is not None else ()
+        contested = self.diagnosis is not None and self.diagnosis.verdict != "named"
+        others = self.diagnosis.alternatives if self.diagnosis is not None and contested else ()
         return [
             self.effects,
             *({(e.family, e.place): e for e in o.effects if e.role == "headline"} for o in others),

@@ -19,7 +19,7 @@ from gpsim.diagnosis.form import (
     missing_curve,
 )
 from gpsim.diagnosis.judgement.laws import _stand_ins
-from gpsim.diagnosis.report import Share
+from gpsim.diagnosis.report import Explained, Share
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.diagnosis.settings import FormSettings, Settings
 from gpsim.effects import Gate, Term
@@ -417,7 +417,7 @@ def test_what_is_only_approximate_is_a_setting(settings, form):
     [
         (Share(0.95, 0.92, 0.97), {}, set()),
         (Share(0.70, 0.60, 0.91), {}, set()),  # not surely much without a name
-        (Share(0.70, 0.60, 0.80), {}, {1}),
+        (Share(0.85, 0.80, 0.88), {}, {1}),
         (Share(0.95, 0.92, 0.97), {"x": (0.0, 1.0)}, {1}),
     ],
 )
@@ -427,8 +427,27 @@ def test_a_parameter_beside_much_without_a_name_or_in_a_region_only_stands_in(sh
         term("parameter_offset", "cart_mass", Gate(region=region), ratio=1.2),
     )
     question = SimpleNamespace(run=SimpleNamespace(settings=Settings()))
-    judgement = SimpleNamespace(leader=SimpleNamespace(hypothesis=account))
-    assert _stand_ins(question, judgement, SimpleNamespace(share=share), groups_of(account)) == bent
-    assert (
-        _stand_ins(question, judgement, SimpleNamespace(share=share), groups_of(account, among=[0])) == set()
+    judgement = SimpleNamespace(leader=SimpleNamespace(hypothesis=account), structured=True)
+    worth = SimpleNamespace(
+        share=share, importance=(Share(0.9), Share(0.1)), explained=Explained(rollout=share)
     )
+    assert _stand_ins(question, judgement, worth, groups_of(account)) == bent
+    assert _stand_ins(question, judgement, worth, groups_of(account, among=[0])) == set()
+
+
+@pytest.mark.parametrize(
+    ("share", "importance", "bent"),
+    [
+        (Share(0.70, 0.60, 0.80), (0.45, 0.25), {0, 1}),
+        (Share(0.85, 0.80, 0.88), (0.70, 0.15), {1}),  # the first is five times what is left and more
+        (Share(0.95, 0.92, 0.97), (0.90, 0.05), set()),
+    ],
+)
+def test_what_is_not_much_more_than_what_has_no_name_only_stands_in(share, importance, bent):
+    account = said(term("viscous_friction", "theta", damping=1.0), term("actuator_gain", "force", gain=0.9))
+    question = SimpleNamespace(run=SimpleNamespace(settings=Settings()))
+    judgement = SimpleNamespace(leader=SimpleNamespace(hypothesis=account), structured=True)
+    worth = SimpleNamespace(
+        share=share, importance=tuple(map(Share, importance)), explained=Explained(rollout=share)
+    )
+    assert _stand_ins(question, judgement, worth, groups_of(account)) == bent

@@ -6,6 +6,7 @@ from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.intervals import intervals
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
+from gpsim.diagnosis.assessment.model_error import model_error, with_model_error
 from gpsim.diagnosis.assessment.replay import replayed
 from gpsim.diagnosis.assessment.scoring import score
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces, course, traces
@@ -28,9 +29,11 @@ __all__ = [
     "depends_on",
     "intervals",
     "locate",
+    "model_error",
     "most_telling",
     "replayed",
     "score",
     "tell_apart",
     "traces",
+    "with_model_error",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from gpsim.diagnosis.attribution import Attribution
 from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
 from gpsim.diagnosis.judgement.judgement import Judgement
-from gpsim.diagnosis.judgement.verdict import surely_below
+from gpsim.diagnosis.judgement.verdict import misses
 from gpsim.diagnosis.report import Curve, Form, Share
 from gpsim.diagnosis.setup import Question
 
@@ -67,13 +67,17 @@ def _stand_ins(
 ) -> set[int]:
     """Claims that can only stand in for what is there, whatever their curves say.
 
-    A claim that is put together of several laws' pieces is one of which none is known. And a parameter is one number:
-    one that differs in a region stands in for a law of that place, one beside much that surely has no name for some
-    of that.
+    A claim that is put together of several laws' pieces is one of which none is known. A parameter is one number: one
+    that differs in a region stands in for a law of that place. And beside much that surely has no name stands in for
+    some of it a parameter, and whatever is not several times as much: a law that is not in the catalogue leaves a good
+    part of itself to the nearest one that is.
     """
     claims, terms = {i for group in groups for i in group.terms}, judgement.leader.hypothesis.terms
-    settings = question.run.settings
+    settings, share = question.run.settings, attribution.share
     if judgement.leader.hypothesis.is_patchwork(settings.patchwork):
         return claims
-    nameless = surely_below(attribution.share, settings.verdict.nearly_all)
-    return {i for i in claims if terms[i].effect.site == "parameter" and (nameless or terms[i].gate.region)}
+    nameless = misses(judgement, attribution, settings.verdict.nearly_all)
+    left = 1.0 - (share.share if share.high is None else share.high)
+    small = {i for i in claims if attribution.importance[i].share < settings.form.stands_out * left}
+    numbers = {i for i in claims if terms[i].effect.site == "parameter"}
+    return (small | numbers if nameless else set()) | {i for i in numbers if terms[i].gate.region}

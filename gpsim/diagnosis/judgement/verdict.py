@@ -6,10 +6,12 @@ that holds:
 1. `none`: no effect stands, and nothing is left that chance would not make, or it shows in no channel.
 2. `unknown`: the effects surely explain less than `half`, or are no better than the base on held-out data.
 3. `partial`: they surely explain less than `nearly_all`, or the law of a headline effect holds approximately only.
-4. `ambiguous`: other explanations are not excluded.
+4. `ambiguous`: other explanations are not excluded, of what leads.
 5. `named`.
 
-Surely: the whole 90 % interval lies below. The numbers are `VerdictSettings`.
+Surely: the whole 90 % interval lies below, and there is something to explain: where no rollout shows a mismatch and
+nothing structured is left, a share of the fit windows is one of noise. Of what leads: rivals that have every headline
+effect and say other things of the slight ones leave the claims as they are. The numbers are `VerdictSettings`.
 """
 
 from __future__ import annotations
@@ -26,16 +28,23 @@ def verdict_of(
     judgement: Judgement, attribution: Attribution, forms: Iterable[Form], settings: Settings
 ) -> Verdict:
     """By the rules above; forms: of each of the leader's terms. Whether it beats the base was asked before."""
-    thresholds, share = settings.verdict, attribution.share
+    thresholds = settings.verdict
     if not judgement.leader.hypothesis.terms:
         return "unknown" if judgement.structured and attribution.explained.counts else "none"
-    if surely_below(share, thresholds.half):
+    if misses(judgement, attribution, thresholds.half):
         return "unknown"
     claims = zip(attribution.roles, forms, strict=True)
     bent = any(role == "headline" and form == "approximate" for role, form in claims)
-    if surely_below(share, thresholds.nearly_all) or bent:
+    if bent or misses(judgement, attribution, thresholds.nearly_all):
         return "partial"
-    return "ambiguous" if judgement.rivals else "named"
+    return "ambiguous" if contested(judgement, attribution) else "named"
+
+
+def contested(judgement: Judgement, attribution: Attribution) -> bool:
+    """Whether a rival lacks one of the headline effects; any counts where nothing leads."""
+    terms = judgement.leader.hypothesis.terms
+    leading = {t.identity for t, role in zip(terms, attribution.roles, strict=True) if role == "headline"}
+    return any(not leading or not leading <= rival.hypothesis.claims for rival in judgement.rivals)
 
 
 def beats_the_base(attribution: Attribution, one_step: Iterable[StepErrors], settings: Settings) -> bool:
@@ -54,6 +63,12 @@ def _worse(errors: StepErrors, times: float) -> bool:
     ratio = errors.after_over_before
     known = ratio is not None and ratio.low is not None and ratio.low > times
     return known and errors.after > errors.noise_floor * times
+
+
+def misses(judgement: Judgement, attribution: Attribution, threshold: float) -> bool:
+    """Whether the effects surely explain less than a share of the mismatch, and there is something to explain."""
+    there = judgement.structured or attribution.explained.counts
+    return there and surely_below(attribution.share, threshold)
 
 
 def surely_below(share: Share, threshold: float) -> bool:
