@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +12,7 @@ from gpsim.errors import UsageError
 
 from . import completion
 from .answers import answer
+from .cores import CORES
 from .fleet import diagnose_each, refuse_several
 from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
@@ -139,9 +139,7 @@ def diagnose_command(
         show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))
         return
     with single_progress("diagnose") as progress:
-        request = Request(
-            config, shown_words(settings, config_dir), progress, out, cores=cores or os.cpu_count() or 1
-        )
+        request = Request(config, shown_words(settings, config_dir), progress, out, cores=cores or CORES)
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
@@ -185,7 +183,7 @@ def _score(
         show_standing(stage_for(diagnosis, recording, simulator), Request(config, words, out=out))
         return
     with single_progress("score") as progress:
-        request = Request(config, words, progress, out, cores=cores or os.cpu_count() or 1)
+        request = Request(config, words, progress, out, cores=cores or CORES)
         artifact, existed = stage_for(diagnosis, recording, simulator).make(request)
     found = read_score(artifact.path)
     for line in score_lines(found):

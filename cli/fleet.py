@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -14,6 +13,7 @@ from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
 from .answers import answer, warned
+from .cores import CORES
 from .launching import launcher_of
 from .printing import say
 from .progress import Board, warn
@@ -62,7 +62,7 @@ def diagnose_each(
         except UsageError as error:
             return str(error)
 
-    launcher = launcher_of(config, cores or os.cpu_count() or 1)
+    launcher = launcher_of(config, cores or CORES)
     tasks = {name: task_of(path) for name, path in fleet.recordings_in(recordings, simulator).items()}
     places: dict[str, Path] = {}
     with Board(len(tasks)) as board:

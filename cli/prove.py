@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +12,7 @@ from gpsim.errors import UsageError
 from . import completion
 from .answers import NAME as AS_JSON
 from .answers import answer
+from .cores import CORES
 from .launching import KEPT, LauncherWords, launcher_from_words
 from .printing import console, say
 from .progress import single_progress
@@ -21,7 +21,6 @@ from .quiet import NAME as QUIET
 if TYPE_CHECKING:
     from gpsim.launchers import Launcher
 
-CORES = os.cpu_count() or 1
 IN_FULL = ("packages", "strata", "families", "kinds", "confusion", "rivals")
 """Parts of prove.json that are long, and read there."""
 prove_app = typer.Typer(

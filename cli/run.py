@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +15,7 @@ from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
 from .answers import answer, asked
+from .cores import CORES
 from .launching import launcher_of
 from .options import ConfigDir, DryRun, ShowConfig, Words, show, show_standing, shown_words, told
 from .printing import console, say
@@ -24,7 +24,6 @@ from .progress import Board, note, warn
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
 
-CORES = os.cpu_count() or 1
 run_app = typer.Typer(no_args_is_help=True, help="Run several stages at once.")
 Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat with seed, seed + 1, ...")]
 Reported = Annotated[

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +13,7 @@ from gpsim.errors import UsageError
 from gpsim.reports.printable import literal
 
 from .answers import answer, warned
+from .cores import CORES
 from .launching import launcher_of
 from .options import ConfigDir, DryRun, shown_words
 from .printing import say
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
     from gpsim.stages.grid import Point
 
-CORES = os.cpu_count() or 1
 Words = Annotated[
     list[str] | None,
     typer.Argument(

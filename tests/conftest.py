@@ -10,6 +10,10 @@ from hermetic import CHECKOUT, clean_environment, guard_runs, remove
 IN_WORKER = "PYTEST_XDIST_WORKER" in os.environ  # which has the environment of the process that started it
 HOME = None if IN_WORKER else clean_environment()  # at once: what test modules import reads it
 guard_runs()
+if IN_WORKER and hasattr(os, "sched_setaffinity"):
+    # A core each: what a test starts then takes no more processes than that by itself, and none waits for another's.
+    mine = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {mine[int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) % len(mine)]})
 
 
 def pytest_unconfigure() -> None:
