@@ -63,7 +63,8 @@ def same(out: Path, digests: dict[str, str]) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
-@pytest.mark.parametrize("how", [pytest.param("group", marks=pytest.mark.slow), "parent"])
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["group", "parent"])
 def test_killed_at_random_moments(folder, undisturbed, tmp_path, how):
     digests, seconds = undisturbed
     rng, out = np.random.default_rng(len(how)), tmp_path / "out" / "diagnosis"
@@ -92,7 +93,7 @@ def test_killed_at_random_moments(folder, undisturbed, tmp_path, how):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up in /proc")
-@pytest.mark.parametrize("whom", ["group", "parent"])
+@pytest.mark.parametrize("whom", [pytest.param("group", marks=pytest.mark.slow), "parent"])
 def test_asked_to_end_it_says_a_line_and_leaves_nothing(folder, tmp_path, whom):
     """As a shell's kill and a service manager ask: the parent alone, or all of its processes."""
     out = tmp_path / "out" / "diagnosis"
@@ -119,6 +120,7 @@ def test_asked_to_end_it_says_a_line_and_leaves_nothing(folder, tmp_path, whom):
     assert not of_session(process.pid)
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_in_one_line_and_leaves_nothing(folder, undisturbed, tmp_path):
     """A limit on the size of files stands for the disk: a picture no longer fits."""
     digests, _ = undisturbed

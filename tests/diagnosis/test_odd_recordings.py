@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.fitting.simulate import simulate
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import DecimationSettings, WindowSettings
+from gpsim.diagnosis.settings import DecimationSettings, Known, WindowSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
@@ -50,7 +50,8 @@ def test_positions_alone_are_diagnosed_to_the_end(tmp_path: Path):
         episodes=tuple(replace(e, states=e.states[:, :1]) for e in full.episodes),
         noise={"q": full.noise["q"]},
     )
-    found = diagnose(recording, simulator, simulator.defaults(), np.random.default_rng(0))
+    run = Run(known=Known(only=("coulomb_friction", "viscous_friction", "constant_force")))
+    found = diagnose(recording, simulator, simulator.defaults(), np.random.default_rng(0), run=run)
     (effect,) = found.diagnosis.effects
     assert (effect.family, effect.on) == ("coulomb_friction", "q")
     assert effect.parameters["force"].value == pytest.approx(FRICTION.values["force"], rel=0.05)

@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 
 from gpsim.channels import Channels
 from gpsim.diagnosis.diagnosis import diagnose
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import Known
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
@@ -54,6 +56,11 @@ def without_upper(recording: Recording) -> Recording:
     return replace(recording, state=Channels.of({"lower": "V"}), episodes=episodes, noise={"lower": 0.01})
 
 
+def few() -> Run:
+    """A run that asks what a pump may do, and what its parameters may be, and nothing else."""
+    return Run(known=Known(only=("actuator_gain", "actuator_bias", "actuator_lag", "parameter_offset")))
+
+
 def weak_pump(report) -> list[float]:
     """The sizes that the leading explanation or one of its rivals gives the pump."""
     options = [report.effects, *(a.effects for a in report.alternatives)]
@@ -64,7 +71,7 @@ def weak_pump(report) -> list[float]:
 
 def test_a_weak_pump_of_the_cascaded_tanks_is_found():
     tanks = make_simulator(REFERENCE)
-    report = diagnose(drive(), tanks, tanks.defaults(), np.random.default_rng(0)).diagnosis
+    report = diagnose(drive(), tanks, tanks.defaults(), np.random.default_rng(0), run=few()).diagnosis
     found = weak_pump(report)
     assert found
     np.testing.assert_allclose(found, 0.8, atol=0.02)
@@ -89,7 +96,7 @@ def test_the_command_diagnoses_it_when_nobody_measures_the_upper_tank(tmp_path):
 def blind():
     tanks = make_simulator(REFERENCE)
     recording = without_upper(drive())
-    return diagnose(recording, tanks, tanks.defaults(), np.random.default_rng(0))
+    return diagnose(recording, tanks, tanks.defaults(), np.random.default_rng(0), run=few())
 
 
 def test_what_a_hidden_state_does_to_the_report(blind):
