@@ -69,6 +69,9 @@ def _spelt(option: Any) -> str:
 
 def _help(parameter: Any) -> str:
     """What it is, and its default where that says something."""
+    shown = getattr(parameter, "show_default", None)
+    if isinstance(shown, str):  # what it is differs from machine to machine
+        return f"{_text(parameter.help or '')} Default: {shown}."
     default = parameter.default
     said = "" if default in (None, False, True, "") or callable(default) else f" Default: `{default}`."
     return _text(parameter.help or "") + said
