@@ -175,8 +175,9 @@ def _effects(
 
 def _intervals(problem: Problem, answer: Answer, found: Fit) -> FloatArray:
     """(P, 2): what the data know of each parameter, less what physics without a name may have done to it."""
-    bounds, settings = intervals(problem, found), problem.run.settings.intervals
-    if not answer.judgement.structured:
+    bounds, lack = intervals(problem, found), answer.judgement.lack
+    settings = problem.run.settings.intervals
+    if lack is None or not lack.significant:
         return bounds
     error = model_error(1.0 - answer.attribution.share.share, settings)
     out, at = [], 0

@@ -64,6 +64,7 @@ def test_physics_without_a_name_widens_what_has_one(cubic, widest):
     (effect,) = found.diagnosis.effects
     damping = effect.parameters["damping"]
     half = (damping.high - damping.low) / 2
-    assert found.judgement.structured == (cubic > 0.0)
+    lack = found.judgement.lack
+    assert (lack is not None and lack.significant) == (cubic > 0.0)
     assert damping.low < 1.0 < damping.high
     assert widest / 10 < half < widest

@@ -185,7 +185,7 @@ class IntervalSettings:
         "the same worlds: with 0 or 0.5 intervals that hold as many are wider, or a clean log's are",
     )
     least_left: float = setting(
-        1e-6, "1", "of the mismatch: what is left is known no better, and something is, as it has a structure"
+        1e-6, "1", "of the mismatch: what is left is known no better, and lack of fit says that something is"
     )
     profile_iterations: int = setting(3, "1", "of the fit of all else at each place")
 
