@@ -4,20 +4,36 @@ from types import SimpleNamespace
 
 import pytest
 
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
 from gpsim.diagnosis.report import Explained, Ratio, Share, StepErrors
 from gpsim.diagnosis.settings import Settings
+from gpsim.effects import EffectParameter, Term
 
 
 def attribution(share, counts=True, roles=("headline",)):
     return SimpleNamespace(share=share, explained=Explained(rollout=share, counts=counts), roles=roles)
 
 
-def judgement(terms=("a term",), rivals=(), structured=True):
-    """rivals: each the names of its terms."""
-    leader = SimpleNamespace(hypothesis=SimpleNamespace(terms=[SimpleNamespace(identity=t) for t in terms]))
-    others = [SimpleNamespace(hypothesis=SimpleNamespace(claims=frozenset(names))) for names in rivals]
-    return SimpleNamespace(leader=leader, rivals=others, structured=structured)
+def hypothesis(names, gains=None):
+    """Actuator gains of 0.8, or what is said, each on the place of its name; `a` also says where it acts."""
+    gains = gains or {}
+    terms = tuple(Term("gain", n, {"gain": gains.get(n, 0.8), "place": gains.get(n, 0.8)}) for n in names)
+    declared = (
+        EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0),
+        EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True),
+    )
+    return Hypothesis(terms=terms, declared=(declared,) * len(terms))
+
+
+def judgement(terms=("a",), rivals=(), structured=True):
+    """rivals: each the names of its terms, or these with their gains."""
+    others = [hypothesis(names, names if isinstance(names, dict) else None) for names in rivals]
+    return SimpleNamespace(
+        leader=SimpleNamespace(hypothesis=hypothesis(terms)),
+        rivals=[SimpleNamespace(hypothesis=other) for other in others],
+        structured=structured,
+    )
 
 
 @pytest.mark.parametrize(
@@ -49,6 +65,8 @@ def test_the_form_of_a_slight_effect_never_counts():
         ([("a", "c")], "named"),  # it says something else of what is slight
         ([("a", "c"), ("a", "b", "d")], "named"),
         ([("a", "c"), ("c", "b")], "ambiguous"),
+        ([{"a": 0.83, "c": 0.9}], "named"),  # a gain of 0.8 takes a fifth off: 0.17 is as much
+        ([{"a": 0.9, "c": 0.9}], "ambiguous"),
     ],
 )
 def test_rivals_that_share_every_headline_effect_contest_nothing(rivals, verdict):

@@ -2,12 +2,12 @@
 
 What is left after a fit is what no named effect could take. What they did take of it went into their sizes, the same
 way everywhere, so that neither windows nor runs of them disagree (Kennedy and O'Hagan 2001: a model's inadequacy is no
-noise). How much that is was measured: on rough worlds, which hold two to four nuisances outside the catalogue, sizes
-are off by a share of what they do that grows slowly with what is left.
+noise). How much that is was measured on rough worlds, which hold two to four nuisances outside the catalogue.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,8 +19,11 @@ from gpsim.effects import EffectParameter
 
 
 def model_error(left: float, settings: IntervalSettings) -> float:
-    """Standard deviation of a size, as a share of what it does. left: share of the mismatch that has no name."""
-    return float(settings.model_error * max(left, settings.least_left) ** settings.model_error_power)
+    """Standard deviation of a size, as a share of what it does. left: share of the mismatch that has no name.
+
+    Shares are of squares, hence the root: what bends a size is as large as what is left, times a number.
+    """
+    return settings.model_error * math.sqrt(max(left, 0.0))
 
 
 def with_model_error(

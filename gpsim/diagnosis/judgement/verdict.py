@@ -11,7 +11,7 @@ that holds:
 
 Surely: the whole 90 % interval lies below, and there is something to explain: where no rollout shows a mismatch and
 nothing structured is left, a share of the fit windows is one of noise. Of what leads: rivals that have every headline
-effect and say other things of the slight ones leave the claims as they are. The numbers are `VerdictSettings`.
+effect, as large, and say other things of the slight ones leave the claims as they are. The numbers: `VerdictSettings`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.report import Form, Share, StepErrors, Verdict
 from gpsim.diagnosis.settings import Settings
+from gpsim.effects import Term
 
 
 def verdict_of(
@@ -37,14 +39,31 @@ def verdict_of(
     bent = any(role == "headline" and form == "approximate" for role, form in claims)
     if bent or misses(judgement, attribution, thresholds.nearly_all):
         return "partial"
-    return "ambiguous" if contested(judgement, attribution) else "named"
+    return "ambiguous" if contested(judgement, attribution, thresholds.alike) else "named"
 
 
-def contested(judgement: Judgement, attribution: Attribution) -> bool:
-    """Whether a rival lacks one of the headline effects; any counts where nothing leads."""
-    terms = judgement.leader.hypothesis.terms
-    leading = {t.identity for t, role in zip(terms, attribution.roles, strict=True) if role == "headline"}
-    return any(not leading or not leading <= rival.hypothesis.claims for rival in judgement.rivals)
+def contested(judgement: Judgement, attribution: Attribution, alike: float) -> bool:
+    """Whether a rival lacks one of the headline effects, or has it of another size; any counts where nothing leads.
+
+    alike: share of what the leader's size does, by which a rival's may differ.
+    """
+    leader = judgement.leader.hypothesis
+    leading = [i for i, role in enumerate(attribution.roles) if role == "headline"]
+
+    def shares(rival: Hypothesis) -> bool:
+        at = {term.identity: term for term in rival.terms}
+        return all(_as_large(leader, i, at.get(leader.terms[i].identity), alike) for i in leading)
+
+    return any(not leading or not shares(rival.hypothesis) for rival in judgement.rivals)
+
+
+def _as_large(leader: Hypothesis, index: int, other: Term | None, alike: float) -> bool:
+    """Whether another explanation has a term of the leader's, and each of its sizes; where it acts may differ."""
+    if other is None:
+        return False
+    own = leader.terms[index].values
+    sizes = [p for p in leader.declared[index] if not p.place and p.name in other.values]
+    return all(abs(other.values[p.name] - own[p.name]) <= alike * abs(own[p.name] - p.none) for p in sizes)
 
 
 def beats_the_base(attribution: Attribution, one_step: Iterable[StepErrors], settings: Settings) -> bool:

@@ -17,6 +17,12 @@ class VerdictSettings:
     nearly_all: float = setting(
         0.9, "1", "of the mismatch: an account that surely explains less is partial", "DESIGN.md: partial"
     )
+    alike: float = setting(
+        0.2,
+        "1",
+        "of what a headline effect does, by which rivals may differ in its size and claim the same",
+        "as far as a law may depart from its curve; a Limo's delay is 0.27 s, or 0.13 s beside a lag",
+    )
     unnamed: float = setting(
         1e-4, "1", "p-value of whiteness below which something is there even where nothing that is known pays"
     )
