@@ -116,6 +116,7 @@ def test_a_policy_learns_from_it_and_the_best_round_is_kept():
         assert weights.tobytes() == again.weights[name].tobytes()
 
 
+@pytest.mark.slow
 def test_only_what_need_not_have_failed_is_looked_at_closely():
     """A policy that always pushes right drops every pole; from some starts anybody would."""
     task = Balance(start_range=0.12, angle_limit=0.12, max_steps=120)

@@ -123,7 +123,11 @@ def test_physics_outside_the_catalogue_is_unknown(strength):
 @pytest.mark.parametrize(
     ("world", "on"),
     [
-        (World("slider", forces={0: lambda q, v, t: 0.8 * np.sin(5 * v)}), "q_dot"),
+        pytest.param(
+            World("slider", forces={0: lambda q, v, t: 0.8 * np.sin(5 * v)}),
+            "q_dot",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             World("pendulum", filters=[lambda u, t, h, m: u + 0.5 * np.sin(4 * u)]),
             "torque",

@@ -179,6 +179,7 @@ def test_ctrl_c_and_a_request_to_end_say_how_to_carry_on(tmp_path, asked, code):
         read_artifact(path)
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_in_one_line_and_loses_nothing(tmp_path):
     """A limit on the size of files stands for the disk: the policy's file no longer fits."""
     command = [sys.executable, "-m", "gpsim.cli.main", "train-source", *TINY]

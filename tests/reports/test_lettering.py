@@ -40,7 +40,7 @@ def drawn_with(text: str) -> bytes:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(text=ANY)
 @example(text=r"$\frac{$")
 @example(text="_hidden")

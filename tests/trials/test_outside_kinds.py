@@ -12,11 +12,18 @@ from gpsim.trials.worlds import SYSTEMS, TrueEffect
 
 from .outside_worlds import check_replay, effect_of, world_of
 
-CASES = [
-    (kind, system, place)
+PLACES = {
+    kind: [
+        (kind, system, place)
+        for system in KINDS[kind].systems
+        for place in range(len(places_of(kind, SYSTEMS[system], "measured")))
+    ]
     for kind in sorted(KINDS)
-    for system in KINDS[kind].systems
-    for place in range(len(places_of(kind, SYSTEMS[system], "measured")))
+}
+CASES = [  # each kind once; wherever else it may act takes minutes
+    pytest.param(*case, marks=[pytest.mark.slow] if case != cases[0] else [])
+    for cases in PLACES.values()
+    for case in cases
 ]
 WAVES = {"wave_number": 5.0, "phase": 0.4}
 NOTHING = {
