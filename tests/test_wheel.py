@@ -166,7 +166,7 @@ def test_with_its_own_dependencies_the_loop_runs_from_an_empty_folder(wheel, tmp
     ]
     if subprocess.run(small, capture_output=True, check=False).returncode:
         pytest.skip("no package registry can be reached from here")
-    done = install(home, wheel, "--constraint", str(ROOT / "constraints.txt"))
+    done = install(home, f"{wheel}[foxglove]", "--constraint", str(ROOT / "constraints.txt"))
     assert done.returncode == 0, done.stderr
     elsewhere, run = commands(home, tmp_path)
     assert run("--version").stdout == f"gpsim {version('gpsim')}\n"
