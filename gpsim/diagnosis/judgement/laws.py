@@ -78,6 +78,6 @@ def _stand_ins(
         return claims
     nameless = misses(judgement, attribution, settings.verdict.nearly_all)
     left = 1.0 - (share.share if share.high is None else share.high)
-    small = {i for i in claims if attribution.importance[i].share < settings.form.stands_out * left}
+    small = {i for i in claims if attribution.importance[i].share < settings.form.over_nameless * left}
     numbers = {i for i in claims if terms[i].effect.site == "parameter"}
     return (small | numbers if nameless else set()) | {i for i in numbers if terms[i].gate.region}

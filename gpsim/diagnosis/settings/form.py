@@ -30,7 +30,7 @@ class FormSettings:
         "of the mismatch, that the low end of what such a curve explains more must exceed",
         "as much as makes an effect needed; cogging beside a positioning axis's constant force gains 0.0002",
     )
-    stands_out: float = setting(
+    over_nameless: float = setting(
         5.0,
         "1",
         "times what surely has no name, where that is much, that a law must explain to be taken for more than the "
