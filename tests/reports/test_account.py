@@ -111,6 +111,19 @@ def test_what_all_explanations_share_is_certain():
     )
 
 
+def test_rivals_that_claim_the_same_are_no_alternatives_to_weigh():
+    shown = account_of(replace(named(), alternatives=ambiguous().alternatives))
+    assert "what does as well differs in small corrections alone" in shown.sentence
+    assert not list(shown.rivals)
+
+
+def test_where_much_has_no_name_that_is_said_whatever_the_laws_do():
+    short = Explained(rollout=Share(0.66, 0.58, 0.73))
+    shown = account_of(replace(partial(), explained=short)).sentence
+    assert "the rest has no name yet" in shown
+    assert "only approximately" not in shown
+
+
 def test_what_only_a_statistician_asks_is_no_part_of_the_account():
     for make in RICH.values():
         told = said(make())
