@@ -117,6 +117,7 @@ def diagnose_command(
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
+    from gpsim.mjcf import notes_of
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
     from gpsim.reports.diagnosis_text import ranking
@@ -146,6 +147,8 @@ def diagnose_command(
     for line in not_asked_lines(found.not_asked):
         caution(line)
     name = artifact.manifest["config"].get("simulator")
+    for line in notes_of(name) if task else ():
+        caution(f"{name}, not as its file says: {line}")
     for text in account_lines(account_of(found, str(artifact.path), name)):
         say(text)
     if explain:

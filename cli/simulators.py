@@ -77,6 +77,8 @@ def check_command(name: Name) -> None:
 
 def _tell(facts: Declared) -> None:
     say(f"simulator    {facts.name}")
+    for line in facts.notes:
+        say(f"  not as its file says: {line}")
     say(f"coordinates  {_listed(facts.coordinates) or 'none'}")
     say(f"state        {_listed(facts.state)}")
     say(f"actions      {_listed(facts.actions) or 'none'}")

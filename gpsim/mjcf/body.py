@@ -22,6 +22,7 @@ HELD = 1e9  # of inertia: what is held by a mount heavier than anything
 LENGTHS = 5.0  # a centre of mass lies no more than so many lengths of its body from where it is believed
 SHORT = 0.02  # m, the least length of a body
 HEAVIEST = 20.0  # times what is believed
+LIGHT = 1e-5  # of a robot's mass: a part that moves nothing which a recording shows
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,11 @@ def _check(model: Any, where: str) -> None:
 
 
 def _moving(model: Any) -> list[int]:
-    """Bodies that a joint moves, with a mass."""
-    return [b for b in range(1, model.nbody) if model.body_weldid[b] != 0 and float(model.body_mass[b]) > 0.0]
+    """Bodies that a joint moves, with a mass that counts."""
+    least = LIGHT * float(model.body_mass.sum())
+    return [
+        b for b in range(1, model.nbody) if model.body_weldid[b] != 0 and float(model.body_mass[b]) > least
+    ]
 
 
 def _length(model: Any, body: int) -> float:

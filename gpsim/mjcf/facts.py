@@ -10,6 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects import FAMILIES
+from gpsim.mjcf.loading import notes_of
 from gpsim.mjcf.looking import free_model
 from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.simulator import MjcfSimulator
@@ -24,7 +25,10 @@ RUNS, STEPS = 64, 200  # simulations and their steps, by which speed is measured
 
 @dataclass(frozen=True)
 class Declared:
-    """What a simulator declares, each name with its unit, parameters with their values; families by place."""
+    """What a simulator declares, each name with its unit, parameters with their values; families by place.
+
+    notes: what of a model is not as its file says.
+    """
 
     name: str
     coordinates: dict[str, str]
@@ -32,6 +36,7 @@ class Declared:
     actions: dict[str, str]
     parameters: dict[str, tuple[float, str]]
     families: dict[str, tuple[str, ...]]
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,7 @@ def declared(simulator: Simulator) -> Declared:
         simulator.action.units,
         {name: (p.default, p.unit) for name, p in simulator.parameters.items()},
         {f: places for f, effect in FAMILIES.items() if (places := effect.places(simulator))},
+        notes_of(simulator.name),
     )
 
 

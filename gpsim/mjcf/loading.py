@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib.util
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,6 +20,7 @@ from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest
 from gpsim.mjcf.faults import compile_fault, one_line
 from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.urdf import apart, completed, is_urdf, mesh_file
 
 GYM = "gym:"
 FILMS = "imageio"
@@ -43,11 +45,15 @@ class Source:
 
 @dataclass(frozen=True)
 class Loaded:
-    """A compiled model and its source; control_step: s, of the environment that it came from, None of a file."""
+    """A compiled model and its source; control_step: s, of the environment that it came from, None of a file.
+
+    notes: what of it is not as its file says, a line each.
+    """
 
     model: Any
     source: Source
     control_step: float | None = None
+    notes: tuple[str, ...] = ()
 
 
 def is_mujoco(reference: str) -> bool:
@@ -66,14 +72,21 @@ def load(reference: str) -> Loaded:
 
 @lru_cache(maxsize=8)
 def _loaded(reference: str, digest: str) -> Loaded:
-    step = None
+    step: float | None = None
+    notes: tuple[str, ...] = ()
     if reference.startswith(GYM):
         model, step = _of_environment(reference)
     elif ":" in reference and reference.rpartition(":")[0].endswith(".py"):
         model = _of_function(reference)
     else:
-        model = _of_file(Path(reference))
-    return Loaded(model, source_of(reference), step)
+        spec, notes = _opened(Path(reference))
+        model = _compiled(spec, Path(reference))
+    return Loaded(model, source_of(reference), step, notes)
+
+
+def notes_of(reference: str) -> tuple[str, ...]:
+    """What of a simulator's model is not as its file says, a line each; none of one that is no MuJoCo model."""
+    return load(reference).notes if is_mujoco(reference) else ()
 
 
 def source_of(reference: str) -> Source:
@@ -98,7 +111,7 @@ def _digests(path: Path) -> dict[str, str]:
 
 
 def _relative(path: Path, base: Path) -> str:
-    return path.relative_to(base).as_posix() if path.is_relative_to(base) else path.as_posix()
+    return Path(os.path.relpath(path, base)).as_posix()
 
 
 def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
@@ -121,48 +134,43 @@ def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
         name = element.get("file") or element.get("filename")
         if not name:
             continue
-        name = name.removeprefix("file://").removeprefix("package://")
-        options = [p / n for p in places for n in (name, Path(name).name)]
-        there = next((p for p in options if p.is_file()), None)
+        there = next((f for p in places if (f := mesh_file(name, p)) is not None), None)
         if there is not None:
-            yield from _named(there.resolve(), seen)
+            yield from _named(there, seen)
 
 
-def _of_file(path: Path) -> Any:
-    spec = spec_of_file(path)
+def spec_of_file(path: Path) -> Any:
+    """The MjSpec of robot.xml or robot.urdf; raises UsageError."""
+    return _opened(path)[0]
+
+
+def _opened(path: Path) -> tuple[Any, tuple[str, ...]]:
+    """The MjSpec of a file, and what of a URDF is not as it says."""
+    mj = mujoco()
+    try:
+        spec = mj.MjSpec.from_file(str(path))
+        if not is_urdf(path):
+            return spec, ()
+        notes = completed(spec, path)
+        return spec, (*notes, *apart(spec, spec.compile()))
+    except Terminated:
+        raise
+    except Exception as error:  # parser and compiler raise what they like
+        raise compile_fault(path, error) from error
+
+
+def _compiled(spec: Any, path: Path) -> Any:
     try:
         return spec.compile()
     except Terminated:
         raise
-    except Exception as error:  # the compiler raises what it likes
+    except Exception as error:  # as above
         raise compile_fault(path, error) from error
-
-
-def spec_of_file(path: Path) -> Any:
-    """The MjSpec of robot.xml or robot.urdf, not compiled; raises UsageError."""
-    mj = mujoco()
-    try:
-        spec = mj.MjSpec.from_file(str(path))
-        if not spec.actuators and path.suffix.lower() == ".urdf":
-            _add_motors(mj, spec)
-    except Terminated:
-        raise
-    except Exception as error:  # and so does the parser
-        raise compile_fault(path, error) from error
-    return spec
 
 
 def file_of_environment(reference: str) -> Path:
     """The model file of gym:ID."""
     return Path(str(getattr(_environment(reference), "fullpath", "")))
-
-
-def _add_motors(mj: Any, spec: Any) -> None:
-    """A URDF has no actuators: a motor JOINT_motor of gear 1 for each of its joints."""
-    for joint in spec.joints:
-        if joint.type in (mj.mjtJoint.mjJNT_HINGE, mj.mjtJoint.mjJNT_SLIDE):
-            motor = spec.add_actuator(name=f"{joint.name}_motor", target=joint.name)
-            motor.trntype = mj.mjtTrn.mjTRN_JOINT
 
 
 def _of_function(reference: str) -> Any:
