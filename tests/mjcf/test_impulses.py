@@ -9,7 +9,7 @@ import pytest
 import yaml
 from mjcf_models import DOUBLE, written
 
-from gpsim.diagnosis.fitting import Directions, Hypothesis, fit
+from gpsim.diagnosis.fitting import Directions, Hypothesis, Pushes, fit
 from gpsim.diagnosis.selection.grid_check import _grid_matters
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.effects import closed
@@ -60,6 +60,25 @@ def test_a_function_answers_as_the_sum_of_its_pushes(tmp_path):
     for (nats, freedom), (own, freedom_alone) in zip(told, alone, strict=True):
         assert nats == pytest.approx(own, rel=0.05)
         assert freedom == freedom_alone
+
+
+@pytest.mark.parametrize("values", [{}, {"actuator_delay": 0.013, "sensor_scale": 1.1}])
+def test_what_comes_before_a_push_is_simulated_once(values, tmp_path):
+    asked = question(tmp_path)
+    problem, hypothesis = asked.searched, Hypothesis(scheme="fine")
+    for family, value in values.items():
+        candidate = next(c for c in offers_of(asked) if c.family == family)
+        hypothesis = hypothesis.plus(candidate.term([value]), candidate.declared)
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    when = np.repeat([0, 3, problem.windows.length - 1], len(problem.windows))
+    pushes = Pushes(when, 1, len(problem.simulator.rate), 0.7)
+    starts, thetas = np.tile(problem.windows.measured[:, 0], (3, 1, 1)), np.tile(hypothesis.theta, (3, 1))
+    one, each = (
+        problem.simulated(chain, problem.windows, starts, hypothesis.spread, thetas, extra)
+        for extra in (pushes, lambda *now: pushes(*now))
+    )
+    assert np.array_equal(one, each)
+    assert not np.array_equal(one[0], one[1])
 
 
 def simulated(problem, at, directions, group):

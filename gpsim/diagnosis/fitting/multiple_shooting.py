@@ -87,10 +87,16 @@ def fit(
             pattern = np.array(settings.first_pattern if first else settings.pattern)
             at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
         if seen_from is not at.residual:  # after a rejected step it stands where it stood
-            known = by_state if round_ % problem.every_slope and moved else None
-            by_state, by_theta = jacobians(
-                problem, hypothesis, at.theta, at.starts, at.residual, by_state=known
-            )
+            serves = bool(round_ % problem.every_slope) and moved
+            if not (serves and theta.size >= problem.run.settings.closed_step.many):
+                by_state, by_theta = jacobians(
+                    problem,
+                    hypothesis,
+                    at.theta,
+                    at.starts,
+                    at.residual,
+                    by_state=by_state if serves else None,
+                )
             seen_from = at.residual
         variance = variance_of(problem, at.residual)
         step = damped_step(

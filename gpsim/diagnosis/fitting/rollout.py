@@ -23,7 +23,7 @@ SEEN = 6  # moments of a transition, at the most, at which sensors that remember
 class Pushes:
     """What is added to one of the `rates` in one transition of each row, `when` (B,); compiled code knows it.
 
-    push: how much, throughout it.
+    push: how much, throughout it. Rows of one window differ in nothing else.
     """
 
     when: IntArray
@@ -64,6 +64,8 @@ def roll(
     system = chain.closed
     assert system is not None
     n, looks = setting.n, looks_of(setting.n) if chain.sensors.remember else 1
+    if isinstance(extra, Pushes) and not (chain.sensors.remember or chain.looks):
+        return _pushed(chain, windows, rows, starts, values, n, drive, extra)
     out = np.empty((len(rows), windows.length + 1, starts.shape[1]))
     clock = windows.t[rows]
     steps = np.diff(clock, axis=1) / n
@@ -91,6 +93,44 @@ def roll(
             chain.sensors.watch(path[:, j], seen, every * step)
         state = tamed(path[:, -1])
         out[:, k + 1] = chain.sensors.measure(state, values, seen, every * step)
+    return out
+
+
+def _pushed(
+    chain: Chain,
+    windows: Windows,
+    rows: IntArray,
+    starts: FloatArray,
+    values: Sequence[Values],
+    n: int,
+    drive: Drive,
+    pushes: Pushes,
+) -> FloatArray:
+    """`roll`, where a row is what the last pushed one of its window is until it is pushed itself."""
+    system = chain.closed
+    assert system is not None
+    out, state = np.empty((len(rows), windows.length + 1, starts.shape[1])), np.array(starts)
+    clock = windows.t[rows]
+    steps = np.diff(clock, axis=1) / n
+    last = np.zeros(len(windows), dtype=np.int64)
+    latest = np.argsort(pushes.when, kind="stable")
+    last[rows[latest]] = latest  # of several the last is written last
+    like = last[rows]
+    out[:, 0] = chain.sensors.measure(starts, values, {}, n * steps[:, 0])
+    for k in range(windows.length):
+        moves = (pushes.when <= k) | (like == np.arange(len(rows)))
+        (going,) = np.nonzero(moves)
+        own = [{name: value[going] for name, value in v.items()} for v in values]
+        added = pushes(state, windows.actions[rows, k], k)[going]
+
+        def commanded(k: int, j: int, _: FloatArray, going: IntArray = going) -> FloatArray:
+            return drive(k, j, state)[going]
+
+        stretch, step, t = range(k, k + 1), steps[going, k], clock[going, k]
+        path = _rolled(chain, system, state[going], own, commanded, stretch, n, step, t, added)
+        state[going] = tamed(path[:, -1])
+        state[~moves] = state[like[~moves]]
+        out[:, k + 1] = chain.sensors.measure(state, values, {}, n * steps[:, k])
     return out
 
 

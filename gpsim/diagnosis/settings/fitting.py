@@ -227,6 +227,13 @@ class ClosedStepSettings:
     slopes_serve: int = setting(
         3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
     )
+    many: int = setting(
+        12,
+        "1",
+        "parameters of which the slopes serve as long",
+        "by hand: all of a robot's own at once, which are fitted for comparison",
+        least=1,
+    )
 
     beam: int = setting(
         2,
