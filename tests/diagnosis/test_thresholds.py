@@ -102,10 +102,14 @@ def test_what_a_step_cannot_work_with_is_refused(values, said):
 
 def test_a_run_counts_and_remembers_as_its_settings_say():
     run = Run(
-        settings=Settings(cost=CostSettings(overhead=0.0, per_row=1.0, per_channel=0.5, dry_friction=3.0))
+        settings=Settings(
+            cost=CostSettings(overhead=0.0, per_row=1.0, per_channel=0.5, dry_friction=3.0, closed_step=5.0)
+        )
     )
-    run.budget.spend(10, 2, channels=2, dry=True)
+    run.budget.spend(10, 2, channels=2, dry=True, owned=False)
     assert run.budget.spent == 2 * 10 * (1.0 + 0.5 * 2) * 3.0
+    run.budget.spend(10, 2, channels=2, dry=False, owned=True)
+    assert run.budget.spent == 2 * 10 * (1.0 + 0.5 * 2) * (3.0 + 5.0)
     asked = []
     few = Run(settings=read_settings({"sharing": {"remembered": 1}}))
     first, second = object(), object()

@@ -117,7 +117,8 @@ def _count(run: Run, chain: Chain, windows: Windows, copies: int, setting: Setti
     budget = run.budget
     rows, inside = copies * len(windows), windows.length * setting.n
     before = (1 if setting.leaps else setting.n) * windows.before_actions.shape[1]
-    budget.spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry)
+    owned = chain.closed is not None
+    budget.spend(rows, inside, channels=len(chain.simulator.state), dry=chain.dry, owned=owned)
     budget.spend_on_readings(rows, inside, chain.sensors.remembering)
     if chain.actuates:
         budget.spend_on_commands(len(setting.first) * len(windows), before + inside, chain.actuators)

@@ -17,11 +17,12 @@ class Budget:
     spent: float = 0.0
     cost: CostSettings = field(default_factory=CostSettings)
 
-    def spend(self, rows: int, substeps: int, *, channels: int, dry: bool) -> None:
-        """Count `substeps` substeps of `rows` states each, of so many channels."""
+    def spend(self, rows: int, substeps: int, *, channels: int, dry: bool, owned: bool) -> None:
+        """Count `substeps` substeps of `rows` states each, of so many channels; owned: the simulator makes them."""
         cost = self.cost
         size = cost.per_row + cost.per_channel * min(channels, cost.most_channels)
-        self.add(substeps * (cost.overhead + rows) * size * (cost.dry_friction if dry else 1.0))
+        size *= cost.closed_step if owned else cost.dry_friction if dry else 1.0
+        self.add(substeps * (cost.overhead + rows) * size)
 
     def spend_on_commands(self, rows: int, substeps: int, actuators: int) -> None:
         """Count what becomes of `rows` commands in each of `substeps` on their way through so many actuators."""

@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.gate_edges import placed
-from gpsim.effects import Gate
+from gpsim.effects import Gate, closed
 from gpsim.recordings import evenly
 
 
@@ -69,6 +69,14 @@ def on_some_windows(problem: Problem, at: Fit, most: int) -> tuple[Problem, Fit]
     return problem.on(problem.windows.take(rows)), replace(
         at, starts=at.starts[rows], residuals=at.residuals[rows]
     )
+
+
+def for_screening(problem: Problem) -> int:
+    """On how many windows of the usual length every term is screened: fewer where steps are dear."""
+    settings = problem.run.settings
+    if closed(problem.simulator) is None:
+        return settings.stepwise.screening_windows
+    return settings.closed_step.screened
 
 
 def _windows(problem: Problem, usual: int) -> int:

@@ -29,7 +29,7 @@ from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import may_pay, pays
 from gpsim.diagnosis.selection.beam import most_promising
 from gpsim.diagnosis.selection.change_points import begun_later
-from gpsim.diagnosis.selection.elimination import lean, likeliest, on_some_windows, simplest
+from gpsim.diagnosis.selection.elimination import for_screening, lean, likeliest, on_some_windows, simplest
 from gpsim.diagnosis.selection.gates import (
     gated_children,
     may_be_limited,
@@ -237,7 +237,7 @@ def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit])
 def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
     """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
     settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
-    part, seen = on_some_windows(problem, leader, settings.screening_windows)
+    part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, seen)
     later = begun_later(problem, leader, offers)
     if len(leader.hypothesis.terms) >= settings.most_terms:

@@ -21,7 +21,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import most_promising
-from gpsim.diagnosis.selection.elimination import on_some_windows
+from gpsim.diagnosis.selection.elimination import for_screening, on_some_windows
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.selection.gates import gated_children, makes_sense, moments, with_edges
 from gpsim.effects import Gate, Term
@@ -37,7 +37,7 @@ def substitutes(
     settings, edges = problem.run.settings.substitution, problem.run.settings.gate_edges
     steps = problem.run.settings.schedules
     old = leader.hypothesis.terms[index]
-    part, seen = on_some_windows(problem, leader, problem.run.settings.stepwise.screening_windows)
+    part, seen = on_some_windows(problem, leader, for_screening(problem))
     parent = left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     directions = Directions(part, parent)

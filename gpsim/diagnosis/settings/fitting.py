@@ -207,6 +207,12 @@ class ClosedStepSettings:
         least=1,
     )
     searched: int = setting(56, "windows", "that the search looks at, at most", least=1)
+    screened: int = setting(
+        48,
+        "windows",
+        "of the usual length, on which terms to add or to put in another's place are screened",
+        least=1,
+    )
     coarser: tuple[int, ...] = setting(
         (20, 10, 5, 4, 3, 2),
         "1",

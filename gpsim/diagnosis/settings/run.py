@@ -25,6 +25,12 @@ class CostSettings:
         "laws of larger systems take more; beyond these nobody has measured",
     )
     dry_friction: float = setting(2.5, "1", "times as much where dry friction acts", TIMED)
+    closed_step: float = setting(
+        4.0,
+        "1",
+        "times as much where the simulator owns its integration",
+        "by hand: such a row takes ten to forty times as long, and a robot may take some minutes",
+    )
     per_actuator: float = setting(0.45, "1", "of a row for each actuator that its command passes", TIMED)
     per_sensor: float = setting(0.3, "1", "of a row for each sensor that remembers", TIMED)
 
