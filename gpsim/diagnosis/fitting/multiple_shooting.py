@@ -85,7 +85,8 @@ def fit(
         if not near and round_ in settings.pattern_rounds and any(p.step for p in hypothesis.parameters):
             first = round_ == settings.pattern_rounds[0]
             pattern = np.array(settings.first_pattern if first else settings.pattern)
-            at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window)
+            known = by_state if dear and by_state.size else None
+            at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window, known)
         if seen_from is not at.residual:  # after a rejected step it stands where it stood
             serves = bool(round_ % problem.every_slope) and moved
             if not (serves and theta.size >= problem.run.settings.closed_step.many):
@@ -193,13 +194,15 @@ def _searched_pattern(
     low: FloatArray,
     high: FloatArray,
     per_window: FloatArray,
+    known: FloatArray | None,
 ) -> Point:
     """Try parameters whose law jumps on both sides, far and near: derivatives do not lead out of a local minimum.
 
     All places of a parameter are judged with start states that follow them linearly, and once more with the other
-    parameters following, too; the best of either is taken if it holds.
+    parameters following, too; the best of either is taken if it holds. known: slopes by start states, if well enough.
     """
-    rows = evenly(len(at.starts), problem.run.settings.shooting.pattern_windows)
+    rows = evenly(len(at.starts), _windows_of_patterns(problem))
+    there_known = None if known is None else known[rows]
     own, damped = problem.on(problem.windows.take(rows)), per_window[rows]
     some = own.slopes
     for j, parameter in enumerate(hypothesis.parameters):
@@ -213,7 +216,9 @@ def _searched_pattern(
         thetas = np.tile(at.theta, (len(reaches), 1))
         thetas[:, j] = np.clip(thetas[:, j] + reaches, low[j], high[j])
         got = some.residuals(hypothesis, thetas, np.tile(here.starts, (len(thetas), 1, 1)))
-        by_state, by_theta = jacobians(some, hypothesis, here.theta, here.starts, here.residual)
+        by_state, by_theta = jacobians(
+            some, hypothesis, here.theta, here.starts, here.residual, by_state=there_known
+        )
         others = np.flatnonzero(np.arange(at.theta.size) != j)
         for free in dict.fromkeys(((), tuple(others))):
             following = np.array(free, dtype=np.int64)
@@ -222,8 +227,16 @@ def _searched_pattern(
             theta = np.array(thetas[best])
             theta[following] += moved[best][0].theta
             theta = np.clip(theta, low, high)
-            at = min(at, _best_starts(problem, hypothesis, theta, at, per_window), key=lambda p: p.value)
+            tried = _best_starts(problem, hypothesis, theta, at, per_window, known)
+            at = min(at, tried, key=lambda p: p.value)
     return at
+
+
+def _windows_of_patterns(problem: Problem) -> int:
+    settings = problem.run.settings
+    if closed(problem.simulator) is None:
+        return settings.shooting.pattern_windows
+    return settings.closed_step.pattern_windows
 
 
 def _followed(
@@ -250,11 +263,18 @@ def _followed(
 
 
 def _best_starts(
-    problem: Problem, hypothesis: Hypothesis, theta: FloatArray, at: Point, per_window: FloatArray
+    problem: Problem,
+    hypothesis: Hypothesis,
+    theta: FloatArray,
+    at: Point,
+    per_window: FloatArray,
+    known: FloatArray | None,
 ) -> Point:
     """Theta with the start state that suits each window best: where it stood, as it follows, or as measured."""
     residual = problem.residuals(hypothesis, theta[None], at.starts[None])[0]
-    by_state = state_jacobian(problem, hypothesis.having(theta), at.starts, residual)
+    by_state = (
+        state_jacobian(problem, hypothesis.having(theta), at.starts, residual) if known is None else known
+    )
     variance, none = variance_of(problem, at.residual), np.empty((*residual.shape, 0))
     bounds = theta[:0]
     step = damped_step(problem, residual, by_state, none, variance, 0.0, per_window, bounds, bounds, bounds)

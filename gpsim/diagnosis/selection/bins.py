@@ -6,12 +6,14 @@ it was visited all round, bins and regions go on over the cut.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.diagnosis.fitting import Problem
 from gpsim.diagnosis.settings import GateSettings
-from gpsim.effects import EPISODE, LooksAt
+from gpsim.effects import EPISODE, LooksAt, closed
 from gpsim.recordings import evenly
 
 TURN = 2.0 * np.pi  # of a circle, in radians
@@ -23,6 +25,8 @@ def bin_edges(problem: Problem, channel: LooksAt) -> FloatArray:
     Those of an angle that wraps go round the circle once at most, from where it was not visited.
     """
     windows, settings = problem.windows, problem.run.settings.gates
+    if closed(problem.simulator) is not None:
+        settings = replace(settings, bins=problem.run.settings.closed_step.bins)
     if channel is EPISODE:
         return _between_episodes(settings, windows.episode)
     if channel is None:

@@ -233,6 +233,10 @@ class ClosedStepSettings:
     slopes_serve: int = setting(
         3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
     )
+    bins: int = setting(
+        12, "1", "bins of a channel, or of time, in one of which a term is switched on at a time", least=1
+    )
+    pattern_windows: int = setting(24, "windows", "on which the places of a pattern are judged", least=1)
     many: int = setting(
         12,
         "1",
