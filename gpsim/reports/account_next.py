@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Estimate, NamedEffect
+from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.account_left import hangs_on, is_missing
 from gpsim.reports.diagnosis_text import listed
@@ -42,12 +43,15 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
 def command(diagnosis: Diagnosis, folder: str, simulator: str | None = None) -> str | None:
     """How to train in the corrected simulator; None where nothing corrects it.
 
-    simulator: the base's name, None where nobody knows it. gpsim has policies for two; of all others Python reads it.
+    simulator: the base's name, None where nobody knows it. gpsim has policies for two; a MuJoCo model is written out
+    again with its effects; of all others Python reads it.
     """
-    gp = diagnosis.remainder.gp
+    gp, effects = diagnosis.remainder.gp, any(told_effects(diagnosis))
     learnt = gp is not None and gp.used
-    if diagnosis.verdict == "none" or not (learnt or any(told_effects(diagnosis))):
+    if diagnosis.verdict == "none" or not (learnt or effects):
         return None
+    if simulator is not None and effects and is_mujoco(simulator):
+        return f"gpsim export model {shlex.quote(folder)} --out robot_corrected.xml"
     if simulator is not None and simulator not in TRAINED:
         base = ", simulator" if lives_here(simulator) else ""
         return f"python: gpsim.Diagnosis.load({folder!r}{base}).corrected({'gp=True' if learnt else ''})"

@@ -205,6 +205,10 @@ def test_the_command_trains_in_what_was_found():
         account_of(named(), here, "tank()").command
         == f"python: gpsim.Diagnosis.load('{here}', simulator).corrected()"
     )
+    assert (
+        account_of(named(), "my log", "robots/arm.urdf").command
+        == "gpsim export model 'my log' --out robot_corrected.xml"
+    )
     assert account_of(named(), "my log").command == "gpsim train-gp-policy 'diagnosis=my log'"
     assert account_of(RICH["none"](), here).command is None
     assert account_of(replace(unknown(), remainder=made_remainder(structured=True)), here).command is None
