@@ -35,6 +35,10 @@ class ClosedStep(Protocol):
         """The same by a method of higher order, which is nearer to what happens in longer steps."""
         ...
 
+    def around(self, states: FloatArray) -> Simulator:
+        """The same for motion near these states (N, S), without what plays no part there: contacts."""
+        ...
+
     def rolled(
         self,
         terms: Sequence[Term],

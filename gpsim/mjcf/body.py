@@ -62,10 +62,12 @@ class Body:
         return {self.names.bodies[b]: _length(self.base, b) for b in _moving(self.base)}
 
 
-def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) -> Body:
+def body_of(
+    loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False, contacts: bool = True
+) -> Body:
     """What gpsim diagnoses of a model, its joints `held` in a mount; raises UsageError for what it cannot.
 
-    exact: by the classical Runge-Kutta scheme, whatever the model says.
+    exact: by the classical Runge-Kutta scheme, whatever the model says; contacts: whether bodies touch.
     """
     mj, base = mujoco(), loaded.model
     where = loaded.source.reference
@@ -74,6 +76,8 @@ def body_of(loaded: Loaded, held: tuple[str, ...] = (), *, exact: bool = False) 
     model = copy.copy(base)
     model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
     _let_friction_act(model)
+    if not contacts:
+        model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CONTACT)
     if exact:
         model.opt.integrator = int(mj.mjtIntegrator.mjINT_RK4)
     model.body_sameframe[:] = mj.mjtSameFrame.mjSAMEFRAME_NONE

@@ -39,6 +39,20 @@ def penetration(body: Body, layout: Layout, state: FloatArray) -> tuple[FloatArr
     return deepest, pairs
 
 
+def comes_near(body: Body, layout: Layout, state: FloatArray, margin: float) -> bool:
+    """Whether in any of these states (B, S) two bodies that may touch are nearer to each other than margin [m]."""
+    mj, model = mujoco(), copy.copy(body.base)
+    model.geom_margin[:] += margin
+    model.pair_margin[:] += margin
+    data = mj.MjData(model)
+    for q in layout.full(state)[0]:
+        data.qpos[:] = q
+        mj.mj_fwdPosition(model, data)
+        if data.ncon:
+            return True
+    return False
+
+
 def plus(body: Body, layout: Layout, state: FloatArray, change: FloatArray) -> FloatArray:
     """(B, S): states moved by tangent vectors (B, 2 nv): of positions, then of velocities."""
     mj, model = mujoco(), body.model

@@ -15,20 +15,23 @@ from gpsim.mjcf.batches import Pool, parts
 from gpsim.mjcf.body import Body, body_of
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import Loaded, load
-from gpsim.mjcf.looking import dense, minus, penetration, plus
+from gpsim.mjcf.looking import comes_near, dense, minus, penetration, plus
 from gpsim.mjcf.native import FORCE, Fields
 from gpsim.mjcf.places import places_of
 from gpsim.mjcf.rolling import Rolling
 from gpsim.mjcf.stepping import Plan
+from gpsim.recordings import evenly
 from gpsim.simulators import Integrator, Parameters, Simulator
 
+NEAR, LOOKED_AT = 0.02, 2000  # m between bodies, and states that are looked at for it
 WHOLE = 1e-6  # of a step: a transition so little longer than its steps is made of them
 
 
 class MjcfSimulator(Simulator):
     """A MuJoCo model in the channels of its joints. Copies in other processes load the same files anew.
 
-    fixed: states that a recording does not show, at these values; held: joints among them that something holds still.
+    fixed: states that a recording does not show, at these values; held: joints among them that something holds still;
+    exact: by a scheme of higher order than the model's; contacts: whether bodies touch.
     """
 
     name: ClassVar[str]
@@ -41,10 +44,11 @@ class MjcfSimulator(Simulator):
         fixed: Mapping[str, float] | None = None,
         held: Collection[str] = (),
         exact: bool = False,
+        contacts: bool = True,
     ) -> None:
-        self._exact = exact
+        self._exact, self._contacts = exact, contacts
         self._loaded, self._fixed, self._held = loaded, dict(fixed or {}), tuple(sorted(held))
-        self._body = _body(loaded.source.reference, loaded.source.digest, self._held, exact)
+        self._body = _body(loaded.source.reference, loaded.source.digest, self._held, exact, contacts)
         names = self._body.names
         every = state or names.state
         self.state = Channels(tuple(c for c in every if c.name not in self._fixed))  # type: ignore[misc]
@@ -67,7 +71,8 @@ class MjcfSimulator(Simulator):
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         source = self._loaded.source
-        return _again, (source.reference, source.digest, self.state, self._fixed, self._held, self._exact)
+        how = (self._fixed, self._held, self._exact, self._contacts)
+        return _again, (source.reference, source.digest, self.state, *how)
 
     @property
     def own_grid(self) -> bool:
@@ -101,21 +106,30 @@ class MjcfSimulator(Simulator):
 
     def with_state(self, state: Channels) -> MjcfSimulator:
         """The same with channels of the same names, of which others wrap."""
-        return MjcfSimulator(self._loaded, state, self._fixed, self._held, self._exact)
+        return self._like(state=state)
 
     def without(self, fixed: Mapping[str, float], held: Collection[str]) -> MjcfSimulator:
         """The same without the states `fixed`; joints `held` among them stand in a mount."""
-        return MjcfSimulator(
-            self._loaded, self.state, {**self._fixed, **fixed}, {*self._held, *held}, self._exact
-        )
+        return self._like(fixed={**self._fixed, **fixed}, held={*self._held, *held})
 
     def as_modelled(self) -> MjcfSimulator:
         """The same by the model's own method."""
-        return MjcfSimulator(self._loaded, self.state, self._fixed, self._held)
+        return self._like(exact=False)
 
     def exact(self) -> MjcfSimulator:
         """The same by the classical Runge-Kutta scheme, whatever the model says."""
-        return MjcfSimulator(self._loaded, self.state, self._fixed, self._held, exact=True)
+        return self._like(exact=True)
+
+    def around(self, states: FloatArray) -> MjcfSimulator:
+        """The same for motion near these states (N, S): where nothing comes near anything, nothing is looked for."""
+        near = comes_near(self._body, self._layout, states[evenly(len(states), LOOKED_AT)], NEAR)
+        return self if near else self._like(contacts=False)
+
+    def _like(self, **changes: Any) -> MjcfSimulator:
+        own = {"state": self.state, "fixed": self._fixed, "held": self._held}
+        return MjcfSimulator(
+            self._loaded, **{**own, "exact": self._exact, "contacts": self._contacts, **changes}
+        )
 
     def steps_of(self, dt: float) -> int:
         """How many of the model's own steps a transition of dt [s] takes."""
@@ -248,8 +262,8 @@ class MjcfSimulator(Simulator):
 
 
 @lru_cache(maxsize=8)
-def _body(reference: str, digest: str, held: tuple[str, ...], exact: bool) -> Body:
-    return body_of(load(reference), held, exact=exact)
+def _body(reference: str, digest: str, held: tuple[str, ...], exact: bool, contacts: bool) -> Body:
+    return body_of(load(reference), held, exact=exact, contacts=contacts)
 
 
 def load_mjcf(reference: str) -> MjcfSimulator:
@@ -264,10 +278,11 @@ def _again(
     fixed: Mapping[str, float],
     held: tuple[str, ...],
     exact: bool,
+    contacts: bool,
 ) -> MjcfSimulator:
     """The same simulator in another process; raises UsageError where its files have changed meanwhile."""
     loaded = load(reference)
     if loaded.source.digest != digest:
         raise UsageError(f"{reference}: changed while it was being diagnosed; start again")
-    made = MjcfSimulator(loaded, None, fixed, held, exact)
+    made = MjcfSimulator(loaded, None, fixed, held, exact, contacts)
     return made if made.state == state else made.with_state(state)

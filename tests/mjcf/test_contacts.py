@@ -1,10 +1,13 @@
 """Where something touches accelerations are left out, as long as enough else is left; the report says how often."""
 
+import pickle
+
+import mujoco
 import numpy as np
 import pytest
 from mjcf_models import LENGTH, PENDULUM, written
 
-from gpsim.diagnosis.setup import apart
+from gpsim.diagnosis.setup import apart, prepare
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.mjcf import load_mjcf
@@ -68,3 +71,34 @@ def test_a_blow_is_no_size_of_a_force(struck):
         return {c.identity: c.place.span for c in made if c.family == "constant_force"}
 
     assert list(sizes(beside).values()) == pytest.approx(list(sizes(free).values()), rel=0.1)
+
+
+def rolled(simulator, states):
+    commands, count = np.full((len(states), 50, 1), 0.1), len(states)
+    step = np.full(count, simulator.own_step)
+    return simulator.rolled((), simulator.defaults(), (), states, commands, step, np.zeros(count))
+
+
+def off(simulator):
+    return bool(simulator.body.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT)
+
+
+def test_contacts_are_not_looked_for_where_nothing_comes_near_anything(struck):
+    far, _ = swings(np.linspace(-1.0, 0.9, 7))
+    free = struck.around(far)
+    assert off(free)
+    assert not off(struck)
+    assert np.array_equal(rolled(free, far), rolled(struck, far))
+    assert off(pickle.loads(pickle.dumps(free)))
+    assert off(free.exact().as_modelled().with_state(free.state))
+    near, _ = swings(np.array([0.0, 1.36]))  # the balls are 1 cm apart
+    assert struck.around(near) is struck
+
+
+def test_the_corrected_simulator_touches_again(struck):
+    recording = recording_of(struck, 0.6 * np.sin(0.3 * np.arange(800)))
+    states = recording.episodes[0].states
+    states[:, 1] = np.gradient(states[:, 0], recording.dt)
+    asked = prepare(recording, struck, struck.defaults())
+    assert off(asked.everything.simulator)
+    assert not off(asked.whole)

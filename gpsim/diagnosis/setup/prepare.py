@@ -97,6 +97,8 @@ def prepare(
     seen, origin = rebased(mended(recording, log.left_out))
     seen, every = thinned(seen, settings.decimation)
     seen = sight.completed(seen)
+    if (system := closed(simulator)) is not None:
+        simulator = system.around(np.concatenate([e.states for e in seen.episodes]))
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
     problem = _problem(seen, simulator, parameters, training, hidden, log, run)
