@@ -9,6 +9,7 @@ import pytest
 import yaml
 from mjcf_models import DOUBLE, written
 
+from gpsim.diagnosis.attribution import judges
 from gpsim.diagnosis.fitting import Directions, Hypothesis, Pushes, fit
 from gpsim.diagnosis.selection.grid_check import _grid_matters
 from gpsim.diagnosis.setup import offers_of, prepare
@@ -109,6 +110,18 @@ def simulated(problem, at, directions, group):
         residual = problem.simulator.gap(windows.measured[None], said) * problem.root_weights
         out.append(directions.changes(residual).ravel() / push)
     return np.array(out)
+
+
+def test_slopes_of_the_base_tell_where_rollouts_of_an_account_began(tmp_path):
+    asked, lead = question(tmp_path), 8
+    problem, plain = asked.searched, Hypothesis(scheme="fine")
+    drag = next(c for c in offers_of(asked) if c.identity == ("quadratic_drag", "elbow"))
+    account = plain.plus(drag.term([0.02]), drag.declared)
+    known = judges._slopes(problem, problem.windows, lead, account)
+    served = judges.foretold(problem, problem.windows, lead, account, known)
+    own = judges.foretold(problem, problem.windows, lead, account)
+    off = problem.windows.measured - own
+    assert np.sqrt(np.mean((served - own) ** 2)) < 0.1 * np.sqrt(np.mean(off**2))
 
 
 def test_a_finer_grid_is_asked_for_where_commands_are_remembered(tmp_path):

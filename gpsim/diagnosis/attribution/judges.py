@@ -17,9 +17,10 @@ from gpsim.diagnosis.attribution.noise import sensor_noise
 from gpsim.diagnosis.attribution.rollout_windows import RolloutWindows, rollout_windows
 from gpsim.diagnosis.attribution.shares import Mismatch, draws
 from gpsim.diagnosis.data import Windows
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, predicted
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, predicted, state_jacobian
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
 
 
 class Judge(Protocol):
@@ -182,11 +183,14 @@ def _rolled(
 ) -> FloatArray:
     """(N, B, S) sums of squares of rollouts, each part's by the hypothesis that did not learn from it."""
     out = np.zeros((len(accounts), places.blocks, len(worst)))
+    slopes: dict[int | None, FloatArray | None] = {}
     for n, account in enumerate(accounts):
         for part in np.unique(places.fold) if len(account) > 1 else (None,):
             rows = np.flatnonzero(places.fold == part) if part is not None else np.arange(len(windows))
             own, hypothesis = windows.take(rows), account[int(part or 0)]
-            said = foretold(problem, own, places.lead, hypothesis)
+            if part not in slopes:
+                slopes[part] = _slopes(problem, own, places.lead, hypothesis)
+            said = foretold(problem, own, places.lead, hypothesis, slopes[part])
             errors = difference(own.measured, said, problem.simulator.state) * _counted(own)
             squares = np.clip(errors, -worst, worst)[:, places.lead + 1 :] ** 2
             np.add.at(out[n], places.block[rows], squares.sum(axis=1))
@@ -199,14 +203,39 @@ def _counted(windows: Windows) -> BoolArray:
     return valid if windows.weights is None else valid & (windows.weights > 0)
 
 
-def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis) -> FloatArray:
+def foretold(
+    problem: Problem, windows: Windows, lead: int, hypothesis: Hypothesis, known: FloatArray | None = None
+) -> FloatArray:
     """(W, L + 1, S) what the sensors would say, from where the first `lead` transitions say that each window began.
 
-    Without a lead from the states that were measured there.
+    Without a lead from the states that were measured there. known: see `fit`.
     """
     if not lead:
         return predicted(problem, windows, hypothesis)
-    part = replace(
+    part, steps = _led(windows, lead), problem.run.settings.schedules
+    start, how = part.measured[:, 0], (steps.glance, steps.rough)
+    starts = fit(
+        problem.on(part), hypothesis.frozen(), start, iterations=how[0], tolerance=how[1], known=known
+    ).starts
+    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
+    theta = hypothesis.theta[None]
+    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta)
+    return np.asarray(said[0])
+
+
+def _slopes(problem: Problem, windows: Windows, lead: int, like: Hypothesis) -> FloatArray | None:
+    """The slopes by start states that serve every account where steps are dear: the base simulator's."""
+    if not lead or closed(problem.simulator) is None:
+        return None
+    led, base = problem.on(_led(windows, lead)), Hypothesis(scheme=like.scheme)
+    starts = led.windows.measured[:, 0]
+    residual = led.residuals(base, base.theta[None], starts[None])[0]
+    return state_jacobian(led, base, starts, residual)
+
+
+def _led(windows: Windows, lead: int) -> Windows:
+    """The first transitions of every window."""
+    return replace(
         windows,
         measured=windows.measured[:, : lead + 1],
         actions=windows.actions[:, :lead],
@@ -214,14 +243,6 @@ def foretold(problem: Problem, windows: Windows, lead: int, hypothesis: Hypothes
         valid=windows.valid[:, : lead + 1],
         weights=None if windows.weights is None else windows.weights[:, : lead + 1],
     )
-    steps, frozen = problem.run.settings.schedules, hypothesis.frozen()
-    starts = fit(
-        problem.on(part), frozen, part.measured[:, 0], iterations=steps.glance, tolerance=steps.rough
-    ).starts
-    chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
-    theta = hypothesis.theta[None]
-    said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta)
-    return np.asarray(said[0])
 
 
 def _floor(
@@ -233,10 +254,11 @@ def _floor(
     rng: np.random.Generator,
 ) -> FloatArray:
     """(B, S) sums of squares that noise makes of a perfect simulation: where it begins, what it is read by."""
-    clean = foretold(problem, windows, places.lead, hypothesis)
+    known = _slopes(problem, windows, places.lead, hypothesis)
+    clean = foretold(problem, windows, places.lead, hypothesis, known)
     drawn = rng.normal(size=windows.measured.shape) * noise
     noisy = replace(windows, measured=windows.measured + drawn)
-    disturbed = foretold(problem, noisy, places.lead, hypothesis)
+    disturbed = foretold(problem, noisy, places.lead, hypothesis, known)
     errors = difference(disturbed - drawn, clean, problem.simulator.state) * _counted(windows)
     out = np.zeros((places.blocks, errors.shape[-1]))
     np.add.at(out, places.block, (errors[:, places.lead + 1 :] ** 2).sum(axis=1))

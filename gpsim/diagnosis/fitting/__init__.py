@@ -17,7 +17,7 @@ from gpsim.diagnosis.fitting.evidence import (
     scores,
     whiteness,
 )
-from gpsim.diagnosis.fitting.gauss_newton import Step, damped_step, jacobians, projected
+from gpsim.diagnosis.fitting.gauss_newton import Step, damped_step, jacobians, projected, state_jacobian
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Curvature, Fit, curvature, fit
 from gpsim.diagnosis.fitting.predict import as_it_was, has_sensors, predicted, traced, without_sensors
@@ -61,6 +61,7 @@ __all__ = [
     "screened",
     "settled",
     "starts_of",
+    "state_jacobian",
     "stepped",
     "stretched",
     "stronger",

@@ -60,11 +60,13 @@ def fit(
     iterations: int | None = None,
     tolerance: float | None = None,
     near: bool = False,
+    known: FloatArray | None = None,
 ) -> Fit:
     """Minimise the profile likelihood over theta (from the hypothesis's values) and the start states (W, S).
 
     iterations, tolerance [nats]: None of a fit that is made to its end; near: the values are known to be good,
-    thresholds of jumping laws need not be looked for far away.
+    thresholds of jumping laws need not be looked for far away; known: (W, L + 1, S, S) slopes by start states, where
+    others have been found well enough.
     """
     settings = problem.run.settings.shooting
     iterations = settings.iterations if iterations is None else iterations
@@ -79,17 +81,17 @@ def fit(
     patience = settings.patience if theta.size else settings.patience_of_starts
     per_window = np.full(len(starts), damping)
     converged, still, seen_from, moved = False, 0, None, True
-    by_state = by_theta = np.empty(0)
+    by_state, by_theta = np.empty(0) if known is None else known, np.empty(0)
     dear = closed(problem.simulator) is not None
     for round_ in range(iterations):
         if not near and round_ in settings.pattern_rounds and any(p.step for p in hypothesis.parameters):
             first = round_ == settings.pattern_rounds[0]
             pattern = np.array(settings.first_pattern if first else settings.pattern)
-            known = by_state if dear and by_state.size else None
-            at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window, known)
+            slopes = by_state if dear and by_state.size else None
+            at = _searched_pattern(problem, hypothesis, at, pattern, low, high, per_window, slopes)
         if seen_from is not at.residual:  # after a rejected step it stands where it stood
-            serves = bool(round_ % problem.every_slope) and moved
-            if not (serves and theta.size >= problem.run.settings.closed_step.many):
+            serves = moved and (known is not None if round_ == 0 else bool(round_ % problem.every_slope))
+            if not (serves and by_theta.size and theta.size >= problem.run.settings.closed_step.many):
                 by_state, by_theta = jacobians(
                     problem,
                     hypothesis,

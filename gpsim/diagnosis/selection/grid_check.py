@@ -35,7 +35,9 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     if not fewer or not _grid_matters(problem, [best, *fewer]):
         return best, best
     settings = problem.run.settings.discretisation
-    grid = replace(problem, substeps=settings.most_finer * problem.substeps)
+    dear = closed(problem.simulator) is not None
+    most = problem.run.settings.closed_step.most_finer if dear else settings.most_finer
+    grid = replace(problem, substeps=most * problem.substeps)
     finely = fit_all(grid, [_order(problem, f) for f in fewer])
     gained = [
         (before, after)

@@ -230,8 +230,14 @@ class ClosedStepSettings:
     cost_of_exact: float = setting(
         4.0, "1", "steps of its own that such a step costs", "Runge and Kutta's four stages"
     )
+    most_finer: int = setting(
+        2,
+        "1",
+        "times as many steps as a transition takes, at most, that the best hypothesis may ask for",
+        least=1,
+    )
     slopes_serve: int = setting(
-        3, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
+        5, "1", "steps of a fit that slopes by start states serve, as long as they are accepted", least=1
     )
     bins: int = setting(
         12, "1", "bins of a channel, or of time, in one of which a term is switched on at a time", least=1
