@@ -21,10 +21,8 @@ READABLE = (".stl", ".obj", ".msh")
 FACES = 200_000  # that MuJoCo takes of an STL file
 HEADER, FACE = 84, 50  # bytes of a binary STL
 MASS, GYRATION = 1e-6, 0.03  # kg, m: of a link that its file gives no mass
-LEAST, SMALLEST = (
-    1e-3,
-    1e-3,
-)  # of a body's largest second moment, and m: the least extent along its other axes
+LEAST = 1e-3  # of a body's largest second moment: the least along its other axes
+SMALLEST = 1e-3  # m, the least extent of a body
 NEXT_TO_NONE = 1e-12  # kg m^2, above what MuJoCo takes for none
 DENSITY = 1000  # kg/m^3, MuJoCo's where nothing is said
 SOME = 4  # names that a line tells
@@ -54,7 +52,7 @@ def completed(spec: Any, path: Path) -> list[str]:
 
 
 def apart(spec: Any, model: Any) -> list[str]:
-    """Exclude from contact, in the spec, what is inside each other in the middle of its joints; one line if so.
+    """Exclude from contact, in the spec, what is inside each other with joints at 0 or as near as they get; told in a line.
 
     Collision shapes are convex hulls wider than links, which touch their neighbours' at once; MoveIt's setup assistant
     leaves such pairs out in the same way ("collision by default").

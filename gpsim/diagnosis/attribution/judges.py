@@ -213,10 +213,8 @@ def foretold(
     if not lead:
         return predicted(problem, windows, hypothesis)
     part, steps = _led(windows, lead), problem.run.settings.schedules
-    start, how = part.measured[:, 0], (steps.glance, steps.rough)
-    starts = fit(
-        problem.on(part), hypothesis.frozen(), start, iterations=how[0], tolerance=how[1], known=known
-    ).starts
+    begun = problem.on(part), hypothesis.frozen(), part.measured[:, 0]
+    starts = fit(*begun, iterations=steps.glance, tolerance=steps.rough, known=known).starts
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     theta = hypothesis.theta[None]
     said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta)

@@ -84,9 +84,8 @@ def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     system = closed(problem.simulator)
     if system is not None and system.own_grid:  # its step is a part of what is believed
         return problem.substeps, best
-    most = settings.most_finer if system is None else problem.run.settings.closed_step.most_finer
     substeps, at = problem.substeps, best
-    while at.hypothesis.scheme == "fine" and substeps < most * problem.substeps:
+    while at.hypothesis.scheme == "fine" and substeps < problem.most_finer * problem.substeps:
         grid = replace(problem, substeps=2 * substeps)
         finer = fit(grid, at.hypothesis, at.starts, iterations=settings.finer_iterations, near=True)
         if finer.objective > at.objective - settings.finer_gain:

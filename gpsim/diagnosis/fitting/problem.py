@@ -74,6 +74,13 @@ class Problem:
         return 1 if closed(self.simulator) is None else self.run.settings.closed_step.slopes_serve
 
     @property
+    def most_finer(self) -> int:
+        """Times as many steps of a transition, at most, as a hypothesis may ask for."""
+        settings = self.run.settings
+        dear = closed(self.simulator) is not None
+        return settings.closed_step.most_finer if dear else settings.discretisation.most_finer
+
+    @property
     def slopes(self) -> Problem:
         """The same question where only differences between simulations count, which coarser steps tell as well."""
         if not self.slope_steps:

@@ -35,9 +35,7 @@ def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> t
     if not fewer or not _grid_matters(problem, [best, *fewer]):
         return best, best
     settings = problem.run.settings.discretisation
-    dear = closed(problem.simulator) is not None
-    most = problem.run.settings.closed_step.most_finer if dear else settings.most_finer
-    grid = replace(problem, substeps=most * problem.substeps)
+    grid = replace(problem, substeps=problem.most_finer * problem.substeps)
     finely = fit_all(grid, [_order(problem, f) for f in fewer])
     gained = [
         (before, after)
