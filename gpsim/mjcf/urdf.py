@@ -52,7 +52,7 @@ def completed(spec: Any, path: Path) -> list[str]:
 
 
 def apart(spec: Any, model: Any) -> list[str]:
-    """Exclude from contact, in the spec, what is inside each other with joints at 0 or as near as they get; told in a line.
+    """Exclude from contact what is inside each other with joints at 0 or as near as they get; told in a line.
 
     Collision shapes are convex hulls wider than links, which touch their neighbours' at once; MoveIt's setup assistant
     leaves such pairs out in the same way ("collision by default").
