@@ -157,9 +157,8 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
     printer = console()
     for sheet in terminal_sheets(content):
         printer.print(terminal_table(sheet, {}))
-    say(
-        f"{len(content['misses'])} misses of {content['all']['n'] + content['long']['n']}, listed in the page"
-    )
+    if plain := content["all"]["n"] + content["long"]["n"]:
+        say(f"{len(content['misses'])} misses of {plain}, listed in the page")
     if "rough" in content:
         misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
         say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")

@@ -58,7 +58,8 @@ def _cells(record) -> dict[str, str]:
     counts = {}
     if "tables" not in record:
         numbers = [cells[-1].text for cells in goals_sheet(record).rows]
-        counts = dict(zip(record["goals"], numbers, strict=True))
+        reached = [key for key, goal in record["goals"].items() if goal["got"] is not None]
+        counts = dict(zip(reached, numbers, strict=True))
     return {
         key: _reached(key, goal["got"], goal.get("count", counts.get(key, "")))
         + (" !" if goal["reached"] is False else "")
@@ -68,7 +69,7 @@ def _cells(record) -> dict[str, str]:
 
 
 def _reached(key: str, got: float, count: str) -> str:
-    if key == "parameters.median_relative_error":
+    if key.endswith("median_relative_error"):
         return f"{significant(100 * got, 1)} %"
     if key.startswith("seconds"):
         return f"{fixed(got)} s"

@@ -17,10 +17,7 @@ _TAG = re.compile(r"<(?=[A-Za-z/!?])")  # what Markdown hands on as HTML
 def record(content: Json) -> str:
     """The text, from the content of prove.json."""
     commits = ", ".join(str(commit) for commit in content["diagnosed_under"])
-    head = (
-        f"{content['all']['n']} worlds of 2 000 to 12 000 transitions and {content['long']['n']} longer ones, "
-        f"{_others(content)}seed {content['seed']}; diagnosed with commit: {commits}."
-    )
+    head = f"{_worlds(content)}, seed {content['seed']}; diagnosed with commit: {commits}."
     sections = (section(f"## {sheet.title}", sheet) for sheet in record_sheets(content))
     return "\n\n".join([head, *beside(content), *sections]) + "\n"
 
@@ -39,9 +36,16 @@ def section(heading: str, sheet: Sheet) -> str:
     return "\n\n".join([heading, "\n".join(lines), *([sheet.note] if sheet.note else [])])
 
 
-def _others(content: Json) -> str:
-    words = {"rough": "rough ones", "mjcf": "robots by their MuJoCo models"}
-    return "".join(f"{content[part]['n']} {what}, " for part, what in words.items() if part in content)
+def _worlds(content: Json) -> str:
+    """How many of which there are."""
+    words = {
+        "all": "worlds of 2 000 to 12 000 transitions",
+        "long": "longer ones",
+        "rough": "rough ones",
+        "mjcf": "robots by their MuJoCo models",
+    }
+    counts = {part: content.get(part, {}).get("n", 0) for part in words}
+    return ", ".join(f"{counts[part]} {what}" for part, what in words.items() if counts[part])
 
 
 def _told(table: Json) -> Sheet:

@@ -23,6 +23,11 @@ COUNTED = {
     "undecided": "count",
     "fit": "within",
 }
+ROBOTS_COUNTED = {
+    "single_right": ("singles_right", "singles"),
+    "pair_right": ("pairs_right", "pairs"),
+    "false_alarms": ("alarms", "nulls"),
+}
 FAILED = (*SIZES, "none", "unknown")
 RIVALS = {
     "before": "base as it is",
@@ -78,20 +83,16 @@ def _named(trials: Sequence[str]) -> str:
 
 
 def goals_sheet(content: Json) -> Sheet:
-    """What has to be reached and what was."""
+    """What has to be reached and what was, wherever the proof has worlds that it is about."""
     rows = []
     for name, goal in content["goals"].items():
+        if goal["got"] is None:
+            continue
         part, key = name.split(".")
         block = content.get(part, {})
-        count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
-        median = key.startswith("median")
-        bounds = bounds_of(block, key)
-        of = block.get("n", MISSING)
-        if key == "share_named_wrong" and block:
-            of -= block["failed"]
-        number = f"{count}/{of}" if count is not None else str(of)
+        bounds = _within(bounds_of(block, key), key.startswith("median"))
         got = Cell(significant(goal["got"]), marked=goal["reached"] is False)
-        rows.append(row(GOALS[name].label, goal["wanted"], got, _within(bounds, median), number))
+        rows.append(row(GOALS[name].label, goal["wanted"], got, bounds, _number(part, key, block)))
     return Sheet(
         "What it must reach, on visible worlds of 2 000 to 12 000 transitions",
         ("", "wanted", "got", "95 %", "count"),
@@ -99,6 +100,18 @@ def goals_sheet(content: Json) -> Sheet:
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
         "on rough worlds; !: missed, also by the interval of a share or of a mean",
     )
+
+
+def _number(part: str, key: str, block: Json) -> str:
+    """How many of how many worlds a figure is about, or of how many."""
+    if part == "mjcf" and key in ROBOTS_COUNTED:
+        some, every = ROBOTS_COUNTED[key]
+        return f"{block[some]}/{block[every]}"
+    count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
+    of = block.get("n", MISSING)
+    if key == "share_named_wrong" and block:
+        of -= block["failed"]
+    return str(of) if count is None else f"{count}/{of}"
 
 
 def shares_sheet(content: Json) -> Sheet:
@@ -195,11 +208,11 @@ def namers_sheet(content: Json) -> Sheet:
 
 
 def strata_sheets(content: Json) -> list[Sheet]:
-    """The same figures by stratum."""
+    """The same figures by stratum; no table where no world counts in it."""
     parts = {"headline": content, "all worlds": content["all"], "identifiable": content["identifiable"]}
     if content["long"]["n"]:
         parts["long recordings"] = content["long"]
-    sheets = [_strata_sheet("All together", parts)]
+    sheets = [_strata_sheet("All together", parts)] if content["all"]["n"] + content["long"]["n"] else []
     return sheets + [
         _strata_sheet(f"By {name.replace('_', ' ')}", blocks) for name, blocks in content["strata"].items()
     ]

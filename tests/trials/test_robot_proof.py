@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.mjcf import in_its_columns, load_mjcf
 from gpsim.recordings import read_recording
+from gpsim.reports.prove_sheets import goals_sheet
 from gpsim.stages.prove import numbers_of, robots_numbers
 from gpsim.trials.blinding import publish_hashes, reveal, trial_files, trial_name, write_trial
 from gpsim.trials.blinding.trial_files import recording_digests
@@ -167,6 +168,9 @@ def test_figures_of_robots_stand_by_themselves_and_have_goals():
     assert found["goals"]["mjcf.single_right"]["wanted"] == ">= 0.95"
     assert found["goals"]["mjcf.false_alarms"]["got"] == 0.5
     assert robots["strata"]["robot"]["arm"]["n"] == 4
+    labels = [[cell.text for cell in cells] for cells in goals_sheet(found).rows]
+    assert {words[0].split(":")[0] for words in labels} == {"robots"}, "nothing was asked of other worlds"
+    assert labels[0][-1] == "1/2"
 
 
 @pytest.mark.slow
