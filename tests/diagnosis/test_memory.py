@@ -7,10 +7,11 @@ import pytest
 
 from gpsim.diagnosis.assessment import comparison as comparing
 from gpsim.diagnosis.data.windows import cut
-from gpsim.diagnosis.fitting import multiple_shooting as shooting
 from gpsim.diagnosis.fitting import simulate
+from gpsim.diagnosis.fitting.gauss_newton import Step
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.point import point_at
+from gpsim.diagnosis.fitting.steps import stepped
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.candidates import candidates
@@ -143,10 +144,8 @@ def test_a_step_that_is_no_number_is_not_taken():
     starts = problem.windows.measured[:, 0]
     residual = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
     here = point_at(problem, hypothesis.theta, starts, residual)
-    nowhere = shooting.Step(np.full(1, np.nan), np.zeros((*starts.shape, 1)), np.zeros_like(starts))
-    new, moved, *_ = shooting._stepped(
-        problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1), alone=False
-    )
+    nowhere = Step(np.full(1, np.nan), np.zeros((*starts.shape, 1)), np.zeros_like(starts))
+    new, moved, *_ = stepped(problem, hypothesis, here, nowhere, np.zeros(1), np.ones(1), alone=False)
     assert not moved
     assert (new.theta == here.theta).all()
     assert np.isfinite(new.value)

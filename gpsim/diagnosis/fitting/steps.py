@@ -1,4 +1,4 @@
-"""The step of a fit where simulating is dear: what nearly always is best is tried first, the rest where it was not."""
+"""A step of a fit: theta's if it is better than where the fit stands; each window begins where suits it best."""
 
 from __future__ import annotations
 
@@ -11,10 +11,54 @@ from gpsim.diagnosis.fitting.point import Point, point_at
 from gpsim.diagnosis.fitting.problem import Problem, variance_of, window_costs
 
 
+def stepped(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    at: Point,
+    step: Step,
+    low: FloatArray,
+    high: FloatArray,
+    *,
+    alone: bool,
+) -> tuple[Point, bool, BoolArray, FloatArray]:
+    """The step of theta if it is better than where the fit stands, else theta standing still.
+
+    Every window keeps the start state that suits it best. alone: try its own step while theta stands, too.
+
+    Returns the point, whether theta moved, (W,) whose start state took its own step, and the residual `anchored` of the
+    theta that it began with.
+    """
+    thetas = [at.theta]
+    if at.theta.size and np.isfinite(step.theta).all():  # a window that flies off may leave no direction
+        thetas.insert(0, np.clip(at.theta + step.theta, low, high))
+    # What was measured is always worth a try: a start state that a worse theta led astray may be stuck there.
+    anchor = problem.windows.measured[:, 0]
+    follows = [at.starts + step.starts_by_theta @ (theta - at.theta) for theta in thetas[:-1]] + [at.starts]
+    copies = np.stack([c for follow in follows for c in (follow + step.starts_alone, follow, anchor)])
+    got = np.empty((len(copies), *at.residual.shape))
+    new = np.ones(len(copies), dtype=np.bool_)
+    new[-2], got[-2] = False, at.residual  # where it stands is known,
+    if at.anchored is not None:
+        new[-1], got[-1] = False, at.anchored  # and what was measured, since theta was tried
+    if len(thetas) > 1 and not alone:
+        new[-3], got[-3] = False, np.inf
+    got[new] = problem.residuals(hypothesis, np.repeat(np.stack(thetas), 3, axis=0)[new], copies[new])
+    costs = window_costs(problem, got, variance_of(problem, at.residual))
+    every, options = np.arange(len(at.starts)), []
+    for i, theta in enumerate(thetas):
+        pick = 3 * i + np.argmin(costs[3 * i : 3 * i + 3], axis=0)
+        point = point_at(problem, theta, copies[pick, every], got[pick, every], got[3 * i + 2])
+        options.append((point, pick == 3 * i))
+    # Start states alone often gain more at first, and would hold theta where it stands.
+    moves = len(thetas) > 1 and options[0][0].value < at.value
+    best = options[0] if moves else options[-1]
+    return best[0], moves, best[1], got[-1]
+
+
 def stepped_dearly(
     problem: Problem, hypothesis: Hypothesis, at: Point, step: Step, low: FloatArray, high: FloatArray
 ) -> tuple[Point, bool, BoolArray, None]:
-    """The step of theta if it is better than where the fit stands, else theta standing still.
+    """The same where simulating is dear: what nearly always is best is tried first, the rest where it was not.
 
     Every window takes its own start state's step; where that is worse than where it stood it is asked how it does with
     the start state that follows theta, or the measured one. Returns the point, whether theta moved, (W,) whose start

@@ -1,0 +1,131 @@
+"""A fit under way, round by round."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.gauss_newton import damped_step, jacobians, promised_gain
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.pattern_search import searched_pattern
+from gpsim.diagnosis.fitting.point import point_at
+from gpsim.diagnosis.fitting.problem import Problem, variance_of
+from gpsim.diagnosis.fitting.steps import stepped, stepped_dearly
+from gpsim.effects import closed
+
+
+class Descent:
+    """Where a fit stands, the slopes there, how much its steps are damped, and for how many rounds it stood still.
+
+    A round searches thresholds, looks which way is down, and steps.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        hypothesis: Hypothesis,
+        starts: FloatArray,
+        *,
+        near: bool,
+        known: FloatArray | None,
+    ) -> None:
+        """From the hypothesis's values and the start states (W, S); near and known as `fit` takes them."""
+        self.problem, self.hypothesis, self.near, self.known = problem, hypothesis, near, known
+        self.settings = problem.run.settings.shooting
+        bounds = np.array([(p.low, p.high) for p in hypothesis.parameters], dtype=float).reshape(-1, 2)
+        self.low, self.high = bounds[:, 0], bounds[:, 1]
+        theta = np.clip(hypothesis.theta, self.low, self.high)
+        residual = problem.residuals(hypothesis, theta[None], starts[None])[0]
+        self.at = point_at(problem, theta, np.array(starts), residual)
+        self.damping, self.least = self.settings.first_damping, self.settings.least_damping
+        self.per_window = np.full(len(starts), self.damping)
+        self.moved, self.still = True, 0
+        self.seen_from: FloatArray | None = None
+        self.by_state = np.empty(0) if known is None else known
+        self.by_theta = np.empty(0)
+        self.dear = closed(problem.simulator) is not None
+
+    def search(self, round_: int) -> None:
+        """In some rounds: thresholds of laws that jump, far and near."""
+        rounds = self.settings.pattern_rounds
+        if self.near or round_ not in rounds or not any(p.step for p in self.hypothesis.parameters):
+            return
+        first = round_ == rounds[0]
+        pattern = np.array(self.settings.first_pattern if first else self.settings.pattern)
+        slopes = self.by_state if self.dear and self.by_state.size else None
+        self.at = searched_pattern(
+            self.problem, self.hypothesis, self.at, pattern, self.low, self.high, self.per_window, slopes
+        )
+
+    def look(self, round_: int) -> None:
+        """The slopes where it stands; after a rejected step it stands where it stood."""
+        if self.seen_from is self.at.residual:
+            return
+        serves = self.moved and (
+            self.known is not None if round_ == 0 else bool(round_ % self.problem.every_slope)
+        )
+        enough = self.at.theta.size >= self.problem.run.settings.closed_step.many
+        if not (serves and self.by_theta.size and enough):
+            at = self.at
+            self.by_state, self.by_theta = jacobians(
+                self.problem,
+                self.hypothesis,
+                at.theta,
+                at.starts,
+                at.residual,
+                by_state=self.by_state if serves else None,
+            )
+        self.seen_from = self.at.residual
+
+    def step(self) -> float:
+        """One damped step, taken where it is better; what it gains [nats], less than nothing where it is not taken."""
+        problem, hypothesis, at = self.problem, self.hypothesis, self.at
+        variance = variance_of(problem, at.residual)
+        step = damped_step(
+            problem, at.residual, self.by_state, self.by_theta, variance, self.damping, self.per_window,
+            at.theta, self.low, self.high,
+        )  # fmt: skip
+        if self.dear:
+            new, self.moved, own, anchored = stepped_dearly(
+                problem, hypothesis, at, step, self.low, self.high
+            )
+        else:
+            # After a rejected step of theta, and where there is none, the start states may have to go alone.
+            alone = not (self.moved and at.theta.size)
+            new, self.moved, own, anchored = stepped(
+                problem, hypothesis, at, step, self.low, self.high, alone=alone
+            )
+        gain = at.value - new.value
+        shrinks, grows, most = (
+            self.settings.damping_shrinks,
+            self.settings.damping_grows,
+            self.settings.most_damping,
+        )
+        self.per_window = np.clip(
+            np.where(own, self.per_window / shrinks, self.per_window * grows), self.least, most
+        )
+        damping = self.damping / shrinks if self.moved else self.damping * grows
+        self.damping = float(np.clip(damping, self.least, most))
+        self.at = new if gain > 0 else replace(at, anchored=anchored)
+        return gain
+
+    def stands(self, gain: float, tolerance: float) -> bool:
+        """Whether it is at its end, after a step that gained this much [nats]; if not for sure, damping is given up.
+
+        Where one channel is known far better than another, a little damping may be all that holds it.
+        """
+        at, settings = self.at, self.settings
+        patience = settings.patience if at.theta.size else settings.patience_of_starts
+        self.still = 0 if gain >= tolerance else self.still + 1
+        if self.still < (1 if self.moved else patience):
+            return False
+        promised = promised_gain(
+            self.problem, at.residual, self.by_state, self.by_theta, at.theta, self.low, self.high
+        )
+        if self.least < settings.least_damping or promised < tolerance:
+            return True
+        self.least, self.still = settings.no_damping, 0
+        self.damping, self.per_window = self.least, np.full(len(at.starts), self.least)
+        return False
