@@ -72,7 +72,7 @@ def test_a_new_proof_is_a_file_more(made, monkeypatch, tmp_path):
 
     block = {"n": 4, "right": 3, "share": 0.75, "interval": [0.3, 0.95], "failed": 0}
     new = {
-        "seed": 2099,
+        "seed": 9099,
         "n": 4,
         "single": block,
         "goals": {
@@ -100,12 +100,14 @@ def test_a_new_proof_is_a_file_more(made, monkeypatch, tmp_path):
         "about": ["One job on one core."],
         "diagnosed_under": ["abc1234"],
     }
-    (tmp_path / "2099.json").write_text(json.dumps(new))
+    (tmp_path / "9099.json").write_text(json.dumps(new))
     for path in RECORDS:
         (tmp_path / path.name).write_bytes(path.read_bytes())
     monkeypatch.setattr(proofs, "RECORDS", tmp_path)
     text = proofs.proofs_page()
-    assert "| one effect: right | >= 0.97 | 75.0 % (3/4) ! | 94.3 % (183/194) ! | 98.5 % (192/195) |" in text
-    assert "## Seed 2099\n\n    gpsim prove --seed 2099 --out DIR\n\nOne job on one core." in text
+    assert (
+        "| one effect: right | >= 0.97 | 75.0 % (3/4) ! |  | 94.3 % (183/194) ! | 98.5 % (192/195) |" in text
+    )
+    assert "## Seed 9099\n\n    gpsim prove --seed 9099 --out DIR\n\nOne job on one core." in text
     assert "| 0001 | single: slider | spring on q | none |  |" in text
     assert "abc1234" not in text
