@@ -8,7 +8,7 @@ import pytest
 
 from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, supported
 from gpsim.diagnosis.attribution.rollout_windows import rollout_windows
-from gpsim.diagnosis.attribution.support import _spare, holds_in_halves
+from gpsim.diagnosis.attribution.support import _hidden, _spare, holds_in_halves
 from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.report import Share
@@ -81,6 +81,20 @@ def test_what_explains_much_and_is_not_needed_is_spare(importance, needed, spare
         share=Share(0.95, 0.93, 0.97),
     )
     assert _spare(found, 0, Settings()) == spare
+
+
+@pytest.mark.parametrize(
+    ("role", "importance", "hidden"),
+    [
+        ("slight", 0.0016, True),
+        ("slight", -0.001, True),
+        ("slight", 0.004, False),
+        ("headline", 0.001, False),
+    ],
+)
+def test_what_is_slight_and_explains_nothing_hides_behind_a_models_own_step(role, importance, hidden):
+    found = SimpleNamespace(roles=(role,), importance=(Share(importance, importance, importance),))
+    assert _hidden(found, 0, Settings()) == hidden
 
 
 def test_of_two_that_share_what_they_explain_one_goes_where_more_is_left_than_chance_makes():

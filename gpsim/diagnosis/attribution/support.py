@@ -21,6 +21,7 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.selection import required_in
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
 
 TINY = 1e-300  # guards a division by what windows do not know
 
@@ -69,6 +70,10 @@ def _unsupported(
     harm = [i for i in free if needed[i] < -settings.support.harms]
     if harm:
         return least(harm, "held-out rollouts are better without it")
+    own_step = closed(problem.simulator) is not None
+    hidden = [i for i in free if own_step and _hidden(found, i, settings)]
+    if hidden:
+        return least(hidden, "no rollout shows it")
     mends = [i for i in free if structured and _mends(leader, found, i, settings)]
     if mends:
         return least(mends, "behind a gate it mends what is left")
@@ -79,6 +84,11 @@ def _unsupported(
     answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
     return least(fails, "one half alone supports it") if fails else None
+
+
+def _hidden(found: Attribution, index: int, settings: Settings) -> bool:
+    """Whether a slight term explains no more than a model's own step may do to a law that jumps."""
+    return found.roles[index] == "slight" and found.importance[index].share < settings.closed_step.shows
 
 
 def _mends(leader: Fit, found: Attribution, index: int, settings: Settings) -> bool:

@@ -243,6 +243,13 @@ class ClosedStepSettings:
         12, "1", "bins of a channel, or of time, in one of which a term is switched on at a time", least=1
     )
     pattern_windows: int = setting(24, "windows", "on which the places of a pattern are judged", least=1)
+    shows: float = setting(
+        0.002,
+        "1",
+        "of the mismatch, that a slight effect explains at least: less no rollout shows",
+        "by hand, on concealed robots: beside dry friction, whose stops the model rounds to ends of its own steps, a "
+        "mass that is not changed explains up to 0.0017; true slight effects 0.004 and more",
+    )
     many: int = setting(
         12,
         "1",
