@@ -45,7 +45,7 @@ def _worlds(content: Json) -> str:
         "mjcf": "robots by their MuJoCo models",
     }
     counts = {part: content.get(part, {}).get("n", 0) for part in words}
-    return ", ".join(f"{counts[part]} {what}" for part, what in words.items() if counts[part])
+    return ", ".join(f"{counts[part]} {what}" for part, what in words.items() if counts[part]) or "no worlds"
 
 
 def _told(table: Json) -> Sheet:

@@ -103,7 +103,7 @@ def goals_sheet(content: Json) -> Sheet:
 
 
 def _number(part: str, key: str, block: Json) -> str:
-    """How many of how many worlds a figure is about, or of how many."""
+    """What a figure counts: some of so many worlds, or so many where it is no count."""
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
