@@ -2,7 +2,9 @@
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
 from gpsim.diagnosis.fitting.discretisation import (
+    dry_steps,
     enough_substeps,
+    growth,
     numerical_error,
     rescored,
     settled,
@@ -43,12 +45,14 @@ __all__ = [
     "correlation_time",
     "curvature",
     "damped_step",
+    "dry_steps",
     "enough_substeps",
     "fit",
     "fit_all",
     "fit_near",
     "fit_order",
     "gain",
+    "growth",
     "has_sensors",
     "jacobians",
     "mean_squares",

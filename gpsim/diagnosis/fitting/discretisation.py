@@ -74,6 +74,46 @@ def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
     return problem
 
 
+def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
+    """Times as many substeps as dry friction needs, of a simulator that owns its integration; rubbing: some of it.
+
+    Friction stops a body at the end of a step, wherever in the step that was: what is left over is of first order, and
+    would pass for a slight inertia or delay. The fewest that what was measured cannot tell from more, or the most.
+    """
+    settings, grid = problem.run.settings.closed_step, problem.run.settings.discretisation
+    tolerated = np.maximum(settings.tolerated_error * problem.scale, problem.floor / grid.tolerated_noise)
+    starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
+    counts = problem.windows.valid
+    for times in settings.dry_finer:
+        got = replace(problem, dry_steps=times).residuals(rubbing, theta, starts)[0]
+        if last is not None:
+            fewer, before = last
+            # Of first order: the error is this many times what the finer steps changed.
+            error = np.sqrt(np.mean((got - before)[counts] ** 2, axis=0)) * times / (times - fewer)
+            if (error <= tolerated)[problem.observed].all():
+                return fewer
+        last = times, got
+    return settings.dry_finer[-1]
+
+
+def growth(problem: Problem) -> FloatArray:
+    """(L + 1,) times as far apart two simulations by the base are after each transition that began slightly apart.
+
+    In the median of the windows that last as long, in channels' typical sizes; 1 where no window lasts as long.
+    """
+    settings, nothing = problem.run.settings.shooting, Hypothesis()
+    starts, valid = problem.windows.measured[:, 0], problem.windows.valid
+    # In any direction: one that is the same everywhere may be the one that shrinks.
+    aside = settings.state_step * problem.scale * np.random.default_rng(0).normal(size=starts.shape)
+    one, other = problem.residuals(nothing, np.zeros((2, 0)), np.stack([starts, starts + aside]))
+    apart = np.linalg.norm((other - one) / problem.scale, axis=2)
+    apart /= np.linalg.norm(aside / problem.scale, axis=1)[:, None]
+    lasts = valid.any(axis=0)
+    out = np.ones(valid.shape[1])
+    out[lasts] = np.nanmedian(np.where(valid, apart, np.nan)[:, lasts], axis=0)
+    return out
+
+
 def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     """As many substeps as the best hypothesis needs, at most so many times more than the base simulator does.
 

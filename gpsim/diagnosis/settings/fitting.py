@@ -224,6 +224,21 @@ class ClosedStepSettings:
     tolerated_error: float = setting(
         3e-4, "1", "of a channel's spread: what halving the steps may change, if it is more than noise hides"
     )
+    dry_finer: tuple[int, ...] = setting(
+        (1, 3, 6),
+        "1",
+        "times as many steps where dry friction acts, the first that will do: it stops a body at the end of a step",
+        "by hand, on concealed pendulums whose dry friction was given for Stribeck's, or a slight mass beside it",
+    )
+    unstable: float = setting(
+        10.0,
+        "1",
+        "times as far apart that two simulations may be at a window's end that began slightly apart: longer are cut",
+        "by hand: on poles that fall, windows of 25 transitions lead fits into local minima; robots that are held "
+        "stay below 7",
+        least=1.0,
+    )
+    shortest: int = setting(5, "transitions", "that such a window keeps", least=1)
     coarser_exact: tuple[int, ...] = setting(
         (8, 5, 4, 3, 2, 1), "1", "times as long as its own, steps of a method of higher order that are tried"
     )
@@ -277,4 +292,4 @@ class ClosedStepSettings:
     )
 
     def __post_init__(self) -> None:
-        check(self, lists=("coarser", "coarser_exact"))
+        check(self, lists=("coarser", "coarser_exact", "dry_finer"))

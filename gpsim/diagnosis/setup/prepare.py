@@ -27,6 +27,7 @@ from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
 from gpsim.diagnosis.setup.log_facts import QUANTISED, LogLook, look_at, mended
+from gpsim.diagnosis.setup.own_steps import steady_length, steps_with_friction
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
 from gpsim.effects import closed
 from gpsim.errors import NoDiagnosis, UsageError
@@ -107,10 +108,18 @@ def prepare(
         training, held = _split(seen, observed, settings)
         before = problem
         problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=before)
+    if system is not None:
+        length = steady_length(
+            problem.on(spread_out(training, settings.closed_step.searched, settings.prepare.fewest))
+        )
+        if length < training.length:
+            training, held = _parted(seen, length, settings)
+            problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=problem)
+        problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
-    if closed(simulator) is not None:
+    if system is not None:
         searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
     problem = _with_mismatch(_fine_enough(replace(problem, base_steps=every)))
     return Question(

@@ -1,0 +1,117 @@
+"""How large things typically are in a recording, and so where and how strongly an effect may act."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.settings import CandidateSettings
+from gpsim.diagnosis.setup.contacts import apart
+from gpsim.effects import Effect, Place
+from gpsim.recordings import Recording, evenly
+from gpsim.simulators import Simulator
+
+TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its square
+MEDIAN = 0.5  # quantile
+
+
+class Sizes:
+    """How large things typically are in a recording."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        simulator: Simulator,
+        parameters: Mapping[str, float],
+        settings: CandidateSettings,
+    ) -> None:
+        rows = recording.transitions()
+        rows = rows.take(evenly(len(rows), settings.rows))
+        rows = rows.take(apart(simulator, settings.apart, rows.states, rows.next_states))
+        self._reach = settings.reach
+        self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
+        self._spans = {
+            name: _typical(np.abs(values), settings.typical)
+            for name, values in zip(
+                (*simulator.state.names, *simulator.action.names),
+                np.hstack([rows.states, rows.actions]).T,
+                strict=True,
+            )
+        }
+        self._deviations = {
+            n: max(float(v), TINY)
+            for n, v in zip(simulator.state.names, rows.states.std(axis=0), strict=True)
+        }
+        self._means = dict(zip(simulator.state.names, map(float, rows.states.mean(axis=0)), strict=True))
+        clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
+        self._duration = max(clock) - min(0.0, min(clock))
+        rates = simulator.rates(rows.states, rows.actions, parameters)
+        rows_rates = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
+        self._forces: dict[str, float] = {}
+        for i, coordinate in enumerate(simulator.coordinates):
+            unit = np.zeros((len(rows), len(simulator.coordinates)))
+            unit[:, i] = 1.0
+            column = simulator.rate.index(coordinate.rate)
+            mobility = (
+                simulator.rates(rows.states, rows.actions, parameters, unit)[:, column] - rates[:, column]
+            )
+            usual = float(np.sqrt(np.mean(rates[:, column] ** 2)))
+            if usual < settings.unforced * (measured := _typical(np.abs(rows_rates[:, column]), MEDIAN)):
+                usual = measured  # nobody pushes: what it does is all that tells how large forces are
+            force = usual / max(float(np.median(np.abs(mobility))), TINY)
+            self._forces[coordinate.name] = max(force, TINY)
+        self._loaded = set(simulator.normal_force(rows.states, rates, parameters))
+
+    def place(self, effect: Effect, on: str) -> Place:
+        """The place `on` of an effect's site."""
+        if effect.site == "force":
+            coordinate = next(c for c in self._simulator.coordinates if c.name == on)
+            return Place(
+                on,
+                coordinate.force_unit,
+                length=self._simulator.state.units[on],
+                span=self._forces[on],
+                middle=self._means[on],
+                reach=self._reach * self._deviations[on],
+                speed=self._spans[coordinate.velocity],
+                dt=self._dt,
+                loaded=on in self._loaded,
+                damping=coordinate.damping,
+                friction=coordinate.friction,
+            )
+        if effect.site == "actuator":
+            unit = self._simulator.action.units[on]
+            return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
+        if effect.site == "sensor" and on in self._deviations:
+            return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
+        if effect.site == "parameter" and on in self._simulator.parameters:
+            declared = self._simulator.parameters[on]
+            if declared.additive:
+                believed = self._parameters[on]
+                ends = (declared.low - believed, declared.high - believed)
+                return Place(
+                    on, declared.unit, span=declared.additive, dt=self._dt, bounds=ends, additive=True
+                )
+            return Place(on, "1", dt=self._dt, bounds=self._shares(on))
+        if (there := self._simulator.model_places.get(effect.family, {}).get(on)) is not None:
+            less = (-there.least, np.inf)
+            return Place(
+                on, there.unit, there.size, reach=there.reach, dt=self._dt, bounds=less, centre=there.centre
+            )
+        return Place(on, "1", dt=self._dt)
+
+    def _shares(self, on: str) -> tuple[float, float]:
+        """A parameter's bounds as shares of what is believed of it, which is always between them."""
+        declared, believed = self._simulator.parameters[on], self._parameters[on]
+        if believed == 0.0:
+            return 0.0, np.inf
+        ends = sorted((declared.low / believed, declared.high / believed))
+        return min(ends[0], 1.0), max(ends[1], 1.0)
+
+
+def _typical(sizes: FloatArray, quantile: float) -> float:
+    """Of values (N,) >= 0: their quantile, the largest where nearly all are 0 (a command that is seldom given)."""
+    usual = float(np.quantile(sizes, quantile))
+    return max(usual if usual > TINY else float(sizes.max()), TINY)
