@@ -109,12 +109,8 @@ def prepare(
         before = problem
         problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=before)
     if system is not None:
-        length = steady_length(
-            problem.on(spread_out(training, settings.closed_step.searched, settings.prepare.fewest))
-        )
-        if length < training.length:
-            training, held = _parted(seen, length, settings)
-            problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=problem)
+        training, held = _steady(problem, seen, training, held)
+        problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=problem)
         problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
     usual = training.length == _length(seen, settings)
     searched = settings.prepare.searched if usual else settings.prepare.searched_longer
@@ -171,6 +167,16 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
         if enough and float(longer.valid.mean()) > prepared.filled:  # samples, not what pads short episodes
             return longer, later
     return training, held
+
+
+def _steady(
+    problem: Problem, recording: Recording, training: Windows, held: Windows
+) -> tuple[Windows, Windows]:
+    """Shorter windows where unstable motion would drive apart what began alike."""
+    settings = problem.run.settings
+    some = spread_out(training, settings.closed_step.searched, settings.prepare.fewest)
+    length = steady_length(problem.on(some))
+    return _parted(recording, length, settings) if length < training.length else (training, held)
 
 
 def _parted(recording: Recording, length: int, settings: Settings) -> tuple[Windows, Windows]:

@@ -1,0 +1,113 @@
+"""Of a simulator that owns its steps: how finely dry friction is stepped, and how long a window is."""
+
+import numpy as np
+import pytest
+from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
+
+from gpsim.diagnosis.fitting import Hypothesis, growth
+from gpsim.diagnosis.setup import prepare
+from gpsim.diagnosis.setup.candidates import offers_of
+from gpsim.effects import Term
+from gpsim.mjcf import load_mjcf
+from gpsim.recordings import Episode, Recording
+
+DT, FORCE = 0.02, 0.4
+COARSE = SLIDER.replace('timestep="0.001"', f'timestep="{DT}"')
+
+
+def slid(x, v, push):
+    """Where a body under a push and dry friction is after DT: in closed form, with the moment at which it stops."""
+    left = DT
+    while left > 0.0:
+        if v == 0.0 and abs(push) <= FORCE:
+            return x, 0.0
+        against = np.sign(v) if v else np.sign(push)
+        a = (push - FORCE * against) / MASS
+        stops = -v / a if v * a < 0.0 else np.inf
+        step = min(left, stops)
+        x, v, left = x + v * step + a * step**2 / 2, v + a * step, left - step
+        v = 0.0 if step == stops else v
+    return x, v
+
+
+def rubbed(folder, noise):
+    """The question of a recording of such a body, to a model that steps as coarsely as the recording."""
+    simulator, rng = load_mjcf(written(folder, COARSE)), np.random.default_rng(1)
+    episodes = []
+    for name in "abcdef":
+        pushes = np.repeat(rng.uniform(-1.2, 1.2, 30), 4)
+        states = [(0.0, float(rng.normal()))]
+        for push in pushes:
+            states.append(slid(*states[-1], push))
+        read = np.array(states) + noise * rng.normal(size=(len(states), 2))
+        episodes.append(Episode(name, DT * np.arange(len(states)), read, pushes[:, None]))
+    recording = Recording(
+        "mjcf", simulator.state, simulator.action, tuple(episodes), DT, velocities="measured",
+        noise=dict.fromkeys(simulator.state.names, noise),
+    )  # fmt: skip
+    return prepare(recording, simulator, simulator.defaults())
+
+
+def friction(question):
+    rubs = next(c for c in offers_of(question) if c.family == "coulomb_friction")
+    return Hypothesis((Term(rubs.family, rubs.place.on, {"force": FORCE}),), (rubs.declared,))
+
+
+def test_dry_friction_is_stepped_until_its_stops_are_less_than_the_noise(tmp_path):
+    problem = rubbed(tmp_path, 1e-4).searched
+    assert problem.dry_steps == 6
+    true, starts = friction(rubbed(tmp_path, 1e-4)), problem.windows.measured[None, :, 0]
+    fine = problem.residuals(true, true.theta[None], starts)
+    rough = problem.slopes.residuals(true, true.theta[None], starts)
+    read = np.sqrt(2.0) * 1e-4  # a sample's noise, and that of the start
+    assert np.sqrt(np.mean(fine**2)) < 1.2 * read
+    assert np.sqrt(np.mean(rough**2)) > 2.5 * read
+
+
+def test_what_noise_hides_is_not_stepped_finely(tmp_path):
+    assert rubbed(tmp_path, 0.1).searched.dry_steps == 1
+
+
+def test_nothing_else_is_stepped_finely(tmp_path):
+    problem = rubbed(tmp_path, 1e-4).searched
+    smooth = Hypothesis().chain(problem.simulator, problem.parameters, problem.dt)
+    assert problem.steps(smooth) == problem.substeps
+    rubs = friction(rubbed(tmp_path, 1e-4)).chain(problem.simulator, problem.parameters, problem.dt)
+    assert problem.steps(rubs) == 6 * problem.substeps
+    assert problem.slopes.steps(rubs) == problem.slopes.substeps
+
+
+def swung(folder, rest, dt=0.05):
+    """The question of a pendulum near a rest: 0 hangs, pi stands; what it does is the model's."""
+    simulator, rng = load_mjcf(written(folder, PENDULUM)), np.random.default_rng(2)
+    t, rate = dt * np.arange(20), np.sqrt(GRAVITY / LENGTH)
+    episodes = []
+    for name in "abcdefgh":
+        a, b = 1e-3 * rng.normal(size=2)
+        if rest:
+            aside = np.stack([a * np.cosh(rate * t) + b * np.sinh(rate * t), np.zeros_like(t)], axis=1)
+            aside[:, 1] = rate * (a * np.sinh(rate * t) + b * np.cosh(rate * t))
+        else:
+            aside = np.stack([a * np.cos(rate * t), -rate * a * np.sin(rate * t)], axis=1)
+        aside[:, 0] += rest
+        episodes.append(Episode(name, t, aside, np.zeros((19, 1))))
+    recording = Recording(
+        "mjcf", simulator.state, simulator.action, tuple(episodes), dt, velocities="measured"
+    )
+    return prepare(recording, simulator, simulator.defaults())
+
+
+def test_windows_of_what_falls_are_short(tmp_path):
+    falls, hangs = swung(tmp_path, np.pi), swung(tmp_path, 0.0)
+    assert hangs.everything.windows.length == 19
+    assert 5 <= falls.everything.windows.length < 19
+
+
+def test_growth_is_that_of_a_falling_pole(tmp_path):
+    problem = swung(tmp_path, np.pi).everything
+    grown = growth(problem)
+    assert grown[0] == pytest.approx(1.0)
+    rate = np.sqrt(GRAVITY / LENGTH)
+    later = grown[-1] / grown[-3]
+    assert later == pytest.approx(np.exp(2 * 0.05 * rate), rel=0.05)
+    assert grown[-1] < 10.0 * np.exp(0.05 * rate)
