@@ -81,6 +81,11 @@ class Chain:
         """Whether dry friction acts, which costs more to simulate."""
         return self._forces.dry
 
+    @property
+    def rubbing(self) -> frozenset[str]:
+        """The coordinates on which dry friction acts."""
+        return self._forces.rubbing
+
     def rest(self, count: int, step: float) -> Memory:
         """The actuators' memory at rest, for a grid of `step` [s]."""
         memory: Memory = {}

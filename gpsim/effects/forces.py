@@ -42,7 +42,12 @@ class Forces:
     @property
     def dry(self) -> bool:
         """Whether dry friction is among them."""
-        return any(type(effect).grip is not ForceEffect.grip for _, effect, _ in self._effects)
+        return bool(self.rubbing)
+
+    @cached_property
+    def rubbing(self) -> frozenset[str]:
+        """The coordinates on which dry friction is."""
+        return frozenset(self.terms[i].on for i, effect, _ in self._effects if effect.dry)
 
     def rates(self, at: Instant, values: Sequence[Values]) -> FloatArray:
         """(B, R) rates under all force terms."""

@@ -75,7 +75,7 @@ def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
 
 
 def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
-    """Times as many substeps as dry friction needs, of a simulator that owns its integration; rubbing: some of it.
+    """Times as many substeps as dry friction needs, of a simulator that owns its integration; rubbing: on one joint.
 
     Friction stops a body at the end of a step, wherever in the step that was: what is left over is of first order, and
     would pass for a slight inertia or delay. The fewest that what was measured cannot tell from more, or the most.
@@ -83,9 +83,9 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     settings, grid = problem.run.settings.closed_step, problem.run.settings.discretisation
     tolerated = np.maximum(settings.tolerated_error * problem.scale, problem.floor / grid.tolerated_noise)
     starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
-    counts = problem.windows.valid
+    counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
     for times in settings.dry_finer:
-        got = replace(problem, dry_steps=times).residuals(rubbing, theta, starts)[0]
+        got = replace(problem, dry_steps={on: times}).residuals(rubbing, theta, starts)[0]
         if last is not None:
             fewer, before = last
             # Of first order: the error is this many times what the finer steps changed.

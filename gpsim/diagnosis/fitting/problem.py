@@ -28,8 +28,8 @@ class Problem:
     scale: (S,) typical size of each channel; mismatch: (S,) mean square that the base simulator leaves over.
     substeps: of a transition where the scheme is fine; base_steps: the base simulator's own (more where a fast clock
     was thinned). run: what the diagnosis carries along. slope_steps: of a transition where only differences count, of a
-    simulator that owns its integration (then by `slope_simulator`); 0: as many as always. dry_steps: times as many
-    substeps where dry friction acts, of such a simulator: its stops are exact to a step.
+    simulator that owns its integration (then by `slope_simulator`); 0: as many as always. dry_steps: coordinate ->
+    times as many substeps where dry friction acts on it, of such a simulator: its stops are exact to a step.
     """
 
     simulator: Simulator
@@ -46,7 +46,7 @@ class Problem:
     run: Run = field(default_factory=Run)
     slope_steps: int = 0
     slope_simulator: Simulator | None = None
-    dry_steps: int = 1
+    dry_steps: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
     def counts(self) -> FloatArray:
@@ -86,9 +86,9 @@ class Problem:
     def slopes(self) -> Problem:
         """The same question where only differences between simulations count, which coarser steps tell as well."""
         if not self.slope_steps:
-            return self if self.dry_steps == 1 else replace(self, dry_steps=1)
+            return replace(self, dry_steps={}) if self.dry_steps else self
         by, few = self.slope_simulator or self.simulator, self.slope_steps
-        return replace(self, simulator=by, substeps=few, slope_steps=0, slope_simulator=None, dry_steps=1)
+        return replace(self, simulator=by, substeps=few, slope_steps=0, slope_simulator=None, dry_steps={})
 
     def on(self, windows: Windows) -> Problem:
         """The same question to other windows."""
@@ -97,7 +97,7 @@ class Problem:
     def steps(self, chain: Chain) -> int:
         """Steps of a transition."""
         if chain.closed is not None:
-            return self.substeps * (self.dry_steps if chain.dry else 1)
+            return self.substeps * max((self.dry_steps.get(on, 1) for on in chain.rubbing), default=1)
         return self.substeps * chain.refinement if chain.scheme == "fine" else self.base_steps
 
     def as_finely(self, hypothesis: Hypothesis, other: Hypothesis) -> Problem:

@@ -230,6 +230,7 @@ class ClosedStepSettings:
         "times as many steps where dry friction acts, the first that will do: it stops a body at the end of a step",
         "by hand, on concealed pendulums whose dry friction was given for Stribeck's, or a slight mass beside it",
     )
+    dry_windows: int = setting(12, "windows", "on which that is asked, of every joint", least=1)
     unstable: float = setting(
         10.0,
         "1",

@@ -7,22 +7,24 @@ import numpy as np
 from gpsim.diagnosis.fitting import Hypothesis, Problem, dry_steps, growth
 from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import Term, effect_of
-from gpsim.recordings import Recording
+from gpsim.recordings import Recording, evenly
 
 RUBS = "coulomb_friction"
 
 
-def steps_with_friction(sample: Problem, recording: Recording) -> int:
-    """Times as many substeps where dry friction acts: of its usual size, on all joints of a few windows."""
-    simulator, settings = sample.simulator, sample.run.settings
-    sizes, effect = Sizes(recording, simulator, sample.parameters, settings.candidates), effect_of(RUBS)
-    places = [sizes.place(effect, on) for on in effect.places(simulator)]
-    declared = tuple(effect.parameters(place) for place in places)
-    terms = tuple(
-        Term(RUBS, place.on, {p.name: p.starts[0] for p in group})
-        for place, group in zip(places, declared, strict=True)
-    )
-    return dry_steps(sample, Hypothesis(terms, declared)) if terms else 1
+def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
+    """Coordinate -> times as many substeps where dry friction acts on it: of its usual size, in a few windows."""
+    simulator, settings = problem.simulator, problem.run.settings
+    sizes, effect = Sizes(recording, simulator, problem.parameters, settings.candidates), effect_of(RUBS)
+    rows = evenly(len(problem.windows), settings.closed_step.dry_windows)
+    some, found = problem.on(problem.windows.take(rows)), {}
+    for on in effect.places(simulator):
+        declared = effect.parameters(sizes.place(effect, on))
+        term = Term(RUBS, on, {p.name: p.starts[0] for p in declared})
+        times = dry_steps(some, Hypothesis((term,), (declared,)))
+        if times > 1:
+            found[on] = times
+    return found
 
 
 def steady_length(problem: Problem) -> int:
