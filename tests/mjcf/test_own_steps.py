@@ -1,5 +1,7 @@
 """Of a simulator that owns its steps: how finely dry friction is stepped, and how long a window is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
@@ -7,6 +9,7 @@ from mjcf_models import GRAVITY, LENGTH, MASS, PENDULUM, SLIDER, written
 from gpsim.diagnosis.fitting import Hypothesis, growth
 from gpsim.diagnosis.setup import prepare
 from gpsim.diagnosis.setup.candidates import offers_of
+from gpsim.diagnosis.setup.own_steps import steps_with_friction
 from gpsim.effects import Term
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
@@ -111,3 +114,13 @@ def test_growth_is_that_of_a_falling_pole(tmp_path):
     later = grown[-1] / grown[-3]
     assert later == pytest.approx(np.exp(2 * 0.05 * rate), rel=0.05)
     assert grown[-1] < 10.0 * np.exp(0.05 * rate)
+
+
+def test_a_model_of_many_joints_is_not_stepped_finely(tmp_path):
+    problem, known = rubbed(tmp_path, 1e-4).searched, []
+    settings = problem.run.settings
+    few = replace(settings, closed_step=replace(settings.closed_step, dry_joints=0))
+    for chosen in (settings, few):
+        asked = replace(problem, run=replace(problem.run, settings=chosen))
+        known.append(steps_with_friction(asked, rubbed(tmp_path, 1e-4).recording))
+    assert known == [{"q": 6}, {}]

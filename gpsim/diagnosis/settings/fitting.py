@@ -230,6 +230,12 @@ class ClosedStepSettings:
         "times as many steps where dry friction acts, the first that will do: it stops a body at the end of a step",
         "by hand, on concealed pendulums whose dry friction was given for Stribeck's, or a slight mass beside it",
     )
+    dry_joints: int = setting(
+        3,
+        "joints",
+        "of a model, at most, whose dry friction is stepped finely",
+        "by hand: an arm of six spent what it may before it had named all that was missing",
+    )
     dry_windows: int = setting(12, "windows", "on which that is asked, of every joint", least=1)
     unstable: float = setting(
         10.0,

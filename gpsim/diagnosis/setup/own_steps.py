@@ -13,8 +13,13 @@ RUBS = "coulomb_friction"
 
 
 def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int]:
-    """Coordinate -> times as many substeps where dry friction acts on it: of its usual size, in a few windows."""
+    """Coordinate -> times as many substeps where dry friction acts on it: of its usual size, in a few windows.
+
+    None of a model of many joints, whose steps are too dear.
+    """
     simulator, settings = problem.simulator, problem.run.settings
+    if len(simulator.coordinates) > settings.closed_step.dry_joints:
+        return {}
     sizes, effect = Sizes(recording, simulator, problem.parameters, settings.candidates), effect_of(RUBS)
     rows = evenly(len(problem.windows), settings.closed_step.dry_windows)
     some, found = problem.on(problem.windows.take(rows)), {}
