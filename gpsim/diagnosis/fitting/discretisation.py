@@ -84,7 +84,8 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     tolerated = np.maximum(settings.tolerated_error * problem.scale, problem.floor / grid.tolerated_noise)
     starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
     counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
-    for times in settings.dry_finer:
+    choices = sorted(set(settings.dry_finer))
+    for times in choices:
         got = replace(problem, dry_steps={on: times}).residuals(rubbing, theta, starts)[0]
         if last is not None:
             fewer, before = last
@@ -93,13 +94,13 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
             if (error <= tolerated)[problem.observed].all():
                 return fewer
         last = times, got
-    return settings.dry_finer[-1]
+    return choices[-1]
 
 
 def growth(problem: Problem) -> FloatArray:
     """(L + 1,) times as far apart two simulations by the base are after each transition that began slightly apart.
 
-    In the median of the windows that last as long, in channels' typical sizes; 1 where no window lasts as long.
+    In the median of the windows that last as long, in typical sizes of what was observed; 1 where none lasts as long.
     """
     settings, nothing = problem.run.settings.shooting, Hypothesis()
     starts, valid = problem.windows.measured[:, 0], problem.windows.valid
