@@ -22,6 +22,7 @@ class ActuatorDelay(ActuatorEffect):
     """A delay: the simulator gets u(t - T), averaged over a substep."""
 
     family: ClassVar[str] = "actuator_delay"
+    usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
 

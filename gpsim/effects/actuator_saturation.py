@@ -19,6 +19,7 @@ class ActuatorSaturation(ActuatorEffect):
     """Saturation: the simulator gets u clipped to [-limit, limit]."""
 
     family: ClassVar[str] = "actuator_saturation"
+    usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 30
 

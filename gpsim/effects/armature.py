@@ -14,6 +14,7 @@ class Armature(ModelEffect):
     """Inertia of a rotor, reflected to its joint."""
 
     family: ClassVar[str] = "armature"
+    usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "nothing"
     noun: ClassVar[str] = "rotor inertia"
 

@@ -15,6 +15,7 @@ class ConstantForce(ForceEffect):
     """A constant force: F0, as a tilted track or a steady wind makes it."""
 
     family: ClassVar[str] = "constant_force"
+    usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "position"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

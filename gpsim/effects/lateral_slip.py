@@ -16,6 +16,7 @@ class LateralSlip(VehicleEffect):
     """Lateral slip: v_lateral = -s v w, sliding outwards in a curve in proportion to its lateral acceleration."""
 
     family: ClassVar[str] = "lateral_slip"
+    usual: ClassVar[int] = 3
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 40
     changes: ClassVar[str] = "v_lateral"

@@ -19,6 +19,7 @@ class MarkerOffset(PoseEffect):
     """A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
 
     family: ClassVar[str] = "marker_offset"
+    usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 20
 

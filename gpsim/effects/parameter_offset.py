@@ -17,6 +17,7 @@ class ParameterOffset(ParameterEffect):
     """p = ratio * p_believed."""
 
     family: ClassVar[str] = "parameter_offset"
+    usual: ClassVar[int] = 7
     function_of: ClassVar[FunctionOf] = "nothing"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -16,6 +16,7 @@ class SensorBias(SensorEffect):
     """A sensor bias: y + o."""
 
     family: ClassVar[str] = "sensor_bias"
+    usual: ClassVar[int] = 3
     function_of: ClassVar[FunctionOf] = "reading"
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ class SteeringBias(VehicleEffect):
     """A steering bias: w + kappa v, as a wheel that points aside makes it."""
 
     family: ClassVar[str] = "steering_bias"
+    usual: ClassVar[int] = 5
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 30
 

@@ -14,6 +14,7 @@ class Understeer(VehicleEffect):
     """Understeer: w / (1 + K v^2). Gillespie (1992), Fundamentals of Vehicle Dynamics, chapter 6."""
 
     family: ClassVar[str] = "understeer"
+    usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 20
 

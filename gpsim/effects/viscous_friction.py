@@ -12,6 +12,7 @@ class ViscousFriction(ForceEffect):
     """Viscous friction: -b q'. Stokes' law; Armstrong-Helouvry et al. (1994), section 2."""
 
     family: ClassVar[str] = "viscous_friction"
+    usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "speed"
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -63,7 +63,7 @@ def beam_search(problem: Problem, offers: Sequence[Candidate], base: Scheme, not
     floor = np.maximum(found.problem.floor, finely.problem.floor)
     both = replace(problem, floor=floor)
     fits = [rescored(both, f) for f in (*found.fits, *finely.fits)]
-    return Found(_ranked(both, fits), rescored(both, found.null), found.scheme, both)
+    return Found(ranked(both, fits), rescored(both, found.null), found.scheme, both)
 
 
 def _grown_beam(
@@ -98,7 +98,7 @@ def _grown_beam(
             directions = Directions(problem, parent)
             plain = most_promising(problem, directions, offers, count)
             if depth == 0 and parent is beam[0]:
-                problem = settled(problem, _ranked(problem, [*fits, *plain])[0])
+                problem = settled(problem, ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
             if parent is beam[0] and depth < gated_depths and _structured(problem, [*fits, *plain]):
@@ -117,7 +117,7 @@ def _grown_beam(
             break
         beam = _beam(problem, children, width)
     note(total, total, "")
-    ranking = _ranked(problem, [*fits, *_reduced(problem, _ranked(problem, fits)[0])])
+    ranking = ranked(problem, [*fits, *_reduced(problem, ranked(problem, fits)[0])])
     return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
 
 
@@ -130,7 +130,7 @@ def _fitted_per_depth(settings: SearchSettings) -> list[int]:
 def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """The best of those in coarse steps once more, finely: the right law may have been met on a coarse grid only."""
     coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
-    new = _ranked(problem, coarse)[: problem.run.settings.search.fine_twins] if coarse else []
+    new = ranked(problem, coarse)[: problem.run.settings.search.fine_twins] if coarse else []
     steps = problem.run.settings.schedules
     finely = [(replace(f.hypothesis, scheme="fine"), f.starts) for f in new]
     return fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in finely])
@@ -192,7 +192,7 @@ def most_promising(
 
 def _structured(problem: Problem, fits: Sequence[Fit]) -> bool:
     """Whether the leader leaves something to explain."""
-    return whiteness(problem, _ranked(problem, fits)[0])[0] < problem.run.settings.acceptance.structured
+    return whiteness(problem, ranked(problem, fits)[0])[0] < problem.run.settings.acceptance.structured
 
 
 def _distinct(fits: Sequence[Fit]) -> list[Fit]:
@@ -208,7 +208,7 @@ def _distinct(fits: Sequence[Fit]) -> list[Fit]:
 def _beam(problem: Problem, children: Sequence[Fit], most: int) -> list[Fit]:
     """The best to grow on: each says something else, and one gate at most is among them, since gates are dear."""
     out = list[Fit]()
-    for found in _ranked(problem, children):
+    for found in ranked(problem, children):
         gates = _gated_terms(found)
         new = all(found.hypothesis.claims != f.hypothesis.claims for f in out)
         fits_in = new and (not gates or (gates == 1 and not any(map(_gated_terms, out)))) and len(out) < most
@@ -223,7 +223,8 @@ def _gated_terms(found: Fit) -> int:
     return sum(bool(term.gate) for term in found.hypothesis.terms)
 
 
-def _ranked(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+def ranked(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+    """The fits, the best by evidence first."""
     nats = scores(problem, list(fits))
     return [fits[i] for i in sorted(range(len(fits)), key=lambda i: -nats[i])]
 

@@ -7,11 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Order, Problem, fit, fit_near, scores
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import (
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    channel_objectives,
+    correlation_time,
+    fit,
+    fit_near,
+    scores,
+)
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import simplest
-from gpsim.diagnosis.selection.held_out import held_out_objective
+from gpsim.diagnosis.selection.held_out import held_out_fit
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import Scheme
 
@@ -63,21 +74,37 @@ def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
-    """The best by evidence that also does better than nothing on held-out windows, or a simpler one as good."""
-    problem, held_out, trace = question.everything, question.held_out, question.everything.run.trace
-    before: float | None = None
-    nats = scores(problem, list(fits))
+    """The best by all evidence, learnt from and held out, that is better than nothing; or a simpler one as good."""
+    problem, trace = question.everything, question.everything.run.trace
+    nats = _evidence(question, fits, null)
     order = [fits[int(i)] for i in np.argsort(-nats)]
     for place, chosen in enumerate(order):
         if chosen is null or not chosen.hypothesis.terms:
             return null
-        if not pays(problem, chosen, null):
-            continue
-        if before is None:
-            before = held_out_objective(held_out, Hypothesis(scheme=null.hypothesis.scheme))
-        asked = problem.run.known.require  # held-out windows have no say in it
-        if asked or not len(held_out.windows) or held_out_objective(held_out, chosen.hypothesis) < before:
+        if pays(problem, chosen, null):
             behind = [f for f in order[place + 1 :] if f.hypothesis.terms and pays(problem, f, null)]
             return simplest(problem, [chosen, *behind])
-        trace.note(chosen.hypothesis.names, null.hypothesis.names, False, "no better on held-out windows")
+        trace.note(chosen.hypothesis.names, null.hypothesis.names, False, "no better than nothing")
     return null
+
+
+def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
+    """(F,) nats of each fit on the windows it was fitted to and on held-out ones, whose start states alone are fitted.
+
+    What is no better than nothing on held-out windows is as good as nothing, unless a user requires it.
+    """
+    problem, held_out = question.everything, question.held_out
+    nats = scores(problem, list(fits))
+    if not len(held_out.windows):
+        return nats
+    best = fits[int(np.argmax(nats))]
+    tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
+    calls = [(held_out, f.hypothesis) for f in fits]
+    later = problem.run.side_by_side(held_out_fit, calls)
+    left = np.array([(channel_objectives(held_out, f) / tau).sum() for f in later])
+    base = next(i for i, f in enumerate(fits) if f is null)
+    worse = left >= left[base]
+    worse[base] = False
+    if not problem.run.known.require:
+        nats = np.where(worse, np.minimum(nats, nats[base] - 1.0), nats)
+    return np.asarray(nats - left)

@@ -288,7 +288,7 @@ class ClosedStepSettings:
         least=1,
     )
     gated_depths: int = setting(
-        1,
+        0,
         "1",
         "depths of the search at which gates are looked for; later ones are left to the stepwise search",
     )

@@ -1,0 +1,135 @@
+"""The usual machine: all that machines of a kind usually have, fitted at once and taken away again.
+
+An engineer who identifies a machine starts from the full model (inertia, viscous and dry friction, an offset, late
+commands) and drops what the data do not ask for. A search that begins with nothing and adds one term at a time ends in
+a poor place where several large effects act together: none of them is good alone.
+
+1. All usual terms are fitted at once. Delays, lags and limits start from several values; all other terms start from
+   nothing, in which the windows are nearly linear.
+2. Backward elimination by the Wald statistic (Wald 1943): terms that cost next to nothing go together, then the
+   cheapest by turns, all others fitted anew.
+3. Every account on that path joins those of the beam search; evidence decides between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import (
+    Candidate,
+    Fit,
+    Hypothesis,
+    Order,
+    Problem,
+    child_of,
+    curvature,
+    fit_all,
+    fit_near,
+    fit_order,
+)
+from gpsim.diagnosis.selection.beam import Found, ranked
+from gpsim.effects import effect_of
+
+FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
+NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
+OPEN = 1e-9  # of a parameter's information: what no window tells apart stays open, and costs nothing to leave out
+MISJUDGED = 5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
+
+
+def with_usual_machine(found: Found, offers: Sequence[Candidate]) -> Found:
+    """What the search found, and the accounts that the usual machine leaves, the best first."""
+    more = usual_machine(found.problem, offers)
+    return replace(found, fits=ranked(found.problem, [*found.fits, *more])) if more else found
+
+
+def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
+    """Fits of the full model and of its best parts, the largest first; none where no usual term is on offer."""
+    usual = [c for c in offers if effect_of(c.family).usual and c.variant == ""]
+    if not usual:
+        return []
+    path = [_full_model(problem, usual)]
+    while len(path[-1].hypothesis.terms) > 1:
+        path.append(_fewer_terms(problem, path[-1]))
+    for found in path:
+        problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
+    return path
+
+
+def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
+    """The best fit of all terms at once: from the usual starts, each start varied alone, and the best ones together."""
+    steps, starts = problem.run.settings.schedules, problem.windows.measured[:, 0]
+    scanned = [i for i, c in enumerate(usual) if len(c.declared) == 1 and len(c.declared[0].starts) > 1]
+    first = dict.fromkeys(scanned, 0)
+    tried = [first]
+    tried += [first | {i: k} for i in scanned for k in range(1, len(usual[i].declared[0].starts))]
+
+    def ordered(which: dict[int, int]) -> Order:
+        return Order(_begun(usual, which), starts, steps.glance, steps.rough)
+
+    fits = fit_all(problem, [ordered(which) for which in tried])
+    best = dict(first)
+    for i in scanned:
+        alike = [(f.objective, which[i]) for f, which in zip(fits, tried, strict=True) if which | {i: 0} == first]
+        best[i] = min(alike)[1]
+    fits += fit_all(problem, [ordered(best)] if best not in tried else [])
+    fits.sort(key=lambda f: f.objective)
+    more = [Order(f.hypothesis, f.starts, steps.refit, steps.rough, near=True) for f in fits[:NEXT]]
+    return min(fit_all(problem, more), key=lambda f: f.objective)
+
+
+def _begun(usual: Sequence[Candidate], which: dict[int, int]) -> Hypothesis:
+    """All terms: those scanned at one of their starting values, all others at nothing."""
+    out = Hypothesis()
+    for i, c in enumerate(usual):
+        start = (c.declared[0].starts[which[i]],) if i in which else tuple(p.none for p in c.declared)
+        out = child_of(out, c, start)
+    return out
+
+
+def _fewer_terms(problem: Problem, found: Fit) -> Fit:
+    """The best account with less: all terms that cost nothing together, or else one of the cheapest."""
+    steps = problem.run.settings.schedules
+    away, blocks, covariance = _quadratic(problem, found)
+    ranks = [effect_of(t.family).usual for t in found.hypothesis.terms]
+
+    def cost(gone: Sequence[int]) -> float:
+        rows = np.concatenate([blocks[i] for i in gone])
+        inverse = np.linalg.pinv(covariance[np.ix_(rows, rows)], hermitian=True)
+        return float(0.5 * away[rows] @ inverse @ away[rows])
+
+    def cheapest(gone: list[int]) -> list[int]:
+        left = [i for i in range(len(blocks)) if i not in gone]
+        return sorted(left, key=lambda i: (round(cost([*gone, i]), 1), ranks[i]))
+
+    gone: list[int] = []
+    while len(gone) < len(blocks) - 1 and cost([*gone, (i := cheapest(gone)[0])]) < FREE:
+        gone.append(i)
+    if gone:
+        less = fit_order(problem, _without(found, gone, steps.trial, steps.rough))
+        if len(gone) == 1 or less.objective < found.objective + FREE + MISJUDGED:
+            return less
+    orders = [_without(found, [i], steps.trial, steps.rough) for i in cheapest([])[:NEXT]]
+    return min(fit_all(problem, orders), key=lambda f: f.objective)
+
+
+def _without(found: Fit, gone: Sequence[int], iterations: int, tolerance: float) -> Order:
+    hypothesis = found.hypothesis
+    for i in sorted(gone, reverse=True):
+        hypothesis = hypothesis.without(i)
+    return Order(hypothesis, found.starts, iterations, tolerance, near=True)
+
+
+def _quadratic(problem: Problem, found: Fit) -> tuple[FloatArray, list[FloatArray], FloatArray]:
+    """How far each parameter is from doing nothing (P,), the rows of each term, and the covariance (P, P)."""
+    information = curvature(problem, found).information
+    size = np.sqrt(np.maximum(np.diag(information), 1e-150))
+    scaled = information / np.outer(size, size) + OPEN * np.eye(len(size))
+    inverse = np.linalg.inv(scaled)
+    none = np.array([p.high if p.falls else p.none for p in found.hypothesis.parameters])
+    ends = np.cumsum([len(group) for group in found.hypothesis.declared])
+    blocks = [np.arange(end - len(g), end) for end, g in zip(ends, found.hypothesis.declared, strict=True)]
+    return found.hypothesis.theta - none, blocks, inverse / np.outer(size, size)
