@@ -32,7 +32,7 @@ from gpsim.diagnosis.fitting import (
     fit_order,
 )
 from gpsim.diagnosis.selection.beam import Found, ranked
-from gpsim.effects import effect_of
+from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
@@ -48,7 +48,7 @@ def with_usual_machine(found: Found, offers: Sequence[Candidate]) -> Found:
 
 def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     """Fits of the full model and of its best parts, the largest first; none where no usual term is on offer."""
-    usual = [c for c in offers if effect_of(c.family).usual and c.variant == ""]
+    usual = [c for c in offers if _is_usual(problem, c)]
     if not usual:
         return []
     path = [_full_model(problem, usual)]
@@ -57,6 +57,14 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
     return path
+
+
+def _is_usual(problem: Problem, candidate: Candidate) -> bool:
+    """Whether the full model has it; where every term costs a simulation of a whole robot, what acts at its joints."""
+    effect = effect_of(candidate.family)
+    if not effect.usual or candidate.variant:
+        return False
+    return closed(problem.simulator) is None or effect.site == "force" or effect.family == "armature"
 
 
 def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
