@@ -23,7 +23,7 @@ from gpsim.diagnosis.selection import (
     refine_grid,
     refit,
     stepwise,
-    with_usual_machine,
+    usual_machine,
     without_idle,
     without_tails,
 )
@@ -72,10 +72,10 @@ def diagnose(
     step("prepare", 0, "cutting windows")
     question = prepare(recording, simulator, parameters, run)
     offers = offers_of(question)
-    step("search", 5)
-    found = beam_search(question.searched, offers, _scheme(recording, simulator), step.share(5, 35))
-    step("usual machine", 35, "asking for all that machines usually have")
-    found = with_usual_machine(found, offers)
+    step("usual machine", 5, "asking for all that machines usually have")
+    usual = usual_machine(question.searched, offers)
+    step("search", 15)
+    found = beam_search(question.searched, offers, _scheme(recording, simulator), step.share(15, 40), usual)
     step("refine grid", 40, "fitting the best on all windows")
     question, found = without_tails(*refine_grid(question, found))
     step("refit", 40, "fitting the best on all windows")

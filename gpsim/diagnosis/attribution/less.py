@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from gpsim.diagnosis.fitting import Fit, Problem, fit
+from gpsim.diagnosis.fitting import Fit, Problem, fit, quadratic
 from gpsim.diagnosis.run import kept
 
 
 @kept
 def fits_without(problem: Problem, leader: Fit, null: Fit) -> list[Fit]:
     """(T) fits without each term, integrated by the same scheme on as fine a grid. null: without any."""
-    calls = [(problem, leader, null, i) for i in range(len(leader.hypothesis.terms))]
-    return problem.run.side_by_side(_without, calls)
+    count, settings = len(leader.hypothesis.terms), problem.run.settings
+    if count > settings.elimination.small:  # of a whole machine: the others go where the quadratic says
+        around, steps = quadratic(problem, leader), settings.schedules.glance
+        fits = {i: around.refitted(problem, [i], steps) for i in range(count) if around.smooth[i]}
+    else:
+        fits = {}
+    others = [i for i in range(count) if i not in fits]
+    refitted = problem.run.side_by_side(_without, [(problem, leader, null, i) for i in others])
+    fits |= zip(others, refitted, strict=True)
+    return [fits[i] for i in range(count)]
 
 
 def _without(problem: Problem, leader: Fit, null: Fit, index: int) -> Fit:

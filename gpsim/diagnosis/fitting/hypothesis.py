@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -22,6 +23,8 @@ from gpsim.effects import (
     effect_of,
 )
 from gpsim.simulators import Simulator
+
+SPELT_OUT = 4  # terms that a label names one by one; of more it counts those of a family
 
 
 @dataclass(frozen=True)
@@ -53,12 +56,20 @@ class Hypothesis:
     @property
     def label(self) -> str:
         """A few words for progress and rankings."""
+        if len(self.terms) > SPELT_OUT:
+            counted = Counter(t.family for t in self.terms)
+            return " + ".join(f"{count} {family}" for family, count in counted.items())
         return " + ".join(f"{t.family} on {t.on}" for t in self.terms) or "nothing missing"
 
     @property
     def names(self) -> tuple[str, ...]:
         """What each term claims, and behind which gate."""
         return tuple(f"{t.family} on {t.on}{_behind(t.gate)}" for t in self.terms)
+
+    @property
+    def unusual(self) -> int:
+        """How many of its terms are no part of the usual machine."""
+        return sum(not term.effect.usual for term in self.terms)
 
     @property
     def idle(self) -> bool:

@@ -12,7 +12,7 @@ from gpsim.diagnosis.selection.refit import Contenders, null_of, refit
 from gpsim.diagnosis.selection.required import required_in, without_idle
 from gpsim.diagnosis.selection.stepwise import stepwise
 from gpsim.diagnosis.selection.substitution import left_open
-from gpsim.diagnosis.selection.usual import with_usual_machine
+from gpsim.diagnosis.selection.usual import usual_machine
 
 __all__ = [
     "Acceptance",
@@ -38,6 +38,6 @@ __all__ = [
     "simplest",
     "stepwise",
     "without_idle",
-    "with_usual_machine",
+    "usual_machine",
     "without_tails",
 ]

@@ -29,6 +29,7 @@ from gpsim.diagnosis.fitting import (
     stretched,
     whiteness,
 )
+from gpsim.diagnosis.selection.elimination import doubtful
 from gpsim.diagnosis.selection.gates import gated_children, with_edges
 from gpsim.diagnosis.selection.required import with_required
 from gpsim.diagnosis.settings import SearchSettings
@@ -47,19 +48,21 @@ class Found:
     problem: Problem
 
 
-def beam_search(problem: Problem, offers: Sequence[Candidate], base: Scheme, note: Note) -> Found:
-    """Fit hypotheses by growing depth.
+def beam_search(
+    problem: Problem, offers: Sequence[Candidate], base: Scheme, note: Note, begun: Sequence[Fit] = ()
+) -> Found:
+    """Fit hypotheses by growing depth, beside those that were `begun` otherwise.
 
     Where a hypothesis on the base simulator's own coarse step comes out best, finely integrated ones get a search of
     their own: a coarse step looks like a lag or a little damping, and may lead astray whoever begins with it.
     """
-    found = _grown_beam(problem, offers, ("fine", base), note)
+    found = _grown_beam(problem, offers, ("fine", base), note, begun)
     best, seen = found.fits[0], problem.observed
     coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
     exact = (best.variance[seen] < (problem.run.settings.search.exact * found.problem.floor[seen]) ** 2).all()
     if not coarse or exact:
         return found
-    finely = _grown_beam(problem, offers, ("fine",), note)
+    finely = _grown_beam(problem, offers, ("fine",), note, begun)
     floor = np.maximum(found.problem.floor, finely.problem.floor)
     both = replace(problem, floor=floor)
     fits = [rescored(both, f) for f in (*found.fits, *finely.fits)]
@@ -67,7 +70,7 @@ def beam_search(problem: Problem, offers: Sequence[Candidate], base: Scheme, not
 
 
 def _grown_beam(
-    problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note
+    problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note, begun: Sequence[Fit]
 ) -> Found:
     settings, steps = problem.run.settings.search, problem.run.settings.schedules
     nulls = [
@@ -82,7 +85,7 @@ def _grown_beam(
     )
     null = nulls[0]
     seeds = [with_required(problem, f, offers) for f in nulls] if problem.run.known.require else []
-    fits, beam = [*nulls, *seeds], seeds or list(nulls)
+    fits, beam = [*nulls, *seeds, *begun], seeds or list(nulls)
     counts = _fitted_per_depth(settings)
     dear = problem.run.settings.closed_step if closed(problem.simulator) is not None else None
     width, gated_depths = (
@@ -90,6 +93,9 @@ def _grown_beam(
     )
     total = 2 * sum(counts[:1]) + width * sum(counts[1:])
     done, most = 0, problem.run.budget.spent + settings.budget
+    if dear is not None and _outdone(problem, nulls, begun):
+        counts = []  # what every joint lacks is known: going on from there finds what else is missing
+        problem = settled(problem, ranked(problem, fits)[0])
     for depth, count in enumerate(counts):
         children: list[Fit] = []
         for parent in beam:
@@ -113,12 +119,23 @@ def _grown_beam(
             coarse = next(f for f in nulls if f.hypothesis.scheme != "fine").hypothesis
             children = _distinct([*children, *_chattering_twins(problem, children, coarse, offers)])
         fits += children
-        if not children or not _structured(problem, fits) or problem.run.budget.spent > most:
+        over = problem.run.budget.spent > most or _outdone(problem, children, begun)
+        if not children or not _structured(problem, fits) or over:
             break
         beam = _beam(problem, children, width)
     note(total, total, "")
+    fits = [rescored(problem, f) for f in fits]
     ranking = ranked(problem, [*fits, *_reduced(problem, ranked(problem, fits)[0])])
     return Found(ranking, rescored(problem, null), null.hypothesis.scheme, problem)
+
+
+def _outdone(problem: Problem, children: Sequence[Fit], begun: Sequence[Fit]) -> bool:
+    """Whether what was begun otherwise is far better than all that grows here: that is where to go on."""
+    if not children or not begun:
+        return False
+    nats = scores(problem, [*children, *(rescored(problem, f) for f in begun)])
+    ahead = nats[len(children) :].max() - nats[: len(children)].max()
+    return bool(ahead > problem.run.settings.search.outdone)
 
 
 def _fitted_per_depth(settings: SearchSettings) -> list[int]:
@@ -233,6 +250,6 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     """Backward elimination: the best hypothesis with each of its terms left out."""
     if len(best.hypothesis.terms) < 2:
         return []
-    parts = [best.hypothesis.without(i) for i in range(len(best.hypothesis.terms))]
+    parts = [best.hypothesis.without(i) for i in doubtful(problem, best)]
     steps = problem.run.settings.schedules
     return fit_all(problem, [Order(part, best.starts, steps.refit, steps.rough) for part in parts])

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from gpsim.diagnosis.fitting import (
     Fit,
     Hypothesis,
     Order,
     Problem,
+    correlation_time,
     fit_all,
     fit_order,
+    quadratic,
     rescored,
     scores,
 )
@@ -39,8 +43,26 @@ def lean(problem: Problem, leader: Fit) -> Fit:
 @kept
 def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
     """The leader with one term less each, fitted anew; those that it clearly needs are left out."""
-    parts = [leader.hypothesis.without(i) for i in range(len(leader.hypothesis.terms))]
+    parts = [leader.hypothesis.without(i) for i in doubtful(problem, leader)]
     return _fitted_unless_needed(problem, leader, parts)
+
+
+@kept
+def doubtful(problem: Problem, leader: Fit) -> list[int]:
+    """Which terms might not be needed: all of a small account, of a large one those that cost little to leave out.
+
+    What costs far more than a term must bring, by the quadratic around the fit, is needed without a fit that says so.
+    The cheapest come first.
+    """
+    settings, count = problem.run.settings.elimination, len(leader.hypothesis.terms)
+    if count <= settings.small:
+        return list(range(count))
+    around = quadratic(problem, leader)
+    tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
+    needed = max(settings.surely * tau, settings.surely_share * float(problem.counts.sum()) / 2)
+    costs = around.costs()
+    order = [int(i) for i in np.argsort(costs)]
+    return [i for i in order if not (around.smooth[i] and costs[i] > needed)]
 
 
 def simplest(problem: Problem, fits: Sequence[Fit]) -> Fit:

@@ -68,9 +68,20 @@ def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """All fitted a little, those that are not far behind the best to the end."""
-    starts, steps = problem.windows.measured[:, 0], problem.run.settings.schedules
-    orders = [Order(hypothesis, starts, steps.trial, steps.rough) for hypothesis in hypotheses]
+    steps, measured = problem.run.settings.schedules, problem.windows.measured[:, 0]
+    starts = [_starts(problem, hypothesis, measured) for hypothesis in hypotheses]
+    orders = [Order(*one, steps.trial, steps.rough) for one in zip(hypotheses, starts, strict=True)]
     return fit_near(problem, orders, steps.finish, steps.final)
+
+
+def _starts(problem: Problem, hypothesis: Hypothesis, measured: FloatArray) -> FloatArray:
+    """(W, S) where windows start: of a large account, whose values are known from others, fitted to it first.
+
+    Speeds that nobody measured are off at first, and many parameters would make good for them.
+    """
+    if len(hypothesis.terms) <= problem.run.settings.elimination.small:
+        return measured
+    return fit(problem, hypothesis.frozen(), measured, iterations=problem.run.settings.schedules.settle).starts
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:

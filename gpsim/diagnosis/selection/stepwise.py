@@ -29,7 +29,7 @@ from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import may_pay, pays
 from gpsim.diagnosis.selection.beam import most_promising
 from gpsim.diagnosis.selection.change_points import begun_later
-from gpsim.diagnosis.selection.elimination import for_screening, lean, likeliest, on_some_windows, simplest
+from gpsim.diagnosis.selection.elimination import doubtful, for_screening, lean, likeliest, on_some_windows, simplest
 from gpsim.diagnosis.selection.gates import (
     gated_children,
     may_be_limited,
@@ -103,7 +103,9 @@ def _all_substitutes(
     problem: Problem, leader: Fit, offers: Sequence[Candidate], until: float, *, twins: bool = False
 ) -> list[Fit]:
     """`substitutes` for one term of the leader after the other, until so much effort is spent."""
-    calls = [(problem, leader, i, offers, twins) for i in range(len(leader.hypothesis.terms))]
+    count = len(leader.hypothesis.terms)
+    asked = range(count) if closed(problem.simulator) is None else doubtful(problem, leader)
+    calls = [(problem, leader, i, offers, twins) for i in asked]
     return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]
 
 
@@ -197,7 +199,11 @@ def _children(
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
-    if problem.run.budget.spent > most:
+    whole_robot = (
+        closed(problem.simulator) is not None
+        and len(leader.hypothesis.terms) > problem.run.settings.elimination.small
+    )
+    if problem.run.budget.spent > most or whole_robot:
         return plain
     if not (_shows_in_a_place_only(problem, leader, better) if better else gates):  # other gates are dear
         return plain
@@ -208,7 +214,7 @@ def _children(
     around = None if structured else directions
     calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
     gated = [f for found in problem.run.side_by_side(_gated, calls) for f in found]
-    if structured and problem.run.budget.spent < most and len(leader.hypothesis.terms) < settings.most_terms:
+    if structured and problem.run.budget.spent < most and leader.hypothesis.unusual < settings.most_terms:
         everywhere = most_promising(part, directions, offers, problem.run.settings.gates.promising)
         few = Directions(*on_some_windows(part, seen, settings.gate_windows))
         gated += gated_children(part, directions, everywhere, offers, few=few)
@@ -240,7 +246,7 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, seen)
     later = begun_later(problem, leader, offers)
-    if len(leader.hypothesis.terms) >= settings.most_terms:
+    if leader.hypothesis.unusual >= settings.most_terms:
         return directions, later
     taken = leader.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])

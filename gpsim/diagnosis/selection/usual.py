@@ -14,11 +14,7 @@ a poor place where several large effects act together: none of them is good alon
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
-
-from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import (
     Candidate,
     Fit,
@@ -26,24 +22,18 @@ from gpsim.diagnosis.fitting import (
     Order,
     Problem,
     child_of,
-    curvature,
     fit_all,
     fit_near,
     fit_order,
+    quadratic,
+    scores,
 )
-from gpsim.diagnosis.selection.beam import Found, ranked
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
-OPEN = 1e-9  # of a parameter's information: what no window tells apart stays open, and costs nothing to leave out
+BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
 MISJUDGED = 5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
-
-
-def with_usual_machine(found: Found, offers: Sequence[Candidate]) -> Found:
-    """What the search found, and the accounts that the usual machine leaves, the best first."""
-    more = usual_machine(found.problem, offers)
-    return replace(found, fits=ranked(found.problem, [*found.fits, *more])) if more else found
 
 
 def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
@@ -52,11 +42,17 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     if not usual:
         return []
     path = [_full_model(problem, usual)]
-    while len(path[-1].hypothesis.terms) > 1:
+    while len(path[-1].hypothesis.terms) > 1 and _near_the_best(problem, path):
         path.append(_fewer_terms(problem, path[-1]))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
     return path
+
+
+def _near_the_best(problem: Problem, path: list[Fit]) -> bool:
+    """Whether the last account may still lead to a better one: it is not far behind the best so far."""
+    nats = scores(problem, path)
+    return bool(nats.max() - nats[-1] < BEHIND)
 
 
 def _is_usual(problem: Problem, candidate: Candidate) -> bool:
@@ -100,44 +96,21 @@ def _begun(usual: Sequence[Candidate], which: dict[int, int]) -> Hypothesis:
 
 def _fewer_terms(problem: Problem, found: Fit) -> Fit:
     """The best account with less: all terms that cost nothing together, or else one of the cheapest."""
-    steps = problem.run.settings.schedules
-    away, blocks, covariance = _quadratic(problem, found)
+    around, steps = quadratic(problem, found), problem.run.settings.schedules
     ranks = [effect_of(t.family).usual for t in found.hypothesis.terms]
 
-    def cost(gone: Sequence[int]) -> float:
-        rows = np.concatenate([blocks[i] for i in gone])
-        inverse = np.linalg.pinv(covariance[np.ix_(rows, rows)], hermitian=True)
-        return float(0.5 * away[rows] @ inverse @ away[rows])
-
     def cheapest(gone: list[int]) -> list[int]:
-        left = [i for i in range(len(blocks)) if i not in gone]
-        return sorted(left, key=lambda i: (round(cost([*gone, i]), 1), ranks[i]))
+        left = [i for i in range(len(ranks)) if i not in gone]
+        return sorted(left, key=lambda i: (round(around.cost([*gone, i]), 1), ranks[i]))
+
+    def order(gone: Sequence[int]) -> Order:
+        return Order(around.without(gone), found.starts, steps.trial, steps.rough, near=True)
 
     gone: list[int] = []
-    while len(gone) < len(blocks) - 1 and cost([*gone, (i := cheapest(gone)[0])]) < FREE:
+    while len(gone) < len(ranks) - 1 and around.cost([*gone, (i := cheapest(gone)[0])]) < FREE:
         gone.append(i)
     if gone:
-        less = fit_order(problem, _without(found, gone, steps.trial, steps.rough))
+        less = fit_order(problem, order(gone))
         if len(gone) == 1 or less.objective < found.objective + FREE + MISJUDGED:
             return less
-    orders = [_without(found, [i], steps.trial, steps.rough) for i in cheapest([])[:NEXT]]
-    return min(fit_all(problem, orders), key=lambda f: f.objective)
-
-
-def _without(found: Fit, gone: Sequence[int], iterations: int, tolerance: float) -> Order:
-    hypothesis = found.hypothesis
-    for i in sorted(gone, reverse=True):
-        hypothesis = hypothesis.without(i)
-    return Order(hypothesis, found.starts, iterations, tolerance, near=True)
-
-
-def _quadratic(problem: Problem, found: Fit) -> tuple[FloatArray, list[FloatArray], FloatArray]:
-    """How far each parameter is from doing nothing (P,), the rows of each term, and the covariance (P, P)."""
-    information = curvature(problem, found).information
-    size = np.sqrt(np.maximum(np.diag(information), 1e-150))
-    scaled = information / np.outer(size, size) + OPEN * np.eye(len(size))
-    inverse = np.linalg.inv(scaled)
-    none = np.array([p.high if p.falls else p.none for p in found.hypothesis.parameters])
-    ends = np.cumsum([len(group) for group in found.hypothesis.declared])
-    blocks = [np.arange(end - len(g), end) for end, g in zip(ends, found.hypothesis.declared, strict=True)]
-    return found.hypothesis.theta - none, blocks, inverse / np.outer(size, size)
+    return min(fit_all(problem, [order([i]) for i in cheapest([])[:NEXT]]), key=lambda f: f.objective)

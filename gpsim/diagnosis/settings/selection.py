@@ -106,6 +106,9 @@ class SearchSettings:
         "1",
         "times the noise floor: what leaves less in coarse steps is not searched for finely once more",
     )
+    outdone: float = setting(
+        20.0, "nats", "by which the usual machine must lead for the beam to grow no deeper", "odds of 5e8 to 1"
+    )
     budget: float = setting(
         2.5e8, "simulated rows", "effort after which it grows no deeper; improving goes on from there", EFFORT
     )
@@ -202,6 +205,13 @@ class EliminationSettings:
     clear: float = setting(30.0, "nats", "loss on those windows that settles that something is needed")
     clear_share: float = setting(
         0.2, "1", "share of the variance left over without it that it must remove besides"
+    )
+    small: int = setting(5, "1", "terms of an account of which each is left out by a fit of its own")
+    surely: float = setting(
+        60.0, "nats", "that leaving a smooth term out of a larger account costs at least where it is needed for sure"
+    )
+    surely_share: float = setting(
+        0.05, "1", "of all that is left over, that it must explain besides", "more than twice `good_share`"
     )
     hopeless: float = setting(600.0, "nats", "loss after a few iterations that no further ones make good")
     hopeless_share: float = setting(

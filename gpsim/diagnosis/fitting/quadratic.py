@@ -1,0 +1,91 @@
+"""A fit's likelihood as a quadratic: what leaving terms out would cost, and where the others would go.
+
+The Wald statistic (Wald 1943) and the conditional mean of a Gaussian, start states projected out. One set of slopes
+answers for every subset of the terms, where each refit would need slopes of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
+from gpsim.diagnosis.fitting.problem import Problem
+from gpsim.diagnosis.run import kept
+
+OPEN = 1e-9  # of a parameter's information: what no window tells apart stays open, and costs nothing to leave out
+TINY = 1e-150  # guards divisions: the root of the least information of a parameter
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Around a fit: how far each parameter is from doing nothing (P,), its covariance (P, P), and slopes by starts.
+
+    rows: of each term in theta; smooth: whether no law of a term jumps or limits, so that the quadratic can be trusted.
+    """
+
+    fit: Fit
+    away: FloatArray
+    covariance: FloatArray
+    by_state: FloatArray
+    rows: tuple[slice, ...]
+    smooth: tuple[bool, ...]
+
+    def cost(self, gone: Sequence[int]) -> float:
+        """Nats that leaving out these terms would cost, all others adapted."""
+        at = self._at(gone)
+        return float(0.5 * self.away[at] @ np.linalg.solve(self._block(at), self.away[at]))
+
+    def costs(self) -> FloatArray:
+        """(T,) nats that leaving out each term alone would cost."""
+        return np.array([self.cost([i]) for i in range(len(self.rows))])
+
+    def without(self, gone: Sequence[int]) -> Hypothesis:
+        """The hypothesis without these terms, the others where the quadratic is least then, within their bounds."""
+        hypothesis, at = self.fit.hypothesis, self._at(gone)
+        moved = hypothesis.theta - self.covariance[:, at] @ np.linalg.solve(self._block(at), self.away[at])
+        low, high = np.array([(p.low, p.high) for p in hypothesis.parameters]).T
+        adapted = hypothesis.having(np.clip(moved, low, high))
+        for index in sorted(gone, reverse=True):
+            adapted = adapted.without(index)
+        return adapted
+
+    def refitted(self, problem: Problem, gone: Sequence[int], iterations: int) -> Fit:
+        """The fit without these terms: parameters by the quadratic, start states fitted anew by known slopes."""
+        less = self.without(gone)
+        found = fit(problem, less.frozen(), self.fit.starts, iterations=iterations, known=self.by_state)
+        return Fit(less, found.starts, found.residuals, found.variance, found.objective, found.converged)
+
+    def _at(self, gone: Sequence[int]) -> FloatArray:
+        return np.concatenate([np.arange(self.rows[i].start, self.rows[i].stop) for i in gone])
+
+    def _block(self, at: FloatArray) -> FloatArray:
+        return self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at))
+
+
+@kept
+def quadratic(problem: Problem, found: Fit) -> Quadratic:
+    """The quadratic around a fit to the problem's windows."""
+    hypothesis, count = found.hypothesis, len(found.starts)
+    by_state, by_theta = jacobians(problem, hypothesis, hypothesis.theta, found.starts, found.residuals)
+    by_window, _ = projected(problem, found.residuals, by_state, by_theta, found.variance, np.zeros(count))
+    information = by_window.sum(axis=0)
+    size = np.sqrt(np.maximum(np.diag(information), TINY))
+    inverse = np.linalg.inv(information / np.outer(size, size) + OPEN * np.eye(len(size)))
+    ends = np.cumsum([0, *(len(group) for group in hypothesis.declared)])
+    return Quadratic(
+        found,
+        hypothesis.theta - np.array([p.high if p.falls else p.none for p in hypothesis.parameters]),
+        inverse / np.outer(size, size),
+        by_state,
+        tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)),
+        tuple(
+            not term.gate and not any(p.falls or p.step is not None for p in group)
+            for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True)
+        ),
+    )
