@@ -16,6 +16,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
 from gpsim.errors import UsageError
+from gpsim.trust import consent
 
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 SECTIONS = (
@@ -23,6 +24,8 @@ SECTIONS = (
     "randomise", "residuals", "diagnose", "certify", "evaluate", "launcher",
 )  # fmt: skip
 """Settings that hold settings; the rest are values."""
+NAMING = (("simulator", "name"), ("target", "model"), ("task", "name"))
+"""Settings that may name code to run: they are the user's own words, or of a folder that these name."""
 
 
 class Settings(dict[str, Any]):
@@ -66,7 +69,10 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
         except Exception as error:  # Hydra, OmegaConf and the YAML parser raise a dozen kinds
             raise UsageError(_one_line(error, words)) from error
     assert isinstance(resolved, dict)
-    return _checked({str(key): value for key, value in resolved.items()})
+    checked = _checked({str(key): value for key, value in resolved.items()})
+    for section, name in NAMING:
+        consent(checked[section].get(name))
+    return checked
 
 
 def _refuse_strangers(words: Sequence[str], config_dir: Path | None) -> None:

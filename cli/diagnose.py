@@ -18,6 +18,7 @@ from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
 from .printing import say
 from .progress import caution, note, single_progress, warn
+from .trusting import named
 
 if TYPE_CHECKING:
     from gpsim.stages.raw_logs import RawLog
@@ -86,6 +87,7 @@ def diagnose_command(
     from .configuration import resolve  # Hydra is no part of `--help`
 
     recordings, settings = _split(words or [])
+    named(simulator, settings)
     if not each:
         refuse_several(recordings)
     recording = recordings[0] if recordings else None

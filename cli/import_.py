@@ -15,6 +15,7 @@ from . import completion
 from .answers import answer, asked, warned
 from .printing import console, say
 from .progress import caution, warn
+from .trusting import named
 
 Sources = Annotated[
     list[str],
@@ -69,6 +70,7 @@ def import_command(
 ) -> None:
     """Make a recording of ROS bags, CSV, Parquet or MATLAB logs: episodes on one clock."""
     paths, words = _sorted(sources)
+    named(simulator, words)
     if inspect and dry_run:
         raise UsageError("import: --inspect makes nothing; leave --dry-run out")
     if inspect:

@@ -19,6 +19,7 @@ from gpsim import __version__
 from gpsim.errors import NoDiagnosis, Terminated, UsageError
 from gpsim.files import FULL, REFUSED
 from gpsim.reports.printable import printable
+from gpsim.trust import trusting
 from gpsim.workers import ends_when_asked
 
 from . import answers
@@ -34,6 +35,7 @@ from .runs import runs_app
 from .simulators import simulators_app
 from .stages import add_stages
 from .sweep import sweep_command
+from .trusting import FLAG as TRUSTINGLY
 
 LONGEST_NAME = 80  # of a file in an error
 CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
@@ -130,13 +132,14 @@ app.add_typer(
 )
 add_everywhere(app, QUIETLY)
 add_everywhere(app, answers.FLAG)
+add_everywhere(app, TRUSTINGLY)
 
 
 def main() -> None:
     """Entry point: a UsageError is one line and exit code 2 (3: no diagnosis is possible), never a traceback."""
     loud, answer = QUIET.set(False), answers.begin(sys.argv[1:])
     try:
-        with ends_when_asked():
+        with ends_when_asked(), trusting(False):  # --trust ends with its command
             _called()
     except Terminated as ended:
         with suppress(OSError):

@@ -11,6 +11,7 @@ from gpsim.errors import UsageError
 
 from .answers import answer
 from .printing import say
+from .trusting import named
 
 if TYPE_CHECKING:
     from gpsim.mjcf import Checked, Declared
@@ -52,6 +53,7 @@ def show_command(name: Name) -> None:
     """What a simulator declares: coordinates, state, actions, parameters, and what can be corrected."""
     from gpsim.mjcf import declared, open_simulator
 
+    named(name)
     facts = declared(open_simulator(name))
     _tell(facts)
     answer(declared=asdict(facts))
@@ -64,6 +66,7 @@ def check_command(name: Name) -> None:
 
     from gpsim.mjcf import MjcfSimulator, checked, declared, open_simulator
 
+    named(name)
     simulator = open_simulator(name)
     if not isinstance(simulator, MjcfSimulator):
         raise UsageError(

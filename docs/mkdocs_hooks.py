@@ -18,6 +18,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "tutorial/limo.md",
     "how-to/import.md",
     "how-to/simulator.md",
+    "how-to/trust.md",
     "how-to/partial_recordings.md",
     "how-to/report.md",
     "how-to/effect.md",

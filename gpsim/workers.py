@@ -18,6 +18,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from gpsim.errors import CODE, Terminated, UsageError
+from gpsim.trust import Lent, lent, take
 
 PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when its parent is gone
 OURS = (None, CODE, -signal.SIGTERM)  # exit codes of workers that run on, or that the pool itself ended
@@ -121,7 +122,7 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
     """
     others = multiprocessing.active_children()  # of a program that uses this one as a library
     context = multiprocessing.get_context("spawn")
-    pool = WorkerPool(count, context, initializer=begin, initargs=arguments)
+    pool = WorkerPool(count, context, initializer=_begin, initargs=(lent(), begin, arguments))
     try:
         yield pool
         pool.shutdown()
@@ -130,6 +131,12 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         _end([child for child in multiprocessing.active_children() if child not in others])
+
+
+def _begin(trusted: Lent, begin: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    """In a new worker: it may run what its parent may."""
+    take(trusted)
+    begin(*arguments)
 
 
 def _end(processes: Sequence[BaseProcess]) -> None:

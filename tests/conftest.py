@@ -35,6 +35,15 @@ def _in_its_own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture
+def own_files() -> Iterator[None]:
+    """For tests of what lies behind the command line and the public functions, where the user has named the files."""
+    from gpsim.trust import trusting  # as in `_tree`
+
+    with trusting():
+        yield
+
+
 def _tree(folder: Path) -> dict[str, str]:
     from gpsim.artifacts.artifact import (  # after the number of threads is set
         MANIFEST,

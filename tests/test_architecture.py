@@ -41,7 +41,8 @@ LEVELS = [
     {"launchers"},
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
-    {"files"},
+    {"trust"},
+    {"files", "private"},
     {"errors"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}

@@ -176,6 +176,7 @@ def with_simulator(name, *words):
     return {**config, "simulator": {**config["simulator"], "name": name, "parameters": {}}}
 
 
+@pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize(
     ("name", "experiment"), [("Same", "cartpole"), ("Plain", "cartpole"), ("Car", "limo")]
 )
@@ -186,6 +187,7 @@ def test_ones_own_simulator_with_the_same_channels_goes_with_target_and_task(tmp
     assert target_plant(config).state.names == make_task(config).state.names == base_plant(config).state.names
 
 
+@pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize(
     ("name", "experiment", "has", "needs"),
     [

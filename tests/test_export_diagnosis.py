@@ -271,6 +271,7 @@ def test_a_diagnosis_that_does_not_say_where_its_recording_lies_asks_for_it(made
     assert export_diagnosis(folder, recording=recording)
 
 
+@pytest.mark.usefixtures("own_files")
 def test_nobody_knows_the_shape_of_a_users_own_system(made, tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(
         "class Mine:\n"

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gpsim import load_simulator
 from gpsim.channels import Channels, wrap_angle
 from gpsim.environments.collect import collect_episodes, dithered_actor, random_actor
 from gpsim.errors import UsageError
@@ -138,7 +139,7 @@ def turntable(tmp_path, law, angles, speeds, wraps=()):
     """Residuals of two episodes of a turntable whose file says this law, recorded at these angles (2, K + 1)."""
     path = tmp_path / "table.py"
     path.write_text(TURNTABLE.replace("LAW", law))
-    simulator = make_simulator(f"{path}:Turntable")
+    simulator = load_simulator(f"{path}:Turntable")
     episodes = tuple(
         Episode(str(i), 0.1 * np.arange(angles.shape[1]), angles[i, :, None], speeds[i, :, None])
         for i in range(2)

@@ -196,6 +196,7 @@ def test_the_page_does_not_know_where_its_artifacts_lie(tmp_path: Path):
     assert made[0][0] == "gpsim run full-loop gp=raw --seeds 2"
 
 
+@pytest.mark.usefixtures("own_files")
 def test_a_diagnosis_of_a_users_simulator_wants_the_file_that_was_diagnosed(tmp_path: Path):
     mine = tmp_path / "mine.py"
     text = (

@@ -12,9 +12,10 @@ HEAD = f"""# Commands
 {MADE.format(source="the command line itself")}
 
 Every command takes `-h` or `--help`, which shows what stands here, and `-q` or `--quiet`, before it or behind it: no
-progress and no notes on stderr. A setting is a word, `key=value`; `--show-config` prints all of a command's. Bad input
-ends in one line that says what, where and what to do."""
-EVERYWHERE = ("--help", "--quiet")
+progress and no notes on stderr. `--trust` is an option of every command, too: it lets Python files run that only data
+name ([what runs](../how-to/trust.md)). A setting is a word, `key=value`; `--show-config` prints all of a command's. Bad
+input ends in one line that says what, where and what to do."""
+EVERYWHERE = ("--help", "--quiet", "--trust")
 
 
 def cli_page() -> str:

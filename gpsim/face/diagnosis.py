@@ -23,6 +23,7 @@ from gpsim.settings import positive, whole
 from gpsim.simulators import Simulator, lives_here
 from gpsim.stages.diagnosing import Question, answer
 from gpsim.stages.stage import generator, silent
+from gpsim.trust import consent, trusting
 
 if TYPE_CHECKING:
     from gpsim.face.found import Found
@@ -42,6 +43,7 @@ def diagnose(
     families: Mapping[str, Sequence[str]] | None = None,
     seed: int = 0,
     cores: int = 1,
+    trust: bool = False,
 ) -> Diagnosis:
     """Say where recording and simulator differ, which physics is missing, how much of it, and how sure that is.
 
@@ -59,6 +61,7 @@ def diagnose(
         seed: of the bootstrap's draws.
         cores: processes to share the work with. More than 1 need a simulator by name or from a file, and, in a
             script, `if __name__ == "__main__":` around it.
+        trust: whether a Python file or module that only the recording names may run.
 
     Returns:
         What was found.
@@ -77,7 +80,8 @@ def diagnose(
     """
     model = None if simulator is None else load_simulator(simulator)
     taken = _taken(recording, model)
-    model = model or simulator_of(taken, folder_of(recording))
+    with trusting(trust):
+        model = model or simulator_of(taken, folder_of(recording))
     taken = in_its_columns(taken, model)
     if positive(cores, "cores") > 1 and lives_here(model.name):
         raise UsageError(
@@ -258,7 +262,12 @@ class Diagnosis:
 
     @classmethod
     def load(
-        cls, folder: str | Path, simulator: Any = None, *, recording: Recording | str | Path | None = None
+        cls,
+        folder: str | Path,
+        simulator: Any = None,
+        *,
+        recording: Recording | str | Path | None = None,
+        trust: bool = False,
     ) -> Diagnosis:
         """A finished diagnosis, made here or by `gpsim diagnose`; its files are verified.
 
@@ -266,6 +275,7 @@ class Diagnosis:
             folder: what `save` or `--out` wrote, or runs/<experiment>/diagnose/vNNNN.
             simulator: the base, as for `load_simulator`; needed where it was written in a program that no folder knows.
             recording: what was diagnosed: `make_env` begins episodes there.
+            trust: whether a Python file or module that only the folder names may run, as its base simulator.
 
         Raises:
             UsageError: no diagnosis, a file of it has changed, or it is of another simulator.
@@ -274,4 +284,6 @@ class Diagnosis:
 
         model = None if simulator is None else load_simulator(simulator)
         kept = Kept.read(Path(os.fspath(folder)), model)
+        if trust:
+            consent(kept.name)
         return cls(kept, None if recording is None else _taken(recording, model or kept.simulator))

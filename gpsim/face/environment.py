@@ -22,6 +22,7 @@ from gpsim.recordings import Recording
 from gpsim.settings import build, choice, positive
 from gpsim.simulators import Plant, SimulatorPlant
 from gpsim.tasks import TASKS, OwnTask, Task, never
+from gpsim.trust import consent
 
 if TYPE_CHECKING:
     from gpsim.face.diagnosis import Diagnosis
@@ -65,6 +66,7 @@ def make_env(
     vectorised: bool = False,
     count: int | None = None,
     gp: bool = False,
+    trust: bool = False,
     **settings: Any,
 ) -> SingleEnv | BatchedEnv:
     """A Gymnasium environment of a corrected simulator, one episode at a time; any library trains in it.
@@ -85,6 +87,7 @@ def make_env(
         vectorised: whether reward and terminated take mappings of channel to (B,) numbers and return (B,) numbers.
         count: for a Gymnasium vector environment of so many episodes, stepped as one batch; None for a single one.
         gp: of a diagnosis, whether to add its Gaussian process on what is left.
+        trust: of a diagnosis's folder, whether a Python file or module that only it names may run.
         settings: of a task by name, as `force=8.0`: the keys of conf/task.
 
     Returns:
@@ -105,7 +108,7 @@ def make_env(
         ((2,), True, False)
     """
     register_environments()
-    plant, recording = _plant(simulator, gp)
+    plant, recording = _plant(simulator, gp, trust)
     own = {"reward": reward, "terminated": terminated, "starts": starts, "actions": actions}
     steps = {} if max_steps is None else {"max_steps": positive(max_steps, "max_steps")}
     if task is not None:
@@ -145,12 +148,12 @@ def _env(plant: Plant, task: Task, count: int | None) -> SingleEnv | BatchedEnv:
     )
 
 
-def _plant(given: Any, gp: bool) -> tuple[Corrected, Recording | None]:
+def _plant(given: Any, gp: bool, trust: bool) -> tuple[Corrected, Recording | None]:
     """What steps, and the recording that it was learnt from."""
     from gpsim.face.diagnosis import Diagnosis
 
     if isinstance(given, str | Path):
-        given = Diagnosis.load(given)
+        given = Diagnosis.load(given, trust=trust)
     if isinstance(given, Diagnosis):
         given = given.corrected(gp)
     if not isinstance(given, CorrectedSimulator):
@@ -162,6 +165,7 @@ def _plant(given: Any, gp: bool) -> tuple[Corrected, Recording | None]:
 
 def _task(task: str | Task, settings: Mapping[str, Any]) -> Task:
     if isinstance(task, str) and is_gym_task(task):
+        consent(task)
         return build(GymTask, settings, "task", reference=task)
     if isinstance(task, str):
         return build(TASKS[choice(task, tuple(TASKS), "task")], settings, "task")

@@ -19,6 +19,7 @@ from gpsim.residuals import SHARE, build_residuals
 from gpsim.settings import build, choice, positive, whole
 from gpsim.simulators import INTEGRATORS
 from gpsim.stages.stage import generator
+from gpsim.trust import trusting
 
 FEWEST = 10
 """Transitions below which nothing is learnt, as in the stage `fit-gp`."""
@@ -35,6 +36,7 @@ def fit_gp(
     prediction: Prediction = "mean",
     settings: Mapping[str, Any] | None = None,
     seed: int = 0,
+    trust: bool = False,
 ) -> CorrectedSimulator:
     """Learn what the simulator misses as one Gaussian process a rate, on the residuals of single steps.
 
@@ -48,6 +50,7 @@ def fit_gp(
         prediction: `mean` adds the posterior's mean to the rates; `sample` draws from it anew at every step.
         settings: of the fit: `restarts`, `max_iterations`, `minimum_improvement`, `patience`.
         seed: of the choice of transitions and of the fit's starts.
+        trust: whether a Python file or module that only the recording names may run.
 
     Returns:
         The corrected simulator; its `fits` say how each fit went. What a fit warns of is a Python warning.
@@ -63,7 +66,8 @@ def fit_gp(
     """
     model = None if simulator is None else load_simulator(simulator)
     taken = recording if isinstance(recording, Recording) else read_recording(recording, model)
-    model = model or simulator_of(taken, folder_of(recording))
+    with trusting(trust):
+        model = model or simulator_of(taken, folder_of(recording))
     taken = in_its_columns(taken, model)
     parameters = model.defaults(taken.parameters)
     integrator = choice(taken.integrator, INTEGRATORS, "the recording's integrator")

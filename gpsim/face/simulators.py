@@ -10,6 +10,7 @@ from gpsim.errors import UsageError
 from gpsim.mjcf import open_simulator, simulator_name
 from gpsim.recordings import Recording
 from gpsim.simulators import Integrator, Simulator, lives_here, own_simulator
+from gpsim.trust import consent
 
 
 def load_simulator(
@@ -83,7 +84,10 @@ def load_simulator(
             raise UsageError(
                 f"load_simulator: {', '.join(declared)} go with a function, not with {simulator}"
             )
-        return simulator if isinstance(simulator, Simulator) else open_simulator(str(simulator))
+        if isinstance(simulator, Simulator):
+            return simulator
+        consent(str(simulator))
+        return open_simulator(str(simulator))
     return own_simulator(simulator, declared)
 
 

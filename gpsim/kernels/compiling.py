@@ -1,5 +1,7 @@
 """Functions that numba compiles, once a machine: what it makes is kept in a folder that this room's sources name.
 
+What lies there is run as it is found, so nobody else may be able to write there.
+
 This file is imported by files of the room that hold such functions, and they by nobody until something is compiled
 (see `gpsim.kernels.program`): numba takes longer to be imported than `gpsim --help` to answer.
 """
@@ -7,14 +9,19 @@ This file is imported by files of the room that hold such functions, and they by
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import os
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+
+from gpsim.private import ExposedError, own_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 ROOM = Path(__file__).parent
@@ -34,18 +41,22 @@ def entry(signature: str) -> Callable[[Function], Function]:
     """A function that Python calls: compiled for these types when it is made, or read from disk."""
 
     def make(function: Function) -> Function:
-        with _kept_in(folder()):
-            made: Any = numba.njit(signature, nogil=True, error_model="numpy", cache=True)(function)
+        place = folder()
+        with _kept_in(place):
+            made: Any = numba.njit(signature, nogil=True, error_model="numpy", cache=place is not None)(
+                function
+            )
         return made  # type: ignore[no-any-return]  # called as the function itself
 
     return make
 
 
-def folder() -> Path:
-    """Where compiled functions are kept: in the package where it may be written to, else in the user's cache.
+def folder() -> Path | None:
+    """Where compiled functions are kept: in the package where it may be written to, else in a folder of the user's own.
 
-    Numba looks at the one file that holds a function, and would not see that a law in another one has changed: the
-    folder is named by all of them.
+    That is in the user's cache or in the temporary folder; None where others can write there, too. Numba looks at the
+    one file that holds a function, and would not see that a law in another one has changed: the folder is named by all
+    of them.
     """
     digest = hashlib.sha256()
     for path in sorted(ROOM.glob("*.py")):
@@ -54,21 +65,43 @@ def folder() -> Path:
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
         return Path(given) / name
-    for parent in (ROOM / "__pycache__", _users_cache() / "gpsim"):
-        with suppress(OSError):
-            (parent / name).mkdir(parents=True, exist_ok=True)
-            if os.access(parent / name, os.W_OK):
-                return parent / name
-    return Path(tempfile.gettempdir()) / f"gpsim-{os.getuid()}-{name}"
+    with suppress(OSError):
+        package = ROOM / "__pycache__" / name
+        package.mkdir(parents=True, exist_ok=True)
+        if os.access(package, os.W_OK):
+            return package
+    refused = []
+    for users in (_users_cache, _temporary):
+        try:
+            place = own_folder(own_folder(users()) / name)
+            if os.access(place, os.W_OK):
+                return place
+        except (OSError, RuntimeError, ExposedError) as error:
+            refused.append(str(error))
+    _say_once(f"compiled functions are kept nowhere, so each process makes them anew: {'; '.join(refused)}")
+    return None
 
 
 def _users_cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gpsim"
+
+
+def _temporary() -> Path:
+    return Path(tempfile.gettempdir()) / f"gpsim-{os.getuid()}"
+
+
+@cache
+def _say_once(text: str) -> None:
+    if multiprocessing.parent_process() is None:  # whoever started a worker has said it
+        warnings.warn(f"{text}; give NUMBA_CACHE_DIR=FOLDER of your own", UserWarning, stacklevel=2)
 
 
 @contextmanager
-def _kept_in(place: Path) -> Iterator[None]:
+def _kept_in(place: Path | None) -> Iterator[None]:
     """Within it numba keeps what it compiles in `place`."""
+    if place is None:
+        yield
+        return
     before = numba.config.CACHE_DIR  # type: ignore[attr-defined]  # set when numba is imported
     numba.config.CACHE_DIR = str(place)  # type: ignore[attr-defined]
     try:

@@ -7,6 +7,7 @@
     local         processes of this machine
     dask_client   a Dask scheduler: the client's side
     dask_worker   the same: what runs on the worker
+    security      who may give orders to a scheduler that is started here
     slurm         workers as SLURM jobs
     parcels       files that travel where there is no shared file system
 

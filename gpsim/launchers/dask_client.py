@@ -17,14 +17,17 @@ from typing import Any
 import dask
 from distributed import Client, Future, LocalCluster
 from distributed.scheduler import KilledWorker
+from distributed.utils import format_dashboard_link
 
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
 from gpsim.launchers.dask_worker import TOPIC, Errand, Report, carry_out
 from gpsim.launchers.launcher import Dask, Slurm
 from gpsim.launchers.parcels import check_inside, packed, unpacked
+from gpsim.launchers.security import LOOPBACK, check_keys, own_keys
 from gpsim.launchers.slurm import SlurmWorkers, slurm_workers
 from gpsim.launchers.tasks import JobFailedError, LostSchedulerError, Outcome, Task, Update
+from gpsim.trust import lent
 
 MOMENT = 0.2  # s that one look for what has ended waits
 AHEAD = 2  # tasks handed out for each thread, so that none waits for the next
@@ -75,7 +78,9 @@ class DaskExecutor:
             for folder in task.writes:
                 check_inside(folder)
             parcel = packed(task.needs())
-        errand = Errand(task.label, task.work, self._folder, self._mark, PATIENCE, parcel, task.writes)
+        errand = Errand(
+            task.label, task.work, self._folder, self._mark, PATIENCE, lent(), parcel, task.writes
+        )
         key = f"{uuid.uuid4().hex}"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that a parcel is large
@@ -170,6 +175,8 @@ class _Alone:
     def _said(self) -> str:
         if isinstance(self._launcher, Slurm):
             return "waiting: no worker yet, the SLURM jobs are in the queue (squeue --me)"
+        if self._launcher.address is None:
+            return "waiting: the workers that were started here do not come; they are started anew"
         address = self._client.scheduler.address
         return f"waiting: {address} has no workers; start some with: dask worker {address} --nthreads 1 --nworkers 4"
 
@@ -213,8 +220,9 @@ def dask_executor(launcher: Dask | Slurm) -> Iterator[DaskExecutor]:
         elif launcher.address is None:
             client = stack.enter_context(_connected(stack.enter_context(_local_cluster(launcher))))
         else:
+            check_keys(launcher.address)
             client = stack.enter_context(_connected(launcher.address))
-        launcher.announce(f"Dask's dashboard: {client.dashboard_link}")
+        launcher.announce(f"Dask's dashboard: {_dashboard(client, launcher)}")
         mark = stack.enter_context(_mark()) if launcher.shared else ""
         executor = DaskExecutor(client, mark, launcher, workers)
         try:
@@ -223,15 +231,25 @@ def dask_executor(launcher: Dask | Slurm) -> Iterator[DaskExecutor]:
             executor.leave()
 
 
+def _dashboard(client: Client, launcher: Dask | Slurm) -> str:
+    """The dashboard's link. Dask would give that of what is started here the scheduler's address."""
+    if isinstance(launcher, Dask) and launcher.address is not None:
+        return str(client.dashboard_link)
+    return str(format_dashboard_link(launcher.dashboard, client.scheduler_info()["services"]["dashboard"]))
+
+
 @contextmanager
 def _local_cluster(launcher: Dask) -> Iterator[Any]:
-    """Workers of this machine, one thread each."""
+    """Workers of this machine, one thread each, which nobody else can reach or give orders."""
     with LocalCluster(
         n_workers=launcher.workers or 1,
         threads_per_worker=1,
         processes=True,
         silence_logs=logging.CRITICAL,
-        dashboard_address=":0",
+        host=LOOPBACK,
+        protocol="tls://",
+        security=own_keys(),
+        dashboard_address=f"{launcher.dashboard}:0",
     ) as cluster:
         yield cluster
 

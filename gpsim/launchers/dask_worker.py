@@ -23,6 +23,7 @@ from gpsim.errors import UsageError
 from gpsim.files import tells_of_full_disk
 from gpsim.launchers.parcels import Parcel, new_files, unpacked
 from gpsim.launchers.tasks import Progress
+from gpsim.trust import Lent, take
 
 TOPIC = "gpsim"
 BETWEEN = 1.0  # s between two messages of one task
@@ -37,7 +38,7 @@ class Errand:
 
     folder: where the command was started; mark: a file there, by which a worker sees that it is the same folder, if it
     comes in sight within `patience` seconds; parcel: None where it is shared, else what the task reads; writes: below
-    what it writes.
+    what it writes; trusted: the code that the command may run.
     """
 
     label: str
@@ -45,6 +46,7 @@ class Errand:
     folder: str
     mark: str
     patience: float
+    trusted: Lent
     parcel: Parcel | None = None
     writes: tuple[Path, ...] = ()
 
@@ -65,6 +67,7 @@ def carry_out(errand: Errand) -> Report:
     node = socket.gethostname()
     with _ONE:
         try:
+            take(errand.trusted)
             with _place(errand) as known:
                 result = errand.work(_teller(errand.label, node))
                 back = None if errand.parcel is None else new_files(errand.writes, known)

@@ -29,11 +29,13 @@ class Dask:
     """A Dask scheduler.
 
     address: of one that runs, as tcp://HOST:8786; None: one is started here. workers: how many processes then; None: as
-    many as `--jobs` says. shared: whether its workers see this folder under the same path.
+    many as `--jobs` says; dashboard: the address that its dashboard listens on. shared: whether its workers see this
+    folder under the same path.
     """
 
     address: str | None = None
     workers: int | None = None
+    dashboard: str = "127.0.0.1"
     shared: bool = True
     announce: Announce = field(default=_silent, compare=False)
 
@@ -62,6 +64,7 @@ class Slurm:
     interface: str | None
     python: str | None
     logs: str
+    dashboard: str = "127.0.0.1"
     shared: bool = True
     announce: Announce = field(default=_silent, compare=False)
 
@@ -95,7 +98,8 @@ def require_dask(name: str) -> None:
     """Raise UsageError where the packages of `gpsim[cluster]` are not installed."""
     from importlib.util import find_spec
 
-    missing = [package for package in ("distributed", "dask_jobqueue") if find_spec(package) is None]
+    needed = ("distributed", "dask_jobqueue", "cryptography")
+    missing = [package for package in needed if find_spec(package) is None]
     if missing:
         raise UsageError(
             f"launcher={name} needs {' and '.join(missing)}; install with: pip install 'gpsim[cluster]'"

@@ -6,16 +6,19 @@ import math
 import shutil
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from distributed import Security
 from distributed.deploy.adaptive import Adaptive
+from distributed.utils import get_ip
 
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors
 from gpsim.launchers.jobqueue import SLURMCluster, SLURMJob
 from gpsim.launchers.launcher import Slurm
+from gpsim.launchers.security import cluster_keys
 
 NAME = "gpsim"  # of the SLURM jobs
 LOOK = 5.0  # s between two looks at the queue
@@ -150,8 +153,18 @@ def slurm_workers(launcher: Slurm) -> Iterator[SlurmWorkers]:
     if shutil.which("sbatch") is None:
         raise UsageError("launcher=slurm: there is no sbatch here; start gpsim where SLURM's commands are")
     logs = Path(launcher.logs)
-    with disk_errors(logs, "launcher.logs"):
-        logs.mkdir(parents=True, exist_ok=True)
+    with ExitStack() as stack:
+        with disk_errors(logs, "launcher.logs"):
+            logs.mkdir(parents=True, exist_ok=True)
+            keys = stack.enter_context(cluster_keys(logs))
+        yield SlurmWorkers(stack.enter_context(_cluster(launcher, keys)), launcher)
+
+
+@contextmanager
+def _cluster(launcher: Slurm, keys: Security) -> Iterator[Cluster]:
+    """Dask's cluster, which takes orders from whoever has the keys."""
+    # One address, which workers are told; without a host it would listen on all that the machine has.
+    reached = {"interface": launcher.interface} if launcher.interface else {"host": get_ip()}
     try:
         cluster = Cluster(
             queue=launcher.queue,
@@ -165,16 +178,17 @@ def slurm_workers(launcher: Slurm) -> Iterator[SlurmWorkers]:
             job_directives_skip=list(launcher.skip),
             interface=launcher.interface,
             python=launcher.python,
-            log_directory=str(logs),
+            log_directory=launcher.logs,
             job_name=NAME,
             silence_logs="critical",
             worker_extra_args=["--no-dashboard"],
-            scheduler_options={"dashboard_address": ":0"},
+            security=keys,
+            scheduler_options={"dashboard_address": f"{launcher.dashboard}:0", **reached},
         )
     except (ValueError, OSError, RuntimeError) as error:
         raise UsageError(f"launcher=slurm: {' '.join(str(error).split())[:300]}") from error
     try:
-        yield SlurmWorkers(cluster, launcher)
+        yield cluster
     finally:
         with suppress(Exception):  # SLURM may be away: its jobs end when they miss their scheduler
             cluster.close(timeout=20)

@@ -3,11 +3,12 @@
 from gpsim.mjcf.exporting import Exported, export_model, files_of, planned
 from gpsim.mjcf.facts import Checked, Declared, checked, declared
 from gpsim.mjcf.layout import Layout
-from gpsim.mjcf.loading import GYM, is_mujoco, new_environment, notes_of, source_of
+from gpsim.mjcf.loading import is_mujoco, new_environment, notes_of, source_of
 from gpsim.mjcf.opening import SYSTEM, files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.patching import Correction
 from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
+from gpsim.trust import GYM
 
 __all__ = [
     "GYM",

@@ -17,12 +17,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 from gpsim.errors import Terminated, UsageError
-from gpsim.files import file_digest
+from gpsim.files import file_digest, unreadable
 from gpsim.mjcf.faults import compile_fault, one_line
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.urdf import apart, completed, is_urdf, mesh_file
+from gpsim.trust import GYM, check_file, check_module
 
-GYM = "gym:"
 FILMS = "imageio"
 ENDLESS = 1000  # steps of an episode where an environment names none
 MODEL_FILES = (".xml", ".mjcf", ".urdf")
@@ -193,11 +193,16 @@ def _of_function(reference: str) -> Any:
 def made_by(reference: str) -> Any:
     """What the function of FILE.py:function returns; raises UsageError."""
     file, _, name = reference.rpartition(":")
+    try:
+        content = Path(file).read_bytes()
+    except OSError as error:
+        raise unreadable(Path(file), error) from error
+    check_file(reference, content)
     module = ModuleType(f"user_model_{Path(file).stem}")
     module.__file__ = str(Path(file).resolve())
     sys.modules[module.__name__] = module  # dataclasses look there
     try:
-        exec(compile(Path(file).read_text(encoding="utf-8"), file, "exec"), vars(module))
+        exec(compile(content, file, "exec"), vars(module))
         return getattr(module, name)()
     except Terminated:
         raise
@@ -222,8 +227,12 @@ def _environment(reference: str) -> Any:
 
 
 def new_environment(reference: str) -> tuple[Any, int]:
-    """A new environment gym:ID without its wrappers, and the steps of its episodes; raises UsageError."""
+    """A new environment gym:ID without its wrappers, and the steps of its episodes; raises UsageError.
+
+    Gymnasium imports the module of gym:MODULE:ID, which may run whatever it likes.
+    """
     mujoco()
+    check_module(reference)
     import gymnasium
 
     try:

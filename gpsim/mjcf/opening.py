@@ -7,12 +7,13 @@ from pathlib import Path
 
 from gpsim.errors import UsageError
 from gpsim.files import file_digest
-from gpsim.mjcf.loading import GYM, is_mujoco, source_of
+from gpsim.mjcf.loading import is_mujoco, source_of
 from gpsim.mjcf.matching import matched
 from gpsim.mjcf.simulator import MjcfSimulator, load_mjcf
 from gpsim.mjcf.stability import check_stable
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator, make_simulator, source_file
+from gpsim.trust import GYM
 
 SYSTEM = "mjcf"
 """What recordings call a system that a MuJoCo model simulates."""

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.errors import Terminated, UsageError
-from gpsim.mjcf.loading import GYM, file_of_environment, made_by, spec_of_file
+from gpsim.mjcf.loading import file_of_environment, made_by, spec_of_file
 from gpsim.mjcf.optional import mujoco
+from gpsim.trust import GYM
 
 ASSETS = ("meshdir", "texturedir")
 

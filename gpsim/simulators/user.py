@@ -40,6 +40,7 @@ from gpsim.simulators.simulator import (
     Parameters,
     Simulator,
 )
+from gpsim.trust import check_file
 
 GUARDED = ("rates", "derivative", "measured_rates", "mobility", "normal_force")
 """What a class that derives from Simulator may write; `integrate` and `step` ask these."""
@@ -49,14 +50,16 @@ COPY_FIRST = (
 
 
 def load_user_simulator(reference: str) -> Simulator:
-    """The system FILE.py:ClassName; raises UsageError for every fault of the file."""
+    """The system FILE.py:ClassName; raises UsageError for every fault of the file, and where it is not trusted."""
     path = Path(reference.rpartition(":")[0])
     if path.suffix != ".py" or not path.is_file():
         raise UsageError(f"--simulator {reference}: no file {path}; give FILE.py:ClassName")
     try:
-        source = path.read_text(encoding="utf-8")
+        content = path.read_bytes()
+        source = content.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"{path}: cannot be read: {_said(error)}") from error
+    check_file(reference, content)
     if multiprocessing.parent_process() is None:  # whoever started a worker has tried it
         try_apart(reference, source)
     return load_source(reference, source)

@@ -94,6 +94,7 @@ def test_bare_tables_that_say_nothing(folder, tmp_path):
     assert "column(s) t hold dates" in said(lambda: open_recording(Task(dated, "slider")))
 
 
+@pytest.mark.usefixtures("own_files")
 def test_a_bare_table_may_lack_what_a_system_guesses(folder, tmp_path):
     (tmp_path / "mine.py").write_text(SLIDER)
     frame = pd.read_csv(folder / "recording.csv").drop(columns="q_dot")
@@ -112,6 +113,7 @@ def test_settings_beside_a_recording_count_or_are_refused(folder):
     assert "expected 1 to 2" in str(result.exception)
 
 
+@pytest.mark.usefixtures("own_files")
 def test_an_edited_system_is_diagnosed_anew(folder, tmp_path):
     """The file that recording.yaml names counts as much as one on the command line."""
     mine = tmp_path / "mine.py"

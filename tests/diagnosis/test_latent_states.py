@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gpsim import load_simulator
 from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, course
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.setup import latent_states as hidden
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
-from gpsim.simulators import make_simulator
 
 from .own_systems import SLIDER
 from .worlds import World, record
@@ -25,7 +25,7 @@ def question(tmp_path_factory):
     """A slider under a constant pull whose speed nobody measured."""
     path: Path = tmp_path_factory.mktemp("system") / "mine.py"
     path.write_text(SLIDER)
-    simulator = make_simulator(f"{path}:Slider")
+    simulator = load_simulator(f"{path}:Slider")
     full = record(World("slider", forces={0: lambda q, v, t: PULL + 0 * q}), episodes=6, steps=100)
     recording = replace(
         full,

@@ -9,10 +9,10 @@ from gpsim.cli.main import app
 from pages import check_policy
 from typer.testing import CliRunner
 
+from gpsim import load_simulator
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.recordings.files import write_recording
-from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import read_corrected
 
 from .own_systems import ODD_NAMES, ODD_SLIDER
@@ -44,7 +44,8 @@ def diagnosed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("odd")
     (folder / "odd.py").write_text(ODD_SLIDER, encoding="utf-8")
     (folder / "log").mkdir()
-    write_recording(odd_recording(make_simulator(f"{folder / 'odd.py'}:Odd")), folder / "log", "csv")
+    odd = load_simulator(f"{folder / 'odd.py'}:Odd")
+    write_recording(odd_recording(odd), folder / "log", "csv")
     result = CliRunner().invoke(app, ["diagnose", str(folder / "log"), "--out", str(folder / "out"), FEW])
     assert result.exit_code == 0, result.output
     return folder / "out", result.output
@@ -123,7 +124,7 @@ def test_the_corrected_simulator_steps(diagnosed):
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_the_recording_comes_back_as_it_was(tmp_path, form):
     (tmp_path / "odd.py").write_text(ODD_SLIDER, encoding="utf-8")
-    written = odd_recording(make_simulator(f"{tmp_path / 'odd.py'}:Odd"))
+    written = odd_recording(load_simulator(f"{tmp_path / 'odd.py'}:Odd"))
     write_recording(written, tmp_path, form)
     read = read_recording(tmp_path)
     assert (read.state, read.action) == (written.state, written.action)

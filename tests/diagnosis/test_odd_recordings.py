@@ -32,6 +32,8 @@ from .own_systems import SLIDER
 from .truths import mechanical
 from .worlds import World, record
 
+pytestmark = pytest.mark.usefixtures("own_files")
+
 FRICTION = next(t for t in mechanical("slider") if t.family == "coulomb_friction")
 
 

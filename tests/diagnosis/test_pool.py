@@ -22,6 +22,7 @@ from .worlds import World, record
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 
 
+@pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize("reference", ["slider", "user"])
 def test_two_processes_fit_what_one_does(reference):
     rng = np.random.default_rng(0)

@@ -23,6 +23,8 @@ from gpsim.residuals.residuals import build_residuals
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import Task, open_recording, read_corrected
 
+pytestmark = pytest.mark.usefixtures("own_files")
+
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cascaded_tanks.py"
 REFERENCE = f"{EXAMPLE}:CascadedTanks"
 FEW = "diagnose.families.only=[actuator_gain,actuator_lag]"

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from gpsim import load_simulator
 from gpsim.channels import Channels, wrap_angle
 from gpsim.corrected.effects_plant import EffectsPlant, plant_from
 from gpsim.diagnosis.assessment.remainder_gp import _features
@@ -74,7 +75,7 @@ def test_a_recording_that_says_nothing_keeps_the_simulator_and_its_angles():
 
 def test_it_still_wraps_in_another_process(tmp_path):
     (tmp_path / "mine.py").write_text(SYSTEM)
-    simulator = question_of(turned(wraps=True), make_simulator(f"{tmp_path / 'mine.py'}:Pendulum"))
+    simulator = question_of(turned(wraps=True), load_simulator(f"{tmp_path / 'mine.py'}:Pendulum"))
     copy = pickle.loads(pickle.dumps(simulator.everything.simulator))
     assert copy.state == TURNING
     state, action = np.array([[3.0, 1.0]]), np.array([[0.5]])

@@ -16,6 +16,7 @@ from gpsim.launchers import Dask, Local, Task, run_tasks
 from gpsim.launchers.tasks import JobFailedError
 
 distributed = pytest.importorskip("distributed")
+psutil = pytest.importorskip("psutil")  # Dask brings it
 pytestmark = pytest.mark.filterwarnings("ignore")  # Dask's own
 POINTS = ["collect.policy=random", "collect.episodes=2", "seed=range(3)"]
 
@@ -107,6 +108,59 @@ def test_a_folder_that_workers_do_not_see_is_refused(address, tmp_path, monkeypa
     monkeypatch.setattr(dask_client, "PATIENCE", 0.0)
     with pytest.raises(UsageError, match=r"launcher.shared=false"):
         run(address, [Task("t", partial(doubled, 1))])
+
+
+def listening(process):
+    """Address and port on which a process and its children take connections."""
+    every = [process, *process.children(recursive=True)]
+    found = (c for p in every for c in p.net_connections("inet") if c.status == psutil.CONN_LISTEN)
+    return {tuple(c.laddr) for c in found}
+
+
+def test_nobody_else_can_reach_or_order_what_is_started_here():
+    """The scheduler runs what it is sent: it takes that from the command alone, which has the key."""
+    pytest.importorskip("cryptography")
+    from gpsim.launchers.dask_client import dask_executor
+
+    said, known = [], listening(psutil.Process())
+    with dask_executor(Dask(workers=1, announce=said.append)) as executor:
+        client = executor._client
+        address = client.scheduler.address
+        assert client.submit(os.getpid).result() != os.getpid()
+        opened = listening(psutil.Process()) - known
+        assert {host for host, _ in opened} == {"127.0.0.1"}
+        assert said[0].startswith("Dask's dashboard: http://127.0.0.1:")
+        for stranger, keys in (
+            (address, distributed.Security.temporary()),
+            (address.replace("tls://", "tcp://"), None),
+        ):
+            with pytest.raises(OSError, match="certificate|imed out|reset|closed"):
+                distributed.Client(stranger, timeout=2, set_as_default=False, security=keys)
+
+
+def test_tasks_run_on_what_is_started_here():
+    pytest.importorskip("cryptography")
+    found = {o.label: o for o in run_tasks(Dask(workers=1), [Task("t", partial(doubled, 2))], silent)}
+    assert found["t"].result == 4
+
+
+def test_keys_for_other_machines_lie_in_a_folder_of_ones_own(tmp_path):
+    pytest.importorskip("cryptography")
+    from gpsim.launchers.security import cluster_keys
+
+    with cluster_keys(tmp_path) as keys:
+        [folder] = tmp_path.iterdir()
+        assert folder.stat().st_mode & 0o777 == 0o700
+        assert {path.stat().st_mode & 0o777 for path in folder.iterdir()} == {0o600}
+        assert keys.require_encryption
+        assert Path(keys.tls_worker_key).parent == folder
+        assert keys.get_connection_args("worker")["ssl_context"] is not None
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_tls_scheduler_without_a_certificate_is_one_line():
+    with pytest.raises(UsageError, match=r"tls://127\.0\.0\.1:9: .*distributed\.comm\.tls\.ca-file"):
+        run("tls://127.0.0.1:9", [Task("t", partial(doubled, 1))])
 
 
 def points():

@@ -313,6 +313,7 @@ def bare():
 '''
 
 
+@pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize("name", ["spec", "model"])
 def test_a_function_that_returns_a_spec_or_reads_xml(name, tmp_path):
     (tmp_path / "mine.py").write_text(FUNCTION.format(text=DOUBLE.replace('"', "'")))

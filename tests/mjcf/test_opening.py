@@ -12,6 +12,8 @@ from gpsim.mjcf import checked, declared, files_digest, is_mujoco, load_mjcf, op
 from gpsim.recordings import read_recording
 from gpsim.stages.diagnose import Task, open_recording
 
+pytestmark = pytest.mark.usefixtures("own_files")
+
 URDF = """<robot name="r"><link name="base"/><link name="arm"><inertial><mass value="1"/><origin xyz="0 0 -.3"/>
 <inertia ixx=".02" iyy=".02" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>

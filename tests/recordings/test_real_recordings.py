@@ -73,6 +73,7 @@ def test_the_cart_pole_falls_the_way_its_mapping_says(real):
     assert fit[1] < -1.0
 
 
+@pytest.mark.usefixtures("own_files")
 @pytest.mark.parametrize("mapping", SETS)
 def test_every_set_can_be_put_as_a_question(real, tmp_path, mapping):
     source, _ = SETS[mapping]

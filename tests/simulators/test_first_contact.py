@@ -11,6 +11,8 @@ from gpsim.simulators import make_simulator
 from gpsim.stages.users_code import blamed
 from gpsim.workers import WorkerDiedError
 
+pytestmark = pytest.mark.usefixtures("own_files")
+
 TANK = """
 import ctypes, os, sys, multiprocessing
 import numpy as np

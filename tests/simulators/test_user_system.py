@@ -8,6 +8,8 @@ import pytest
 from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 
+pytestmark = pytest.mark.usefixtures("own_files")
+
 GOOD = """
 import numpy as np
 
