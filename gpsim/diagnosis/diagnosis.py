@@ -17,6 +17,8 @@ from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, laws_of,
 from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import (
+    Contenders,
+    Found,
     Note,
     beam_search,
     prune_on_held_out,
@@ -88,9 +90,7 @@ def diagnose(
     step("judge", 90, "looking for rivals, and for what is left")
     judgement = judge(question, contenders, found)
     step("support", 91, "asking each half of the recording")
-    leader = supported(question, judgement.leader, judgement.null, judgement.structured)
-    if leader is not judgement.leader:
-        judgement = judge(question, replace(contenders, leader=leader), found, settled=True)
+    judgement = _supported(question, replace(contenders, leader=judgement.leader), found, judgement, offers)
     step("attribute", 92, "how much of the mismatch each effect is")
     attribution = attribute(question, judgement.leader, judgement.null)
     step("compare", 94, "comparing on held-out data")
@@ -101,6 +101,31 @@ def diagnose(
     plant = _corrected(question, answer.judgement, recording.dt)
     decisions = tuple(run.trace.decisions)
     return Outcome(diagnosis, plant, answer.judgement, answer.comparison, question, decisions)
+
+
+def _supported(
+    question: Question, contenders: Contenders, found: Found, judgement: Judgement, offers: list[Candidate]
+) -> Judgement:
+    """The judgement of what each half of the recording supports.
+
+    Where a term has to go, what it had displaced may come back: the search goes on without it, and without gates,
+    until nothing changes.
+    """
+    left = list(offers)
+    for _ in range(question.run.settings.support.rounds):
+        before = judgement.leader
+        leader = supported(question, before, judgement.null, judgement.structured)
+        if leader is before:
+            return judgement
+        gone = before.hypothesis.claims - leader.hypothesis.claims
+        left = [c for c in left if c.identity not in gone]
+        contenders = replace(contenders, leader=leader)
+        if leader.hypothesis.terms:
+            contenders = stepwise(question, contenders, left, lambda text: None, gates=False)
+            contenders = prune_on_held_out(question, contenders)
+        judgement = judge(question, contenders, found, settled=True)
+    leader = supported(question, judgement.leader, judgement.null, judgement.structured)
+    return judge(question, replace(contenders, leader=leader), found, settled=True)
 
 
 def _answer(

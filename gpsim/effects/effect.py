@@ -110,7 +110,9 @@ class Effect(ABC):
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
     patch_of: ClassVar[str | None] = None  # the family whose law it is in a region of its own coordinate
     drifts: ClassVar[bool] = False  # does it change with time by itself, as a battery does?
-    usual: ClassVar[int] = 0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
+    usual: ClassVar[int] = (
+        0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
+    )
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 
     @abstractmethod

@@ -20,7 +20,8 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
 All others are refused: `too small a share`. The worlds that show what each rule protects against are in
 docs/method/acceptance.md.
 
-Before all of them, `required`: what lacks an effect that the user requires loses to what has it.
+Before all of them, `no place`: a region or an onset of the richer one that the poorer one lacks holds hardly any of the
+samples, or nearly all. Refused: it is a moment, or no gate at all. And `required`: what lacks an effect that the user requires loses to what has it.
 
 The numbers are `AcceptanceSettings`.
 """
@@ -46,6 +47,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.settings import AcceptanceSettings
+from gpsim.effects import IN_EPISODE
 
 
 class Rule(StrEnum):
@@ -59,6 +61,7 @@ class Rule(StrEnum):
     BETTER_LAW = "better law"
     TOO_SMALL_A_SHARE = "too small a share"
     REQUIRED = "required"
+    NO_PLACE = "no place"
 
 
 @dataclass(frozen=True)
@@ -120,12 +123,32 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
         return Acceptance(False, Rule.DOES_NOTHING, nats, share)
     if nats < thresholds.per_term:
         return Acceptance(False, Rule.TOO_FEW_NATS, nats, share)
+    if not all(
+        thresholds.least_held <= held <= thresholds.most_held for held in _held(problem, richer, poorer)
+    ):
+        return Acceptance(False, Rule.NO_PLACE, nats, share)
     if _in_one_window(problem, richer, poorer):
         return Acceptance(False, Rule.ONE_WINDOW, nats, share)
     rule = _rule(problem, thresholds, removed, nats, richer, poorer)
     return Acceptance(
         rule is Rule.GOOD_SHARE, rule, nats, share, on_trial=rule in (Rule.SLIGHT_SHARE, Rule.BETTER_LAW)
     )
+
+
+def _held(problem: Problem, richer: Fit, poorer: Fit) -> list[float]:
+    """The share of the samples that each gate of the richer hypothesis holds which the poorer one lacks."""
+    windows, channels = problem.windows, problem.simulator.state + problem.simulator.action
+    known = {(t.identity, t.gate.looks_at) for t in poorer.hypothesis.terms if t.gate}
+    new = [t for t in richer.hypothesis.terms if t.gate and (t.identity, t.gate.looks_at) not in known]
+    valid, path = windows.valid[:, 1:], (windows.measured[:, :-1], windows.measured[:, 1:])
+    shares = []
+    for term in new:
+        episodes = np.broadcast_to(windows.episode[:, None], valid.shape)
+        inside = term.gate.share(
+            path, windows.actions, windows.t[:, :-1], np.diff(windows.t), channels, {IN_EPISODE: episodes}
+        )
+        shares.append(float(inside[valid].mean()))
+    return shares
 
 
 def _rule(

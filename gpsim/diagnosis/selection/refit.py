@@ -81,7 +81,9 @@ def _starts(problem: Problem, hypothesis: Hypothesis, measured: FloatArray) -> F
     """
     if len(hypothesis.terms) <= problem.run.settings.elimination.small:
         return measured
-    return fit(problem, hypothesis.frozen(), measured, iterations=problem.run.settings.schedules.settle).starts
+    return fit(
+        problem, hypothesis.frozen(), measured, iterations=problem.run.settings.schedules.settle
+    ).starts
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:

@@ -29,7 +29,14 @@ from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import may_pay, pays
 from gpsim.diagnosis.selection.beam import most_promising
 from gpsim.diagnosis.selection.change_points import begun_later
-from gpsim.diagnosis.selection.elimination import doubtful, for_screening, lean, likeliest, on_some_windows, simplest
+from gpsim.diagnosis.selection.elimination import (
+    doubtful,
+    for_screening,
+    lean,
+    likeliest,
+    on_some_windows,
+    simplest,
+)
 from gpsim.diagnosis.selection.gates import (
     gated_children,
     may_be_limited,
@@ -46,15 +53,26 @@ from gpsim.effects import LooksAt, closed
 
 
 def stepwise(
-    question: Question, contenders: Contenders, offers: Sequence[Candidate], tell: Callable[[str], None]
+    question: Question,
+    contenders: Contenders,
+    offers: Sequence[Candidate],
+    tell: Callable[[str], None],
+    gates: bool = True,
 ) -> Contenders:
-    """The leader with terms added, gated, substituted and eliminated as long as that pays, and all that was tried."""
-    leader, tried = improved(question.everything, contenders.leader, offers, tell)
+    """The leader with terms added, gated, substituted and eliminated as long as that pays, and all that was tried.
+
+    gates: whether also regions and onsets are looked for.
+    """
+    leader, tried = improved(question.everything, contenders.leader, offers, tell, gates)
     return replace(contenders, leader=leader, tried=[*contenders.tried, *tried])
 
 
 def improved(
-    problem: Problem, leader: Fit, offers: Sequence[Candidate], tell: Callable[[str], None]
+    problem: Problem,
+    leader: Fit,
+    offers: Sequence[Candidate],
+    tell: Callable[[str], None],
+    gates: bool = True,
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
     settings, edges = problem.run.settings.stepwise, problem.run.settings.gate_edges
@@ -84,6 +102,8 @@ def improved(
                 tried += twins
                 break
             continue
+        if not gates:
+            break
         tell(f"{leader.hypothesis.label}: is one more missing somewhere?")  # dear: last
         extended, children = _extended(problem, leader, offers, most, gates=True)
         tried += _new(children, tried)

@@ -23,7 +23,6 @@ from gpsim.diagnosis.fitting import (
     Problem,
     child_of,
     fit_all,
-    fit_near,
     fit_order,
     quadratic,
     scores,
@@ -33,7 +32,9 @@ from gpsim.effects import closed, effect_of
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
-MISJUDGED = 5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
+MISJUDGED = (
+    5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
+)
 
 
 def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
@@ -77,7 +78,9 @@ def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
     fits = fit_all(problem, [ordered(which) for which in tried])
     best = dict(first)
     for i in scanned:
-        alike = [(f.objective, which[i]) for f, which in zip(fits, tried, strict=True) if which | {i: 0} == first]
+        alike = [
+            (f.objective, which[i]) for f, which in zip(fits, tried, strict=True) if which | {i: 0} == first
+        ]
         best[i] = min(alike)[1]
     fits += fit_all(problem, [ordered(best)] if best not in tried else [])
     fits.sort(key=lambda f: f.objective)

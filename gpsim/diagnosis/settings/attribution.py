@@ -86,6 +86,7 @@ class AttributionSettings:
 class SupportSettings:
     """Whether a slight effect, or one behind a gate, holds in both halves of where it acts, and none does harm."""
 
+    rounds: int = setting(3, "1", "of taking terms out and searching on without them, at most", least=1)
     harms: float = setting(
         0.003,
         "1",

@@ -51,6 +51,8 @@ class AcceptanceSettings:
         "of the variance left over, that a richer law may remove instead: any part of the mismatch will do",
     )
     no_last_digits: float = setting(200.0, "nats", "of gain for that: the last digits of a law gain less")
+    least_held: float = setting(0.03, "1", "of the samples, that a region or an onset must hold")
+    most_held: float = setting(0.9, "1", "of the samples, that it may hold: what holds more acts everywhere")
     ordinary: float = setting(
         1.5,
         "1",
@@ -107,7 +109,10 @@ class SearchSettings:
         "times the noise floor: what leaves less in coarse steps is not searched for finely once more",
     )
     outdone: float = setting(
-        20.0, "nats", "by which the usual machine must lead for the beam to grow no deeper", "odds of 5e8 to 1"
+        20.0,
+        "nats",
+        "by which the usual machine must lead for the beam to grow no deeper",
+        "odds of 5e8 to 1",
     )
     budget: float = setting(
         2.5e8, "simulated rows", "effort after which it grows no deeper; improving goes on from there", EFFORT
@@ -208,7 +213,9 @@ class EliminationSettings:
     )
     small: int = setting(5, "1", "terms of an account of which each is left out by a fit of its own")
     surely: float = setting(
-        60.0, "nats", "that leaving a smooth term out of a larger account costs at least where it is needed for sure"
+        60.0,
+        "nats",
+        "that leaving a smooth term out of a larger account costs at least where it is needed for sure",
     )
     surely_share: float = setting(
         0.05, "1", "of all that is left over, that it must explain besides", "more than twice `good_share`"
