@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -83,7 +84,7 @@ def quadratic(problem: Problem, found: Fit) -> Quadratic:
         hypothesis.theta - np.array([p.high if p.falls else p.none for p in hypothesis.parameters]),
         inverse / np.outer(size, size),
         by_state,
-        tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)),
+        tuple(slice(int(a), int(b)) for a, b in pairwise(ends)),
         tuple(
             not term.gate and not any(p.falls or p.step is not None for p in group)
             for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True)
