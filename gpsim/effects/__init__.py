@@ -5,12 +5,10 @@ from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
     Effect,
-    EffectParameter,
     ForceEffect,
     FunctionOf,
     ModelEffect,
     ParameterEffect,
-    Place,
     RateEffect,
     SensorEffect,
     Values,
@@ -18,8 +16,10 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.place import EffectParameter, Place, Usual
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
+from gpsim.effects.usual import declared, implausibility, times_beyond
 
 __all__ = [
     "EPISODE",
@@ -45,13 +45,17 @@ __all__ = [
     "Scheme",
     "SensorEffect",
     "Term",
+    "Usual",
     "Values",
     "VehicleEffect",
     "changed",
     "closed",
+    "declared",
     "effect_of",
     "even",
     "from_json",
     "has_patch",
+    "implausibility",
+    "times_beyond",
     "to_json",
 ]

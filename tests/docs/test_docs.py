@@ -10,7 +10,7 @@ import yaml
 
 from gpsim.channels import FloatArray
 from gpsim.effects import effect as effect_module
-from gpsim.effects.effect import Place
+from gpsim.effects.place import Place
 from gpsim.effects.registry import FAMILIES, register
 from gpsim.recordings.files import _KNOWN
 from gpsim.recordings.mapping_files import parse_mapping
