@@ -57,6 +57,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     problem = question.everything
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
+    remainder = _remainder(problem, answer)
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
@@ -67,8 +68,8 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         ),
         tell_apart=None,
         discrimination=tell_apart(problem, judgement) if rivalled else None,
-        fit=HeldOutFit(tuple(held_out_names(question.recording)), comparison.one_step, comparison.rollout),
-        remainder=_remainder(problem, answer),
+        fit=_fit(question, comparison, remainder.depends_on),
+        remainder=remainder,
         integration=leader.hypothesis.scheme,
         tuned=comparison.tuned,
         dt=question.recording.dt,
@@ -81,6 +82,15 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
         facts=question.facts,
     ).settled()
+
+
+def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...]) -> HeldOutFit:
+    """Held-out errors. remaining: on what what is left depends, of which a Gaussian process makes its guess."""
+    box = comparison.black_box
+    if box is not None and not box.depends_on:
+        box = replace(box, depends_on=remaining)
+    held_out = tuple(held_out_names(question.recording))
+    return HeldOutFit(held_out, comparison.one_step, comparison.rollout, box)
 
 
 def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:

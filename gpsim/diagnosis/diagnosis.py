@@ -113,14 +113,15 @@ def _answer(
     """What may be said: nothing of an account that is no better than the base on held-out data."""
     settings = question.run.settings
     partial = attribution.share.share < settings.verdict.nearly_all
-    comparison = compare(question, judgement, offers, rng, attribution.noise, partial)
+    laws = laws_of(question, judgement, attribution)
+    comparison = compare(question, judgement, offers, rng, attribution.noise, partial, laws.free)
     if judgement.leader.hypothesis.terms and not beats_the_base(
         attribution, comparison.one_step.values(), settings
     ):
         judgement = withheld(question, judgement)
         attribution = attribute(question, judgement.leader, judgement.null)
-        comparison = compare(question, judgement, offers, rng, attribution.noise, partial=True)
-    laws = laws_of(question, judgement, attribution)
+        laws = laws_of(question, judgement, attribution)
+        comparison = compare(question, judgement, offers, rng, attribution.noise, True, laws.free)
     verdict = verdict_of(judgement, attribution, laws.forms, settings)
     return Answer(verdict, judgement, attribution, comparison, laws)
 

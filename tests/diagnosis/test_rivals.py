@@ -70,16 +70,43 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
     [
         ([1.0], None),
         ([0.4, 0.35, 0.25], None),
-        ([0.02, 0.98], None),  # 3.9 nats: less than a term must be worth
+        ([0.1, 0.9], None),  # odds of nine: the data cannot tell
+        ([0.02, 0.98], 0),
         ([0.001, 0.003, 0.996], 1),
         ([0.0, 1.0], 0),
     ],
 )
 def test_a_rival_that_is_far_ahead_with_held_out_windows_leads(probabilities, which):
-    others = [stub(name) for name in "bcd"[: len(probabilities) - 1]]
-    assert rivals.overtaking(SimpleNamespace(run=Run()), others, probabilities) is (
+    leader, *others = [stub(name) for name in "abcd"[: len(probabilities)]]
+    assert rivals.overtaking(SimpleNamespace(run=Run()), leader, others, probabilities) is (
         None if which is None else others[which]
     )
+
+
+@pytest.mark.parametrize(("count", "stays"), [(1, True), (2, True), (3, False)])
+def test_the_simplest_leads_where_the_data_cannot_tell(count, stays):
+    """Of two numbers at 0.6 against a leader of so many: one that is richer and less likely does not lead."""
+    leader, rival = stub("a", count=count), stub("b", count=2)
+    found = rivals.overtaking(SimpleNamespace(run=Run()), leader, [rival], [0.4, 0.6])
+    assert (found is None) is stays
+
+
+def test_what_held_out_windows_rule_out_takes_no_probability(monkeypatch):
+    """Ahead by 50 nats on training windows and behind on the others: the leader once had a probability of 1e-20."""
+    said, probabilities = found_by(monkeypatch, {"a": 0.0, "b": 50.0}, {"b": 4.0})
+    assert said == []
+    assert probabilities[0] > 0.9
+
+
+def test_a_rival_whose_terms_do_not_pay_takes_no_probability(monkeypatch):
+    monkeypatch.setattr(rivals, "_earned", lambda *_: False)
+    leader, rival = stub("a"), stub("b")
+    monkeypatch.setattr(rivals, "scores", lambda *_: np.array([0.0, 70.0]))
+    monkeypatch.setattr(rivals, "pays", lambda *_: True)
+    monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: 0.0)
+    found = rivals.rivals_of(SimpleNamespace(everything=SimpleNamespace(run=Run())), leader, [rival])
+    assert found.probabilities == [1.0]
+    assert found.idle == [rival]
 
 
 def test_a_twin_stands_behind_the_same_edges():

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.attribution import supported
 from gpsim.diagnosis.fitting import Fit, Problem, whiteness
 from gpsim.diagnosis.judgement.ranking import Ranked, ranked
-from gpsim.diagnosis.judgement.rivals import behind_its_gates, overtaking, rivals_of
+from gpsim.diagnosis.judgement.rivals import Rivalry, behind_its_gates, overtaking, rivals_of
 from gpsim.diagnosis.selection import (
     Contenders,
     Found,
@@ -40,8 +41,8 @@ class Judgement:
 def judge(question: Question, contenders: Contenders, found: Found, settled: bool = False) -> Judgement:
     """What is to be said of the leader: its rivals, and what is left over. Nothing is added to it.
 
-    A rival may lead in its place, unless that is `settled`: one that is simpler or, once held-out windows count, far
-    likelier.
+    A rival may lead in its place: one that is simpler, unless that is `settled`, or, once held-out windows count, far
+    likelier; where it is settled every part of the recording must support that one, else it is no rival.
     """
     problem, leader, fits = question.everything, contenders.leader, list(contenders.tried)
     twins = behind_its_gates(problem, leader, fits)
@@ -49,11 +50,7 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     leader = leader if settled else simplest(problem, [leader, *twins])
     if settled:  # what was taken out of the leader makes no rival of an explanation that still has as much
         fits = [f for f in fits if len(f.hypothesis.terms) <= len(leader.hypothesis.terms)]
-    rivals, probabilities, mending = rivals_of(question, leader, fits)
-    ahead = None if settled else overtaking(problem, rivals, probabilities)
-    if ahead is not None:
-        fits, leader = [*fits, leader], ahead
-        rivals, probabilities, mending = rivals_of(question, leader, fits)
+    found_rivals, leader, fits = _led(question, leader, fits, settled)
     null = contenders.null
     if null.hypothesis.scheme != leader.hypothesis.scheme:
         null = null_of(problem, leader.hypothesis.scheme)
@@ -61,14 +58,38 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     return Judgement(
         leader,
         null,
-        rivals,
-        probabilities,
-        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), mending),
+        found_rivals.rivals,
+        found_rivals.probabilities,
+        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), found_rivals),
         p_value,
         lack,
         _noise(problem, leader),
         structured,
     )
+
+
+def _led(question: Question, leader: Fit, fits: list[Fit], settled: bool) -> tuple[Rivalry, Fit, list[Fit]]:
+    """The rivals of whoever leads, the leader, and all fits but those that only a part of the recording supports."""
+    problem, have_led = question.everything, [leader]
+    while True:
+        found = rivals_of(question, leader, fits)
+        ahead = overtaking(problem, leader, found.rivals, found.probabilities)
+        if ahead is None or any(ahead is fit for fit in have_led):
+            return found, leader, fits
+        if settled and not _supported(question, ahead):
+            claims = ahead.hypothesis.claims
+            fits = [f for f in fits if f.hypothesis.claims != claims]
+        else:
+            fits, leader = [*fits, leader], ahead
+            have_led.append(ahead)
+
+
+def _supported(question: Question, ahead: Fit) -> bool:
+    """Whether every part of the recording supports all of an explanation."""
+    problem = question.everything
+    structured = _left_over(problem, ahead)[2]
+    null = null_of(problem, ahead.hypothesis.scheme)
+    return supported(question, ahead, null, structured) is ahead
 
 
 def withheld(question: Question, judgement: Judgement) -> Judgement:

@@ -25,6 +25,8 @@ from gpsim.diagnosis.report.effects import (
 from gpsim.diagnosis.report.explained import Combination, Curve, Explained, JudgedOn, LogFact
 from gpsim.diagnosis.report.facts import Discrimination, Excitation, NoGp, Separation, Shape
 from gpsim.diagnosis.report.fit import (
+    BlackBox,
+    BoxKind,
     HeldOutFit,
     Kind,
     ModelErrors,
@@ -42,6 +44,8 @@ __all__ = [
     "SCHEMA",
     "SCORE_SCHEMA",
     "Alternative",
+    "BlackBox",
+    "BoxKind",
     "Claims",
     "Combination",
     "Concentration",
