@@ -10,10 +10,20 @@ import numpy as np
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
-from gpsim.diagnosis.assessment import Comparison, compare, score
+from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
 from gpsim.diagnosis.attribution import Attribution, attribute, supported
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, laws_of, verdict_of, withheld
+from gpsim.diagnosis.judgement import (
+    Judgement,
+    beats_the_base,
+    claimed,
+    doubts_of,
+    judge,
+    laws_of,
+    verdict_of,
+    withheld,
+    without_claims,
+)
 from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import (
@@ -122,8 +132,13 @@ def _answer(
         attribution = attribute(question, judgement.leader, judgement.null)
         laws = laws_of(question, judgement, attribution)
         comparison = compare(question, judgement, offers, rng, attribution.noise, True, laws.free)
-    verdict = verdict_of(judgement, attribution, laws.forms, settings)
-    return Answer(verdict, judgement, attribution, comparison, laws)
+    sizes = estimates(question, judgement.leader, judgement.lack, 1.0 - attribution.share.share)
+    attribution = claimed(judgement, attribution, sizes)
+    doubts = doubts_of(judgement, attribution, laws.forms, sizes, comparison.black_box, settings)
+    verdict = verdict_of(judgement, attribution, doubts, settings)
+    if verdict == "unknown":
+        attribution, doubts = without_claims(attribution), ()
+    return Answer(verdict, judgement, attribution, comparison, laws, sizes, doubts)
 
 
 def _scheme(recording: Recording, simulator: Simulator) -> Scheme:

@@ -1,5 +1,6 @@
 """Judgement: the leader, its rivals, what is left over, the verdict and the odds."""
 
+from gpsim.diagnosis.judgement.doubts import claimed, doubts_of, without_claims
 from gpsim.diagnosis.judgement.judgement import Judgement, judge, withheld
 from gpsim.diagnosis.judgement.laws import Laws, laws_of
 from gpsim.diagnosis.judgement.odds import odds_against
@@ -9,9 +10,12 @@ __all__ = [
     "Judgement",
     "Laws",
     "beats_the_base",
+    "claimed",
+    "doubts_of",
     "judge",
     "laws_of",
     "odds_against",
     "verdict_of",
     "withheld",
+    "without_claims",
 ]

@@ -14,8 +14,10 @@ from gpsim.diagnosis.report.diagnosis import (
 from gpsim.diagnosis.report.effects import (
     Alternative,
     Claims,
+    Doubt,
     Estimate,
     Form,
+    Leads,
     NamedEffect,
     Odds,
     RankedHypothesis,
@@ -37,6 +39,7 @@ from gpsim.diagnosis.report.fit import (
     RolloutModelErrors,
     StepErrors,
 )
+from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.report.not_asked import NotAsked
 from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
 
@@ -52,6 +55,7 @@ __all__ = [
     "Curve",
     "Diagnosis",
     "Discrimination",
+    "Doubt",
     "Estimate",
     "Excitation",
     "Explained",
@@ -59,6 +63,7 @@ __all__ = [
     "HeldOutFit",
     "JudgedOn",
     "Kind",
+    "Leads",
     "Location",
     "LogFact",
     "MissingLaw",
@@ -83,5 +88,7 @@ __all__ = [
     "Share",
     "StepErrors",
     "Verdict",
+    "no_size",
     "schema",
+    "sized",
 ]

@@ -23,6 +23,11 @@ class VerdictSettings:
         "of what a headline effect does, by which rivals may differ in its size and claim the same",
         "as far as a law may depart from its curve; a Limo's delay is 0.27 s, or 0.13 s beside a lag",
     )
+    odds: float = setting(
+        3.0,
+        "1",
+        "to one, against an account without one of its claims: one whose odds are lower is not named",
+    )
     unnamed: float = setting(
         1e-4, "1", "p-value of whiteness below which something is there even where nothing that is known pays"
     )
