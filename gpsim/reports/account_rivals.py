@@ -31,7 +31,7 @@ def rivals(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"certain, as all explanations share it: {_said(shared)}"
     first, further = open_[: 1 + MOST], len(open_) - 1 - MOST
     more = f", or {further} more in diagnosis.json" if further > 0 else ""
-    yield f"undecided: {', or '.join(first)}{more}"
+    yield f"undecided: {', or '.join(first)}{more}; told is the {diagnosis.leads}"
 
 
 def _claims(effects: Sequence[NamedEffect]) -> Claims:

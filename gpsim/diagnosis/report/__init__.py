@@ -1,5 +1,6 @@
 """The result of a diagnosis as typed, frozen objects, and the file they are read from and written to."""
 
+from gpsim.diagnosis.report.contradictions import contradictions
 from gpsim.diagnosis.report.diagnosis import (
     SCHEMA,
     Concentration,
@@ -88,6 +89,7 @@ __all__ = [
     "Share",
     "StepErrors",
     "Verdict",
+    "contradictions",
     "no_size",
     "schema",
     "sized",
