@@ -7,7 +7,7 @@ import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.judgement import rivals
+from gpsim.diagnosis.judgement import judgement, rivals
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.settings import RivalSettings
@@ -134,3 +134,31 @@ def test_a_twin_stands_behind_the_same_edges():
     assert twin.objective == pytest.approx(leader.objective, abs=0.1)
     assert twin.hypothesis.claims == nearly[0].hypothesis.claims
     assert not rivals.behind_its_gates(problem, leader, [since(moment, "actuator_bias")])
+
+
+def test_a_rival_that_a_part_of_the_recording_alone_supports_neither_leads_nor_counts(monkeypatch):
+    """A leader of probability 1e-44 stood beside it: it was ahead, and what it says had just been taken out."""
+    told = who_leads(monkeypatch, supported=False)
+    assert told[1].name == "a"
+    assert told[0].probabilities == [1.0]
+    assert [f.name for f in told[0].idle] == ["b"]
+
+
+def test_a_rival_that_all_of_the_recording_supports_leads(monkeypatch):
+    told = who_leads(monkeypatch, supported=True)
+    assert told[1].name == "b"
+    assert told[0].probabilities[0] > 0.99
+
+
+def who_leads(monkeypatch, supported):
+    """Who leads of two, of which one is 40 nats ahead and settled or not, and the rivals."""
+    nats = {"a": 0.0, "b": 40.0}
+    leader, rival = (stub(name) for name in nats)
+    for one in (leader, rival):
+        one.hypothesis.names = (one.name,)
+    monkeypatch.setattr(rivals, "scores", lambda _, fits: np.array([nats[f.name] for f in fits]))
+    monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: 0.0)
+    monkeypatch.setattr(rivals, "_earned", lambda *_: True)
+    monkeypatch.setattr(judgement, "_supported", lambda *_: supported)
+    question = SimpleNamespace(everything=SimpleNamespace(run=Run()))
+    return judgement._led(question, leader, [leader, rival], [], True)

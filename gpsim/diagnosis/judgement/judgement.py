@@ -48,9 +48,10 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     twins = behind_its_gates(problem, leader, fits)
     fits += [leader, *twins]
     leader = leader if settled else simplest(problem, [leader, *twins])
+    size, aside = len(leader.hypothesis.terms), []
     if settled:  # what was taken out of the leader makes no rival of an explanation that still has as much
-        fits = [f for f in fits if len(f.hypothesis.terms) <= len(leader.hypothesis.terms)]
-    found_rivals, leader, fits = _led(question, leader, fits, settled)
+        aside = [f for f in fits if len(f.hypothesis.terms) > size]
+    rivalry, leader = _led(question, leader, fits, aside, settled)
     null = contenders.null
     if null.hypothesis.scheme != leader.hypothesis.scheme:
         null = null_of(problem, leader.hypothesis.scheme)
@@ -58,9 +59,9 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     return Judgement(
         leader,
         null,
-        found_rivals.rivals,
-        found_rivals.probabilities,
-        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), found_rivals),
+        rivalry.rivals,
+        rivalry.probabilities,
+        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), rivalry),
         p_value,
         lack,
         _noise(problem, leader),
@@ -68,19 +69,27 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     )
 
 
-def _led(question: Question, leader: Fit, fits: list[Fit], settled: bool) -> tuple[Rivalry, Fit, list[Fit]]:
-    """The rivals of whoever leads, the leader, and all fits but those that only a part of the recording supports."""
+def _led(
+    question: Question, leader: Fit, fits: list[Fit], aside: list[Fit], settled: bool
+) -> tuple[Rivalry, Fit]:
+    """The rivals of whoever leads, and the leader. aside: fits that may not lead, and are no rivals.
+
+    Once it is settled, so are those that only a part of the recording supports.
+    """
     problem, have_led = question.everything, [leader]
     while True:
-        found = rivals_of(question, leader, fits)
+        every = {id(fit): fit for fit in [*fits, *have_led]}
+        asked = [fit for fit in every.values() if not any(fit is other for other in aside)]
+        found = rivals_of(question, leader, asked)
         ahead = overtaking(problem, leader, found.rivals, found.probabilities)
         if ahead is None or any(ahead is fit for fit in have_led):
-            return found, leader, fits
+            return found._replace(idle=[*found.idle, *aside]), leader
         if settled and not _supported(question, ahead):
-            claims = ahead.hypothesis.claims
-            fits = [f for f in fits if f.hypothesis.claims != claims]
+            names = ahead.hypothesis.names, leader.hypothesis.names
+            problem.run.trace.note(*names, False, "a part of the recording alone supports it")
+            aside = [*aside, *(f for f in asked if f.hypothesis.claims == ahead.hypothesis.claims)]
         else:
-            fits, leader = [*fits, leader], ahead
+            leader = ahead
             have_led.append(ahead)
 
 
