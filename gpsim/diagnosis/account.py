@@ -20,7 +20,7 @@ from gpsim.diagnosis.assessment import (
 )
 from gpsim.diagnosis.attribution import Attribution, fits_without
 from gpsim.diagnosis.fitting import Fit, Problem, gain
-from gpsim.diagnosis.judgement import Judgement, Laws, odds_against
+from gpsim.diagnosis.judgement import Judgement, Laws, likeliest, odds_against
 from gpsim.diagnosis.report import (
     Alternative,
     Curve,
@@ -65,7 +65,7 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
         doubts=answer.doubts,
-        leads="simplest" if max(judgement.probabilities) > judgement.probabilities[0] else "likeliest",
+        leads="likeliest" if likeliest(judgement.probabilities) else "simplest",
         effects=_weighed(
             _effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer
         ),

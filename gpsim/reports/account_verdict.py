@@ -9,7 +9,6 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import JudgedOn, NamedEffect, sized
 from gpsim.diagnosis.settings import VerdictSettings
 from gpsim.reports.account_effects import claim_name, effect_name
-from gpsim.reports.account_left import box_name
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.quantities import odds_text, share_text
 
@@ -50,7 +49,7 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         verb = "holds" if len(bent) == 1 else "hold"
         return f", but {law} {verb} only approximately: trust the curve, not the size"
     if "black box" in doubts:
-        return f", but {box_name(diagnosis)} foresees much more of what is left: something has no name yet"
+        return ", but a black box foresees much more: something has no name yet"
     if "no claim" in doubts:
         return ", but none of them is a claim by itself: others could stand for it"
     vague = [effect_name(e) for e in headline if _vague(e)]

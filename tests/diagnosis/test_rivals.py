@@ -70,7 +70,8 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
     [
         ([1.0], None),
         ([0.4, 0.35, 0.25], None),
-        ([0.1, 0.9], None),  # odds of nine: the data cannot tell
+        ([0.498, 0.5], None),  # as likely
+        ([0.4, 0.6], 0),
         ([0.02, 0.98], 0),
         ([0.001, 0.003, 0.996], 1),
         ([0.0, 1.0], 0),
@@ -83,11 +84,11 @@ def test_a_rival_that_is_far_ahead_with_held_out_windows_leads(probabilities, wh
     )
 
 
-@pytest.mark.parametrize(("count", "stays"), [(1, True), (2, True), (3, False)])
-def test_the_simplest_leads_where_the_data_cannot_tell(count, stays):
-    """Of two numbers at 0.6 against a leader of so many: one that is richer and less likely does not lead."""
+@pytest.mark.parametrize(("count", "p", "stays"), [(1, 0.4, True), (1, 0.05, False), (3, 0.4, False)])
+def test_the_simplest_leads_where_the_data_cannot_tell(count, p, stays):
+    """A leader of so many numbers against one of two; odds of ten tell them apart."""
     leader, rival = stub("a", count=count), stub("b", count=2)
-    found = rivals.overtaking(SimpleNamespace(run=Run()), leader, [rival], [0.4, 0.6])
+    found = rivals.overtaking(SimpleNamespace(run=Run()), leader, [rival], [p, 1.0 - p])
     assert (found is None) is stays
 
 

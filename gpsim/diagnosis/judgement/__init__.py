@@ -4,6 +4,7 @@ from gpsim.diagnosis.judgement.doubts import claimed, doubts_of, without_claims
 from gpsim.diagnosis.judgement.judgement import Judgement, judge, withheld
 from gpsim.diagnosis.judgement.laws import Laws, laws_of
 from gpsim.diagnosis.judgement.odds import odds_against
+from gpsim.diagnosis.judgement.rivals import likeliest
 from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "doubts_of",
     "judge",
     "laws_of",
+    "likeliest",
     "odds_against",
     "verdict_of",
     "withheld",

@@ -21,6 +21,8 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.selection import held_out_fit, pays
 from gpsim.diagnosis.setup import Question
 
+ALIKE = 0.02  # of a probability: what differs by less is as likely, and either may lead
+
 
 class Rivalry(NamedTuple):
     """Rivals, and what else was asked of.
@@ -117,9 +119,15 @@ def overtaking(
         return None
     best = int(np.argmax(probabilities[1:]))
     ahead = rivals[best]
-    simple = len(leader.hypothesis.parameters) <= len(ahead.hypothesis.parameters)
-    least = np.exp(problem.run.settings.rivals.tie) if simple else 1.0
+    own, other = (len(fit.hypothesis.parameters) for fit in (leader, ahead))
+    simpler, alike = np.exp(problem.run.settings.rivals.tie), 1.0 + ALIKE
+    least = simpler if own < other else alike if own == other else 1.0
     return ahead if probabilities[1 + best] > least * probabilities[0] else None
+
+
+def likeliest(probabilities: Sequence[float]) -> bool:
+    """Whether the first explanation is as likely as any."""
+    return max(probabilities) <= (1.0 + ALIKE) * probabilities[0]
 
 
 def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:

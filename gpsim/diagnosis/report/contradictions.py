@@ -17,7 +17,7 @@ from gpsim.diagnosis.settings import BlackBoxSettings, RivalSettings, VerdictSet
 
 Json = Mapping[str, Any]
 FEW, MANY = 0.03, 0.9  # of the samples: a region that holds less, or more, is none
-CLOSE = 1.02  # of an odds ratio: numbers are rounded in the file
+CLOSE = 1.025  # of a ratio of probabilities: explanations are as likely, and numbers are rounded in the file
 
 
 def contradictions(diagnosis: Json) -> list[str]:
