@@ -20,6 +20,7 @@ from gpsim.diagnosis.form import FreeCurve
 from gpsim.diagnosis.report import BlackBox, BoxKind, Share
 from gpsim.diagnosis.settings import BlackBoxSettings
 
+FAR = 1e100  # its square is a number still
 SEED = 2051  # of the draws: the same account is judged alike, whoever asks
 
 
@@ -63,7 +64,7 @@ def black_box(
     """
     if not boxes or not len(errors["after"]):
         return None
-    squares = {kind: np.minimum(np.nan_to_num(e, nan=np.inf), 1e100) ** 2 for kind, e in errors.items()}
+    squares = {kind: _squared(e) for kind, e in errors.items()}
     counts = seen & _stands_out(squares, settings)
     if not counts.any():
         return None
@@ -78,6 +79,11 @@ def black_box(
     share = Share(float(taken[best][0]), float(low) if known else None, float(high) if known else None)
     box = boxes[best]
     return best, BlackBox(box.kind, share, box.of, box.on)
+
+
+def _squared(errors: FloatArray) -> FloatArray:
+    """Of a simulation that ran away a number still."""
+    return np.asarray(np.minimum(np.nan_to_num(np.abs(errors), nan=FAR), FAR) ** 2)
 
 
 def _stands_out(squares: Mapping[str, FloatArray], settings: BlackBoxSettings) -> BoolArray:

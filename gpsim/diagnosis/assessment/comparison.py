@@ -115,7 +115,7 @@ def compare(
         test = steps[kind].test
         rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
-    boxes = boxes_of(base, after, alone, beside, curves)
+    boxes = boxes_of(base, after, alone, beside, curves) if judgement.structured else {}
     models = {
         **{name: box.model for name, box in boxes.items()},
         "before": Model(base),

@@ -125,8 +125,8 @@ class BlackBox:
 class HeldOutFit:
     """Errors on what nothing was learnt from. held_out: its episodes, whole ones or the last part of their time.
 
-    one_step: by rate, those that follow from what was measured; rollout: by channel; black_box: None where the
-    account's error does not stand out of the noise, and in files of earlier versions.
+    one_step: by rate, those that follow from what was measured; rollout: by channel; black_box: None where what the
+    account leaves looks like noise or its error does not stand out of it, and in files of earlier versions.
     """
 
     held_out: tuple[str, ...]
