@@ -8,7 +8,7 @@ from types import ModuleType
 
 from gpsim.diagnosis.settings import EvidenceSettings
 from gpsim.effects.effect import Effect
-from gpsim.effects.place import Place, Usual
+from gpsim.effects.place import Place, Plausible
 from gpsim.effects.registry import FAMILIES
 
 from . import MADE
@@ -93,7 +93,7 @@ def effects_page() -> str:
     return "\n\n".join([HEAD, table, TAIL, usual, "## Where the laws are from", sources]) + "\n"
 
 
-def _range(family: str, name: str, usual: Usual) -> str:
+def _range(family: str, name: str, usual: Plausible) -> str:
     """`0 to 5 s^2/m^2`, or in parts of what is usual where it acts, then what its end is at the least."""
     effect = FAMILIES[family]
     unit = next(p.unit for v in effect.variants for p in effect.parameters(PLACE, v) if p.name == name)

@@ -16,10 +16,10 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
+from gpsim.effects.plausible import declared, implausibility, times_beyond
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
-from gpsim.effects.usual import declared, implausibility, times_beyond
 
 __all__ = [
     "EPISODE",
@@ -41,11 +41,11 @@ __all__ = [
     "Moment",
     "ParameterEffect",
     "Place",
+    "Plausible",
     "RateEffect",
     "Scheme",
     "SensorEffect",
     "Term",
-    "Usual",
     "Values",
     "VehicleEffect",
     "changed",

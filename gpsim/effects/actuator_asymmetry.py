@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -22,8 +22,8 @@ class ActuatorAsymmetry(ActuatorEffect):
     family: ClassVar[str] = "actuator_asymmetry"
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 50
-    plausible: ClassVar[Mapping[str, Usual]] = dict.fromkeys(
-        ("gain_positive", "gain_negative"), Usual(0.25, 4.0, "1", "as a gain")
+    plausible: ClassVar[Mapping[str, Plausible]] = dict.fromkeys(
+        ("gain_positive", "gain_negative"), Plausible(0.25, 4.0, "1", "as a gain")
     )
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

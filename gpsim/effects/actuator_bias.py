@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Needs, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -23,8 +23,8 @@ class ActuatorBias(ActuatorEffect):
     function_of: ClassVar[FunctionOf] = "command"
     needs: ClassVar[Needs] = "nothing"
     order: ClassVar[int] = 70
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "bias": Usual(0.0, 1.0, "size", "by reason: an offset is less than what is commanded"),
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "bias": Plausible(0.0, 1.0, "size", "by reason: an offset is less than what is commanded"),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
 from gpsim.effects.elapsed import even, last_at_most
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 FAR = 13.0  # steps: delays beyond are not reached from the shorter starts
@@ -27,8 +27,10 @@ class ActuatorDelay(ActuatorEffect):
     usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "delay": Usual(0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5),
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "delay": Plausible(
+            0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5
+        ),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Needs, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -24,8 +24,8 @@ class ActuatorGain(ActuatorEffect):
     function_of: ClassVar[FunctionOf] = "command"
     needs: ClassVar[Needs] = "command"
     order: ClassVar[int] = 40
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "gain": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "gain": Plausible(
             0.25,
             4.0,
             "1",

@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 FORGOTTEN = 17.0  # time constants
@@ -26,8 +26,8 @@ class ActuatorLag(ActuatorEffect):
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 95
     holds: ClassVar[bool] = False
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "time_constant": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "time_constant": Plausible(
             0.0,
             10.0,
             "step",

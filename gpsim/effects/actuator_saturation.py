@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -23,8 +23,8 @@ class ActuatorSaturation(ActuatorEffect):
     usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 30
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "limit": Usual(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can"),
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "limit": Plausible(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can"),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.effects.effect import FunctionOf, ModelEffect
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Armature(ModelEffect):
@@ -19,8 +19,8 @@ class Armature(ModelEffect):
     usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "nothing"
     noun: ClassVar[str] = "rotor inertia"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "inertia": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "inertia": Plausible(
             0.0,
             3.0,
             "size",

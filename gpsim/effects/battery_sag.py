@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ActuatorEffect, FunctionOf, Needs, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -27,8 +27,8 @@ class BatterySag(ActuatorEffect):
     order: ClassVar[int] = 60
     holds: ClassVar[bool] = False
     drifts: ClassVar[bool] = True
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "loss_per_second": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "loss_per_second": Plausible(
             0.0, 1.0, "1 / reach", "by reason: a battery that is empty at the end of the recording"
         ),
     }

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class ConstantForce(ForceEffect):
@@ -19,8 +19,8 @@ class ConstantForce(ForceEffect):
     family: ClassVar[str] = "constant_force"
     usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "position"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "force": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(
             0.0, 3.0, "size", "by reason: what pulls harder than the drive carries everything off"
         ),
     }

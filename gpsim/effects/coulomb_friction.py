@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class CoulombFriction(ForceEffect):
@@ -23,14 +23,14 @@ class CoulombFriction(ForceEffect):
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Coulomb friction"
     variants: ClassVar[tuple[str, ...]] = ("", "coefficient")
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "force": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(
             0.0,
             3.0,
             "size",
             "what moves is driven by more than its friction (EMPS axis: 20 N; Janot, Gautier and Brunot 2019)",
         ),
-        "coefficient": Usual(
+        "coefficient": Plausible(
             0.0,
             1.5,
             "1",

@@ -14,7 +14,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory, Simulator
 
 Site = Literal["actuator", "force", "parameter", "vehicle", "rate", "sensor"]
@@ -46,8 +46,10 @@ class Effect(ABC):
     needs_region: ClassVar[bool] = False  # does it make sense nowhere but in a region?
     patch_of: ClassVar[str | None] = None  # the family whose law it is in a region of its own coordinate
     drifts: ClassVar[bool] = False  # does it change with time by itself, as a battery does?
-    usual: ClassVar[int] = 0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
-    plausible: ClassVar[Mapping[str, Usual]] = {}  # parameter -> the sizes that machines have
+    usual: ClassVar[int] = (
+        0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
+    )
+    plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 
     @abstractmethod

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class LateralSlip(VehicleEffect):
@@ -22,8 +22,8 @@ class LateralSlip(VehicleEffect):
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 40
     changes: ClassVar[str] = "v_lateral"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "slip": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "slip": Plausible(
             0.0, 1.0, "1", "m l_f / (L C) v at low slip: cars 0.01 to 0.1 s (Gillespie 1992, chapter 6)"
         ),
     }

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class LocalFrictionPatch(ForceEffect):
@@ -20,8 +20,8 @@ class LocalFrictionPatch(ForceEffect):
     function_of: ClassVar[FunctionOf] = "position"
     needs_region: ClassVar[bool] = True
     patch_of: ClassVar[str | None] = "coulomb_friction"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "force": Usual(0.0, 5.0, "size", "as Coulomb friction, where motion carries a body through"),
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(0.0, 5.0, "size", "as Coulomb friction, where motion carries a body through"),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import FunctionOf, PoseEffect, Values, changed
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -24,8 +24,8 @@ class MarkerOffset(PoseEffect):
     usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 20
-    plausible: ClassVar[Mapping[str, Usual]] = dict.fromkeys(
-        ("forward", "left"), Usual(0.0, 2.0, "1", "by reason: a marker sits on its vehicle")
+    plausible: ClassVar[Mapping[str, Plausible]] = dict.fromkeys(
+        ("forward", "left"), Plausible(0.0, 2.0, "1", "by reason: a marker sits on its vehicle")
     )
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

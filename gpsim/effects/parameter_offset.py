@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import FunctionOf, ParameterEffect, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class ParameterOffset(ParameterEffect):
@@ -21,8 +21,8 @@ class ParameterOffset(ParameterEffect):
     family: ClassVar[str] = "parameter_offset"
     usual: ClassVar[int] = 7
     function_of: ClassVar[FunctionOf] = "nothing"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "ratio": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "ratio": Plausible(
             0.25,
             4.0,
             "1",

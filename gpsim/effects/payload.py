@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.effects.effect import FunctionOf, ModelEffect
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Payload(ModelEffect):
@@ -17,8 +17,8 @@ class Payload(ModelEffect):
 
     family: ClassVar[str] = "payload"
     function_of: ClassVar[FunctionOf] = "nothing"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "mass": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "mass": Plausible(
             0.0,
             5.0,
             "size",

@@ -1,6 +1,6 @@
 """Where an effect may act, and how large its parameters are: bounds, starts of a fit, and what machines usually have.
 
-A usual range is broad: what lies within it is as good as any other size. Beyond it a size is possible and implausible,
+A plausible range is broad: what lies within it is as good as any other size. Beyond it a size is possible and implausible,
 so that an explanation that needs it gives way to a plausible one that does as well.
 """
 
@@ -22,8 +22,8 @@ class EffectParameter:
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
-    place: whether it says where the effect acts, and not how much it does. usual: the sizes that machines have, in its
-    unit, None where nobody says so (see `gpsim.effects.usual`).
+    place: whether it says where the effect acts, and not how much it does. plausible: the sizes that machines have,
+    in its unit, None where nobody says so (see `gpsim.effects.plausible`).
     """
 
     name: str
@@ -36,7 +36,7 @@ class EffectParameter:
     step: float | None = None
     falls: bool = False
     place: bool = False
-    usual: tuple[float, float] | None = None
+    plausible: tuple[float, float] | None = None
 
 
 def longest_delay(dt: float) -> float:
@@ -94,7 +94,7 @@ UNITS: Mapping[Of, Callable[[Place], float]] = {
 
 
 @dataclass(frozen=True)
-class Usual:
+class Plausible:
     """The range of a parameter's size.
 
     low, high: in units of what `of` says; low is 0 where a size counts from the value that does nothing, and more where

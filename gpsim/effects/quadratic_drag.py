@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class QuadraticDrag(ForceEffect):
@@ -17,8 +17,8 @@ class QuadraticDrag(ForceEffect):
 
     family: ClassVar[str] = "quadratic_drag"
     function_of: ClassVar[FunctionOf] = "speed"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "drag": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "drag": Plausible(
             0.0,
             3.0,
             "size / speed^2",

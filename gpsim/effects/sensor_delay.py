@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.effects.effect import FunctionOf, SensorEffect, Values, changed
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 CLOSE = (
@@ -28,8 +28,8 @@ class SensorDelay(SensorEffect):
     family: ClassVar[str] = "sensor_delay"
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "delay": Usual(0.0, 5.0, "step", "cameras and filters 0.01 to 0.2 s", least=0.5),
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "delay": Plausible(0.0, 5.0, "step", "cameras and filters 0.01 to 0.2 s", least=0.5),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

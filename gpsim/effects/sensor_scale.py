@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import FunctionOf, SensorEffect, Values, changed
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -20,8 +20,8 @@ class SensorScale(SensorEffect):
     family: ClassVar[str] = "sensor_scale"
     function_of: ClassVar[FunctionOf] = "reading"
     order: ClassVar[int] = 40
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "scale": Usual(0.5, 2.0, "1", "wheel radii and tracks 1 to 10 % (Borenstein and Feng 1996)"),
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "scale": Plausible(0.5, 2.0, "1", "wheel radii and tracks 1 to 10 % (Borenstein and Feng 1996)"),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

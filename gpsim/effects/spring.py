@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Spring(ForceEffect):
@@ -15,8 +15,8 @@ class Spring(ForceEffect):
 
     family: ClassVar[str] = "spring"
     function_of: ClassVar[FunctionOf] = "position"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "stiffness": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "stiffness": Plausible(
             0.0,
             10.0,
             "size / reach",

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class SteeringBias(VehicleEffect):
@@ -20,8 +20,8 @@ class SteeringBias(VehicleEffect):
     usual: ClassVar[int] = 5
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 30
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "curvature": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "curvature": Plausible(
             0.0, 2.0, "1", "by reason: small robots turn with 2/m at the most (a Limo: 0.46 m)"
         ),
     }

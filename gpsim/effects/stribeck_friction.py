@@ -12,7 +12,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class StribeckFriction(ForceEffect):
@@ -21,9 +21,9 @@ class StribeckFriction(ForceEffect):
     family: ClassVar[str] = "stribeck_friction"
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Stribeck friction"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "force": Usual(0.0, 3.0, "size", "as Coulomb friction"),
-        "static_force": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
+        "static_force": Plausible(
             0.0,
             3.0,
             "size",

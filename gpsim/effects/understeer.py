@@ -9,7 +9,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Understeer(VehicleEffect):
@@ -19,8 +19,8 @@ class Understeer(VehicleEffect):
     usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 20
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "gradient": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "gradient": Plausible(
             0.0,
             5.0,
             "1",

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import ForceEffect, FunctionOf, Values
-from gpsim.effects.place import EffectParameter, Place, Usual
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class ViscousFriction(ForceEffect):
@@ -16,8 +16,8 @@ class ViscousFriction(ForceEffect):
     family: ClassVar[str] = "viscous_friction"
     usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "speed"
-    plausible: ClassVar[Mapping[str, Usual]] = {
-        "damping": Usual(
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "damping": Plausible(
             0.0,
             3.0,
             "size / speed",

@@ -50,7 +50,7 @@ def _intervals(problem: Problem, found: Fit, lack: LackOfFit | None, left: float
 def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> Estimate:
     value, (low, high) = term.values[parameter.name], (float(edge) for edge in interval)
     held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
-    usual = parameter.usual if times_beyond(parameter, value) > 1.0 else None
+    usual = parameter.plausible if times_beyond(parameter, value) > 1.0 else None
     return Estimate(value, low, high, parameter.unit, held, usual)
 
 

@@ -37,7 +37,7 @@ __all__ = [
     "required_in",
     "simplest",
     "stepwise",
-    "without_idle",
     "with_usual_machine",
+    "without_idle",
     "without_tails",
 ]

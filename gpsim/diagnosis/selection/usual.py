@@ -28,7 +28,6 @@ from gpsim.diagnosis.fitting import (
     child_of,
     curvature,
     fit_all,
-    fit_near,
     fit_order,
 )
 from gpsim.diagnosis.selection.beam import Found, ranked
@@ -37,7 +36,9 @@ from gpsim.effects import closed, effect_of
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 OPEN = 1e-9  # of a parameter's information: what no window tells apart stays open, and costs nothing to leave out
-MISJUDGED = 5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
+MISJUDGED = (
+    5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
+)
 
 
 def with_usual_machine(found: Found, offers: Sequence[Candidate]) -> Found:
@@ -81,7 +82,9 @@ def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
     fits = fit_all(problem, [ordered(which) for which in tried])
     best = dict(first)
     for i in scanned:
-        alike = [(f.objective, which[i]) for f, which in zip(fits, tried, strict=True) if which | {i: 0} == first]
+        alike = [
+            (f.objective, which[i]) for f, which in zip(fits, tried, strict=True) if which | {i: 0} == first
+        ]
         best[i] = min(alike)[1]
     fits += fit_all(problem, [ordered(best)] if best not in tried else [])
     fits.sort(key=lambda f: f.objective)

@@ -14,16 +14,16 @@ LEAST = 1e-6  # of the usual range's lower end: a size of 0 is no further out
 def declared(effect: Effect, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
     """What has to be known of an effect at a place, with the sizes that are usual there."""
     return tuple(
-        replace(p, usual=effect.plausible[p.name].at(place)) if p.name in effect.plausible else p
+        replace(p, plausible=effect.plausible[p.name].at(place)) if p.name in effect.plausible else p
         for p in effect.parameters(place, variant)
     )
 
 
 def times_beyond(parameter: EffectParameter, value: float) -> float:
     """By which factor a size lies outside of the usual ones; 1 within them, and where nobody says what is usual."""
-    if parameter.usual is None:
+    if parameter.plausible is None:
         return 1.0
-    low, high = parameter.usual
+    low, high = parameter.plausible
     size = abs(value) if low > 0.0 else abs(value - parameter.none)
     if size > high:
         return size / high
