@@ -1,7 +1,7 @@
 """Where an effect may act, and how large its parameters are: bounds, starts of a fit, and what machines usually have.
 
-A plausible range is broad: what lies within it is as good as any other size. Beyond it a size is possible and implausible,
-so that an explanation that needs it gives way to a plausible one that does as well.
+A plausible range is broad: what lies within it is as good as any other size. Beyond it a size is possible and
+implausible, so that an explanation that needs it gives way to a plausible one that does as well.
 """
 
 from __future__ import annotations
