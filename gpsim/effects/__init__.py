@@ -5,12 +5,10 @@ from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
     Effect,
-    EffectParameter,
     ForceEffect,
     FunctionOf,
     ModelEffect,
     ParameterEffect,
-    Place,
     RateEffect,
     SensorEffect,
     Values,
@@ -18,6 +16,8 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.place import EffectParameter, Place, Plausible
+from gpsim.effects.plausible import declared, implausibility, times_beyond
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 
@@ -41,6 +41,7 @@ __all__ = [
     "Moment",
     "ParameterEffect",
     "Place",
+    "Plausible",
     "RateEffect",
     "Scheme",
     "SensorEffect",
@@ -49,9 +50,12 @@ __all__ = [
     "VehicleEffect",
     "changed",
     "closed",
+    "declared",
     "effect_of",
     "even",
     "from_json",
     "has_patch",
+    "implausibility",
+    "times_beyond",
     "to_json",
 ]

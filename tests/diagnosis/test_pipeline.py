@@ -53,7 +53,7 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     attribution = attribute(question, judgement.leader, judgement.null)
     assert attribution.share.share > 0.9
     assert attribution.roles == ("headline",)
-    assert verdict_of(judgement, attribution, ("holds",), run.settings) == "named"
+    assert verdict_of(judgement, attribution, (), run.settings) == "named"
     assert judgement.leader.hypothesis.claims == before  # it adds nothing
     comparison = compare(question, judgement, offers, np.random.default_rng(0), attribution.noise)
     errors = comparison.one_step["q_acc"]

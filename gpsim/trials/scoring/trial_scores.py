@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from gpsim.diagnosis.report import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import Listing, cached_listing, robot_rivals
@@ -26,6 +27,7 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
         listed = _listing(out, name, answer, outcome, report)
         found = score(answer, report, listed.rivals)
         found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
+        found["contradictions"] = [] if report is None else contradictions(report)
     except Exception as error:  # whatever it is, it must not block the reveal of the others
         if isinstance(error, OSError) and tells_of_full_disk(str(error)):
             raise

@@ -51,6 +51,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
         "rivals": _rivals(standard),
         "misses": [s["trial"] for s in plain if not s["right"]],
         "failed": [s["trial"] for s in scores if s["verdict"] == "failed"],
+        "contradictions": {s["trial"]: s["contradictions"] for s in scores if s.get("contradictions")},
         "not_scored": [s["trial"] for s in scores if not s.get("scored", True)],
     }
 
