@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gpsim.reports.machine_sheets import machine_sheets
 from gpsim.reports.robot_sheets import robot_sheets
 from gpsim.reports.rough_sheets import rough_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
@@ -48,6 +49,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
         namers_sheet(content),
         *rough_sheets(content),
         *robot_sheets(content),
+        *machine_sheets(content),
         *strata_sheets(content),
         families_sheet(content),
         kinds_sheet(content),
@@ -58,6 +60,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
     """Those that a terminal shows: of the rough worlds what was said where what was called for."""
     verdicts = rough_sheets(content)[-2:-1]
     verdicts += robot_sheets(content)[:1]
+    verdicts += machine_sheets(content)[:2]
     sheets = [goals_sheet(content), *verdicts, rivals_sheet(content), namers_sheet(content)]
     return [sheet for sheet in sheets if sheet.rows]
 
@@ -65,7 +68,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
 def beside(content: Json) -> list[str]:
     """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
     missing, unscored = content["undiagnosed"], content["not_scored"]
-    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf"))
+    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf", "machines"))
     published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
     lines = []
     if missing:
