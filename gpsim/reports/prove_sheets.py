@@ -29,6 +29,14 @@ ROBOTS_COUNTED = {
     "pair_right": ("pairs_right", "pairs"),
     "false_alarms": ("alarms", "nulls"),
 }
+MACHINES_COUNTED = {
+    "told": "counting",
+    "sized": "parameters",
+    "coverage_90": "parameters",
+    "rollouts_within": "rollouts_within_of",
+    "black_box_better": "black_box_better_of",
+}
+"""Figure -> of how many it is a share, where that is not the number of machines."""
 FAILED = (*SIZES, "none", "unknown")
 RIVALS = {
     "before": "base as it is",
@@ -101,7 +109,7 @@ def goals_sheet(content: Json) -> Sheet:
         ("", "wanted", "got", "95 %", "count"),
         tuple(rows),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
-        "on rough worlds; !: missed, also by the interval of a share or of a mean",
+        "on rough worlds; machines: whole ones; !: missed, also by the interval of a share or of a mean",
     )
 
 
@@ -110,6 +118,9 @@ def _number(part: str, key: str, block: Json) -> str:
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
+    if part == "machines" and key != "spurious":
+        every = block[MACHINES_COUNTED.get(key, "n")]
+        return f"{round(block[key] * every)}/{every}"
     count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
     of = block.get("n", MISSING)
     if key == "share_named_wrong" and block:
