@@ -8,7 +8,7 @@ the one in the other's place, fitted anew, loses less; one after the other, so t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.setup import candidates, prepare, spread_out
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
-from gpsim.trials.rivals.equivalents import LOST, Claims, as_hypothesis
+from gpsim.trials.rivals.equivalents import LOST, as_hypothesis
 from gpsim.trials.worlds import TrueEffect
 
 WINDOWS, ITERATIONS, TOLERANCE = 80, 20, 0.02
@@ -31,7 +31,7 @@ class Seen:
     """Of one effect of the truth, what it loses when it is left out and the others are fitted anew.
 
     nats: of the whole recording; share: of the misfit of the bare simulator; beyond: what is off then, root mean square
-    in standard deviations of the yardstick, in the channel where that is most.
+    in standard deviations of the sensors' noise, in the channel where that is most.
     """
 
     nats: float
@@ -48,9 +48,14 @@ class Standing:
 
 
 class MachineJudge:
-    """Fits explanations to the noise-free windows. recording: the clean one, with the yardstick as its noise."""
+    """Fits explanations to the noise-free windows.
 
-    def __init__(self, recording: Recording, system: str, truth: Sequence[TrueEffect]) -> None:
+    recording: the clean one, with the yardstick as its noise; sensors: channel -> its noise alone.
+    """
+
+    def __init__(
+        self, recording: Recording, system: str, truth: Sequence[TrueEffect], sensors: Mapping[str, float]
+    ) -> None:
         simulator = make_simulator(system)
         parameters = simulator.defaults(recording.parameters)
         problem: Problem = prepare(recording, simulator, parameters).everything
@@ -59,6 +64,8 @@ class MachineJudge:
         used = max(float(self._problem.windows.valid[:, 1:].sum()), 1.0)
         self._whole = max(recording.transition_count / used, 1.0)
         self._effects = tuple(truth)
+        names = np.array(simulator.state.names)[problem.observed]
+        self._louder = problem.floor[problem.observed] / np.array([sensors[name] for name in names])
         self._own = self._squares(self._fitted(truth))
         self._none = float(self._squares(self._fitted(())).sum())
 
@@ -100,7 +107,7 @@ class MachineJudge:
         return Seen(
             round(self._whole * 0.5 * float((squares - self._own).sum()), 3),
             round(min(float(more.sum()) / missing, 1.0), 6),
-            round(float(np.sqrt(more.max() / count)), 4),
+            round(float(np.sqrt((more * self._louder**2).max() / count)), 4),
         )
 
     def _lost(self, found: Fit) -> float:
@@ -117,11 +124,6 @@ class MachineJudge:
         seen = self._problem.observed
         scaled = found.residuals[..., seen] / self._problem.floor[seen]
         return np.asarray((scaled**2).sum(axis=tuple(range(scaled.ndim - 1))))
-
-
-def claims_of(effects: Sequence[TrueEffect]) -> Claims:
-    """Families and places."""
-    return tuple(sorted(map(_identity, effects)))
 
 
 def _identity(effect: TrueEffect) -> Identity:

@@ -21,7 +21,7 @@ from gpsim.trials.rivals.machine_judge import Identity, MachineJudge, Seen
 from gpsim.trials.rivals.robot_rivals import said_of
 from gpsim.trials.rivals.rough_rivals import main_world
 from gpsim.trials.truth import run
-from gpsim.trials.worlds import TrueEffect, effect_json, sound
+from gpsim.trials.worlds import TrueEffect, World, effect_json, sound
 
 VERSION = 1  # of the rules: raise it whenever something else may come of them
 Json = Mapping[str, Any]
@@ -78,7 +78,7 @@ def _made(
     public: Path, answer: Answer, report: Json | None, said: Sequence[Sequence[Json]]
 ) -> dict[str, Any]:
     world = answer.world
-    judge = MachineJudge(_yardstick(answer), world.system, world.main)
+    judge = MachineJudge(_yardstick(answer), world.system, world.main, _sensors(world))
     explanations = [list(map(_as_true, effects)) for effects in said]
     leader = explanations[0] if explanations else []
     standing = judge.standing(leader)
@@ -106,6 +106,12 @@ def _yardstick(answer: Answer) -> Recording:
     truth = run(world, world.effects)
     recording = even_recording(world, truth.clean, truth, np.asarray(sound(world, truth.sampled)))
     return replace(recording, noise=dict(world.noise), held_out=None)
+
+
+def _sensors(world: World) -> dict[str, float]:
+    """Channel -> noise of its sensor, and of the steps in which it counts."""
+    steps = world.rough.quantum if world.rough else {}
+    return {n: float(np.hypot(sd, steps.get(n, 0.0) / np.sqrt(12.0))) for n, sd in world.noise.items()}
 
 
 def _as_true(effect: Json) -> TrueEffect:
