@@ -9,6 +9,7 @@ from gpsim.reports.prove_misses import miss_rows
 from gpsim.reports.prove_record import record
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
 from gpsim.trials.rivals import MachineListing, Seen
+from gpsim.trials.scoring.first_recording import of_first
 from gpsim.trials.scoring.machine_rules import black_box, score_machine
 from gpsim.trials.statistics import summarise
 from gpsim.trials.worlds import TrueEffect, effect_json
@@ -132,6 +133,18 @@ def test_sizes_are_right_within_15_percent_of_what_they_change_or_inside_the_int
 )
 def test_a_black_box_is_compared_by_its_rollouts(rollout, ratio):
     assert black_box(rollout) == (None if ratio is None else pytest.approx(ratio))
+
+
+def test_of_several_recordings_what_is_said_of_the_first_counts():
+    made = told("named", [DAMPING, MASS | {"own": {"1": {"ratio": {"value": 1.3, "low": 1.2, "high": 1.4}}}}])
+    made["effects"].append(said("spring", name="stiffness") | {"recordings": ["2"]})
+    made["fit"]["held_out"] = ["1/6", "1/7", "2/6"]
+    assert of_first(made) == made  # of one recording
+    first = of_first(made | {"recordings": [{"name": "1"}, {"name": "2"}]})
+    assert [e["family"] for e in first["effects"]] == ["viscous_friction", "parameter_offset"]
+    assert first["effects"][1]["parameters"]["ratio"]["value"] == 1.3
+    assert first["fit"]["held_out"] == ["6", "7"]
+    assert score_machine(machine_answer(), first, listing())["right"]
 
 
 def test_a_failed_diagnosis_tells_nothing():

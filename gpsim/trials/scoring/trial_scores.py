@@ -9,6 +9,7 @@ from typing import Any
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals
+from gpsim.trials.scoring.first_recording import of_first
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
 from gpsim.trials.scoring.rules import score
 
@@ -48,6 +49,7 @@ def _judged(
 ) -> dict[str, Any]:
     """The diagnosis by the rules of its stratum, and what stands beside it."""
     if answer.content["stratum"] == MACHINES:
+        report = None if report is None else of_first(report)
         listed = machine_listing(out, name, answer, outcome, report)
         return score_machine(answer, report, listed) | {"rivals": [], "sindy": None}
     rivals = _listing(out, name, answer, outcome, report)
