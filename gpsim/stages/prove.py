@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -75,8 +76,9 @@ def numbers_of(
 
 
 def machines_numbers(machines: int) -> list[int]:
-    """The first `machines` numbers of whole machines; those of arms are left out, which need MuJoCo."""
-    able = (n for n in count(MACHINES_FROM + 1) if kind_of(n) != ARM)
+    """The first `machines` numbers of whole machines; those of arms are left out where there is no MuJoCo."""
+    with_arms = importlib.util.find_spec("mujoco") is not None
+    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
     return list(islice(able, machines))
 
 

@@ -35,7 +35,7 @@ def recordings():
 
 @pytest.fixture(scope="module")
 def judge(recordings):
-    return MachineJudge(recordings[0], "slider", TRUTH, {"q": 1e-5, "q_dot": 1e-4})
+    return MachineJudge(recordings[0], make_simulator("slider"), TRUTH, {"q": 1e-5, "q_dot": 1e-4})
 
 
 def test_what_is_left_out_is_missed_unless_it_does_nothing(judge):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,10 @@ from gpsim.recordings import Episode, Recording
 from gpsim.trials.blinding.even_recordings import even_recording
 from gpsim.trials.blinding.rough_logs import logged
 from gpsim.trials.blinding.rough_worlds import as_measured
-from gpsim.trials.drawing import counts, draw_machine, within
+from gpsim.trials.drawing import ARM, counts, draw_machine, kind_of, within
+from gpsim.trials.robots import SHOWS, Files, draw_arm, files_of, recorded, shown
+from gpsim.trials.robots import run as run_robot
+from gpsim.trials.robots import sound as robot_sound
 from gpsim.trials.truth import OneStep, Shares, one_step, run
 from gpsim.trials.worlds import SYSTEMS, Rough, Run, World, effect_json, sound, world_json
 
@@ -22,6 +25,7 @@ SCHEMA = "gpsim.answer/1"
 ATTEMPTS = 80
 SHORTEST = 40  # samples: what an operator would keep of an episode that went wrong
 FEWEST = 1200  # transitions of each recording
+ARMS_FEWEST = 4  # effects of an arm that show
 
 
 @dataclass(frozen=True)
@@ -29,12 +33,12 @@ class MachineTruth:
     """What decides what counts.
 
     explained: the share of the mismatch that the machine's own effects explain; shares: what each of all effects makes
-    of it; beyond: how far each moves the readings, in noise; channels: those that stand out of the noise; left: channel
-    -> what the own effects leave, root mean square over rollouts of a second; rows: with a defect.
+    of it, None of an arm's; beyond: how far each moves the readings, in noise; channels: those that stand out of the
+    noise; left: channel -> what the own effects leave, root mean square over rollouts of a second; rows: with a defect.
     """
 
     explained: float
-    shares: tuple[float, ...]
+    shares: tuple[float | None, ...]
     beyond: tuple[float, ...]
     channels: tuple[str, ...]
     left: Mapping[str, float]
@@ -45,14 +49,15 @@ class MachineTruth:
 class MachineConcealed:
     """A machine that was run. recordings: as they were logged; clean: on an even clock, without noise.
 
-    truth, one_step: of the first recording.
+    truth, one_step: of the first recording. Of an arm there are no residual rates; files: the model that is believed.
     """
 
     world: World
     recordings: tuple[Recording, ...]
     cleans: tuple[Recording, ...]
-    one_step: OneStep
+    one_step: OneStep | None
     truth: MachineTruth
+    files: Files = field(default_factory=dict)
 
     @property
     def clean(self) -> Recording:
@@ -63,8 +68,11 @@ class MachineConcealed:
 def conceal_machine(seed: int, number: int) -> MachineConcealed:
     """Draw and run trial `number` of a seed, anew until its effects are what they have to be."""
     for attempt in range(ATTEMPTS):
-        world = draw_machine(seed, number, attempt)
-        found = None if world is None else _concealed(world)
+        if kind_of(number) == ARM:
+            found = _concealed_arm(draw_arm(seed, number, attempt))
+        else:
+            world = draw_machine(seed, number, attempt)
+            found = None if world is None else _concealed(world)
         if found is not None:
             return found
     raise UsageError(f"seed {seed}, trial {number}: no machine could be made; take another seed")
@@ -142,6 +150,22 @@ def _run(world: World) -> _Ran | None:
     bare = as_measured(world)
     even, clean = (even_recording(bare, read, truth, kept) for read in (truth.measured, truth.clean))
     return _Ran(world, truth, kept, even, clean)
+
+
+def _concealed_arm(world: World) -> MachineConcealed | None:
+    """None where too little survives, or fewer effects show than have to."""
+    truth, free = run_robot(world, world.effects)
+    kept = np.asarray(robot_sound(world, truth.sampled, free))
+    kept = np.where(kept > SHORTEST, kept, 0)
+    if np.maximum(kept - 1, 0).sum() < FEWEST:
+        return None
+    seen = shown(world, truth, kept)
+    if sum(beyond >= SHOWS for beyond in seen) < ARMS_FEWEST:
+        return None
+    recording, clean = (recorded(world, read, truth, kept) for read in (truth.measured, truth.clean))
+    # Nothing but its own effects is missing.
+    facts = MachineTruth(1.0, (None,) * len(seen), tuple(seen), (), {}, {})
+    return MachineConcealed(world, (recording,), (clean,), None, facts, files_of(world.system))
 
 
 def _truth(world: World, shares: Shares) -> MachineTruth | None:

@@ -18,7 +18,7 @@ from gpsim.trials.blinding.machine_worlds import MachineConcealed, conceal_machi
 from gpsim.trials.blinding.recording_folders import RECORDING_FILE, recording_folders
 from gpsim.trials.blinding.robot_worlds import RobotConcealed, conceal_robot, robot_answer
 from gpsim.trials.drawing import machine_rank
-from gpsim.trials.robots import robot_rank
+from gpsim.trials.robots import Files, robot_rank
 
 PUBLIC, PRIVATE = "public", "private"
 ANSWER, TRUTH = "answer.json", "truth.npz"
@@ -47,7 +47,7 @@ def write_trial(out: Path, seed: int, number: int) -> str:
             recordings.mkdir(parents=True)
             _write_recordings(recordings, concealed)
             if isinstance(concealed, RobotConcealed):
-                _write_model(recordings, concealed)
+                _write_model(recordings, concealed.files)
             for half in (private, public):
                 shutil.rmtree(half, ignore_errors=True)
     return file_digest(private / ANSWER)
@@ -110,6 +110,7 @@ def _write_recordings(folder: Path, concealed: AnyConcealed) -> None:
     for i, recording in enumerate(concealed.recordings, 1):
         (folder / str(i)).mkdir()
         write_recording(recording, folder / str(i), "csv")
+        _write_model(folder / str(i), concealed.files)
 
 
 def _answer(concealed: AnyConcealed, truth_digest: str) -> dict[str, Any]:
@@ -120,9 +121,9 @@ def _answer(concealed: AnyConcealed, truth_digest: str) -> dict[str, Any]:
     return answer_of(concealed, truth_digest)
 
 
-def _write_model(folder: Path, concealed: RobotConcealed) -> None:
+def _write_model(folder: Path, files: Files) -> None:
     """The model that is believed, and what it includes."""
-    for name, text in concealed.files.items():
+    for name, text in files.items():
         path = folder / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -136,6 +137,6 @@ def _write_truth(path: Path, concealed: AnyConcealed) -> None:
     clean = np.concatenate([e.states for e in concealed.clean.episodes])
     rows = np.array([len(e.t) for e in concealed.clean.episodes])
     own, episode = np.empty((0, 0)), np.empty(0, dtype=np.int64)
-    if not isinstance(concealed, RobotConcealed):
+    if not isinstance(concealed, RobotConcealed) and concealed.one_step is not None:
         own, episode = concealed.one_step.own, concealed.one_step.episode
     np.savez(path, clean=clean, rows=rows, own=own, episode=episode)

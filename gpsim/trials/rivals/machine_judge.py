@@ -17,7 +17,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.setup import candidates, prepare, spread_out
 from gpsim.recordings import Recording
-from gpsim.simulators import make_simulator
+from gpsim.simulators import Simulator
 from gpsim.trials.rivals.equivalents import LOST, as_hypothesis
 from gpsim.trials.worlds import TrueEffect
 
@@ -54,13 +54,16 @@ class MachineJudge:
     """
 
     def __init__(
-        self, recording: Recording, system: str, truth: Sequence[TrueEffect], sensors: Mapping[str, float]
+        self,
+        recording: Recording,
+        simulator: Simulator,
+        truth: Sequence[TrueEffect],
+        sensors: Mapping[str, float],
     ) -> None:
-        simulator = make_simulator(system)
-        parameters = simulator.defaults(recording.parameters)
-        problem: Problem = prepare(recording, simulator, parameters).everything
+        question = prepare(recording, simulator, simulator.defaults(recording.parameters))
+        problem: Problem = question.everything
         self._problem = problem.on(spread_out(problem.windows, WINDOWS, problem.run.settings.prepare.fewest))
-        self._offers = candidates(recording, simulator, parameters)
+        self._offers = candidates(question.recording, problem.simulator, problem.parameters)
         used = max(float(self._problem.windows.valid[:, 1:].sum()), 1.0)
         self._whole = max(recording.transition_count / used, 1.0)
         self._effects = tuple(truth)

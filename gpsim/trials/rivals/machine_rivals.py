@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from gpsim.files import plain, write_json, written_whole
+from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording, read_recording
-from gpsim.simulators import make_simulator
+from gpsim.simulators import Simulator, make_simulator
 from gpsim.trials.blinding import PUBLIC, Answer, diagnosed_folders, even_recording
 from gpsim.trials.rivals.cache import EQUIVALENTS
 from gpsim.trials.rivals.held_out_rollouts import rollouts_over_truth
 from gpsim.trials.rivals.machine_judge import Identity, MachineJudge, Seen
-from gpsim.trials.rivals.robot_rivals import said_of
+from gpsim.trials.rivals.robot_rivals import clean_recording, said_of
 from gpsim.trials.rivals.rough_rivals import main_world
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import TrueEffect, World, effect_json, sound
@@ -77,20 +78,16 @@ def machine_listing(
 def _made(
     public: Path, answer: Answer, report: Json | None, said: Sequence[Sequence[Json]]
 ) -> dict[str, Any]:
-    world = answer.world
-    judge = MachineJudge(_yardstick(answer), world.system, world.main, _sensors(world))
+    world, folder = answer.world, diagnosed_folders(public)[0]
+    clean, recording, simulator = _opened(answer, folder)
+    judge = MachineJudge(clean, simulator, world.main, _sensors(world))
     explanations = [list(map(_as_true, effects)) for effects in said]
     leader = explanations[0] if explanations else []
     standing = judge.standing(leader)
     rollouts: dict[str, float] = {}
     if report is not None:
-        rollouts = rollouts_over_truth(
-            read_recording(diagnosed_folders(public)[0]),
-            make_simulator(world.system),
-            [str(n) for n in report["fit"]["held_out"]],
-            world.main,
-            leader,
-        )
+        held = [str(n) for n in report["fit"]["held_out"]]
+        rollouts = rollouts_over_truth(recording, simulator, held, world.main, leader)
     return {
         "seen": [asdict(s) for s in judge.seen()],
         "stands": [[list(claim), list(effect)] for claim, effect in standing.stands.items()],
@@ -98,6 +95,15 @@ def _made(
         "equivalent": [judge.equivalent(effects) for effects in explanations],
         "rollouts": rollouts,
     }
+
+
+def _opened(answer: Answer, folder: Path) -> tuple[Recording, Recording, Simulator]:
+    """The recording without noise and as it was published, and the simulator that is believed."""
+    published = read_recording(folder)
+    if published.model is None:
+        return _yardstick(answer), published, make_simulator(answer.world.system)
+    clean, simulator = clean_recording(answer, folder)
+    return clean, in_its_columns(published, simulator), simulator
 
 
 def _yardstick(answer: Answer) -> Recording:

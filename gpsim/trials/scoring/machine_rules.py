@@ -109,7 +109,7 @@ def _whole(listing: MachineListing, report: Json, truth: frozenset[tuple[str, st
 
 def _unjudged(effect: Json) -> Seen:
     """Of a trial that could not be judged: what the answer itself says."""
-    return Seen(math.inf, float(effect["share"]), float(effect["beyond"]))
+    return Seen(math.inf, float(effect["share"] or 0.0), float(effect["beyond"]))
 
 
 def _counts(seen: Seen) -> bool:
