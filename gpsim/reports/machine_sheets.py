@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gpsim.reports.rough_sheets import bounds, percent, verdicts_sheet
@@ -14,6 +13,19 @@ COLUMNS = (
     "", "machines", "told %", "95 %", "not there, a world", "95 %", "sizes right %", "rollouts within 1.3 %", "95 %",
     "median ratio", "black box better %", "verdict right %", "95 %", "coverage %", "95 %", "failed", "seconds",
 )  # fmt: skip
+FIGURES: Mapping[str, Callable[[Json], str]] = {
+    "machines": lambda b: str(b["n"]),
+    "effects that count, told %": lambda b: percent(b["told"]),
+    "told and not there, a machine": lambda b: fixed(b["spurious"], 2),
+    "sizes right %": lambda b: percent(b["sized"]),
+    "held-out rollouts within 1.3 %": lambda b: percent(b["rollouts_within"]),
+    "their median ratio": lambda b: significant(b["median_rollouts"]),
+    "a black box is better %": lambda b: percent(b["black_box_better"]),
+    "verdict right %": lambda b: percent(b["verdict_right"]),
+    "90 % intervals cover %": lambda b: percent(b["coverage_90"]),
+    "failed": lambda b: str(b["failed"]),
+    "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
+}
 NOTE = (
     "told: effects that could be seen and make 1 % of the mismatch or stand out of the noise, by their own names or by "
     "ones that explain as much; rollouts: held-out error over that of the true model fitted to the same episodes"
@@ -25,12 +37,17 @@ def machine_sheets(content: Json) -> list[Sheet]:
     machines = content.get("machines")
     if not machines:
         return []
-    by_class = machines["strata"]["class"]
-    sheets = [replace(_figures("Whole machines", {"all": machines, **by_class}), note=NOTE)]
-    sheets.append(verdicts_sheet("Whole machines", machines["verdicts"]))
-    others = {name: blocks for name, blocks in machines["strata"].items() if name != "class"}
-    sheets += [_figures(f"Whole machines by {name}", blocks) for name, blocks in others.items()]
+    sheets = [classes_sheet(machines), verdicts_sheet("Whole machines", machines["verdicts"])]
+    sheets.append(_figures("Whole machines, with intervals", {"all": machines}))
+    sheets += [_figures(f"Whole machines by {name}", blocks) for name, blocks in machines["strata"].items()]
     return [*sheets, _families(machines), _spurious(machines)]
+
+
+def classes_sheet(machines: Json) -> Sheet:
+    """The figures (rows) of all machines and of each class (columns): what fits a terminal."""
+    blocks = {"all": machines, **machines["strata"]["class"]}
+    rows = [row(label, *(say(block) for block in blocks.values())) for label, say in FIGURES.items()]
+    return Sheet("Whole machines", ("", *blocks), tuple(rows), note=NOTE)
 
 
 def _figures(title: str, blocks: Mapping[str, Json]) -> Sheet:
