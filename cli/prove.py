@@ -40,7 +40,7 @@ Machines = Annotated[
     typer.Option(
         "--machines",
         min=0,
-        help="How many whole machines besides: axes, rigs, servos, cars with their usual physics.",
+        help="How many whole machines besides: axes, rigs, servos, cars, arms.",
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]

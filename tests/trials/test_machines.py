@@ -15,6 +15,8 @@ from gpsim.trials.blinding import ANSWER, PRIVATE, PUBLIC, diagnosed_folders, re
 from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
 from gpsim.trials.drawing.machine_draws import _sessions
 from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
+from gpsim.trials.robots import arms_places, layout_of
+from gpsim.trials.robots.arms import ARMS
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import (
     FREE,
@@ -73,12 +75,23 @@ def test_several_recordings_are_driven_in_other_ways_and_zeros_differ():
     assert alone.clock == 0.0
 
 
-def test_numbers_of_machines_follow_the_others_and_leave_arms_out():
+@pytest.mark.parametrize(
+    ("found", "kinds"),
+    [
+        (object(), ["axis", "rig", "servo", "car", "arm", "axis"]),
+        (None, ["axis", "rig", "servo", "car", "axis", "rig"]),
+    ],
+)
+def test_numbers_of_machines_follow_the_others_and_have_arms_where_there_is_mujoco(found, kinds, monkeypatch):
+    monkeypatch.setattr(prove.importlib.util, "find_spec", lambda name: found)
     numbers = prove.numbers_of(2, rough=1, machines=6)
     assert numbers[:3] == [1, 2, 100_001]
-    assert [kind_of(n) for n in numbers[3:]] == ["axis", "rig", "servo", "car", "axis", "rig"]
-    assert KINDS[-1] == ARM
+    assert [kind_of(n) for n in numbers[3:]] == kinds
+    assert (KINDS[-1], MACHINES_FROM + 1) == (ARM, numbers[3])
     assert [machine_rank(n) for n in (2, 100_001, MACHINES_FROM + 1)] == [None, None, 0]
+
+
+def test_machines_are_counted_by_themselves():
     with pytest.raises(UsageError, match="--machines 20"):
         prove.numbers_of(1, ["machines"])
     with pytest.raises(UsageError, match="--machines for machines"):
@@ -248,3 +261,31 @@ def test_the_same_number_draws_the_same_machine(written):
 
 def test_one_recording_lies_in_the_folder_itself(tmp_path):
     assert recording_folders(tmp_path) == diagnosed_folders(tmp_path) == [tmp_path]
+
+
+# Arms
+
+
+@pytest.mark.parametrize("robot", ARMS)
+def test_an_arm_has_friction_of_both_kinds_a_payload_and_four_to_eight_effects(robot):
+    pytest.importorskip("mujoco")
+    if robot == "ur5":
+        pytest.importorskip("example_robot_data")
+    for seed in range(20):
+        places = arms_places(robot, np.random.default_rng(seed))
+        families = [family for family, _ in places]
+        assert FEWEST <= len(places) <= MOST
+        assert len(set(places)) == len(places)
+        assert {"coulomb_friction", "viscous_friction", "payload"} <= set(families)
+        assert len(layout_of(robot).joints) in range(4, 8)
+
+
+@pytest.mark.slow
+def test_an_arm_is_published_with_its_model(tmp_path):
+    pytest.importorskip("mujoco")
+    name = write_trial(tmp_path, SEED, CAR + 1) and str(CAR + 1)
+    (folder,) = recording_folders(tmp_path / PUBLIC / name)
+    assert (folder / "robot.xml").is_file()
+    answer = json.loads((tmp_path / PRIVATE / name / ANSWER).read_text())
+    assert sum(e["beyond"] >= 4.0 for e in answer["effects"]) >= 4
+    assert read_recording(folder).model == "robot.xml"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -72,27 +73,37 @@ class MachineJudge:
         self._own = self._squares(self._fitted(truth))
         self._none = float(self._squares(self._fitted(())).sum())
 
-    def seen(self) -> list[Seen]:
+    @cached_property
+    def seen(self) -> tuple[Seen, ...]:
         """Of every effect of the truth."""
-        return [self._seen([e for e in self._effects if e is not effect]) for effect in self._effects]
+        return tuple(self._seen([e for e in self._effects if e is not effect]) for effect in self._effects)
 
     def standing(self, said: Sequence[TrueEffect]) -> Standing:
-        """Which claims that are no effect of the truth stand for one."""
-        known = {c.identity for c in self._offers}
-        claims = {_identity(e) for e in said}
-        strange = [e for e in said if _identity(e) not in {_identity(t) for t in self._effects}]
-        effects, stands = self._effects, {}
-        for claim in [e for e in strange if _identity(e) in known and not e.gated][:MOST_TRIED]:
-            for effect in [e for e in effects if e in self._effects and _identity(e) not in claims]:
-                if len(claim.values) > len(effect.values):  # a richer one holds the truth as a special case
-                    continue
-                tried = [claim if e is effect else e for e in effects]
-                found = self._fitted(tried)
-                if self._lost(found) < LOST:
-                    stands[_identity(claim)] = _identity(effect)
-                    effects = _fitted_values(tried, found)
-                    break
-        return Standing(stands, tuple(effects))
+        """Which claims that are no effect of the truth stand for one that could be seen and was not told."""
+        known, claims = {c.identity for c in self._offers}, {_identity(e) for e in said}
+        own = {_identity(e) for e in self._effects}
+        strange = [e for e in said if _identity(e) in known - own and not e.gated]
+        untold = {
+            _identity(e)
+            for e, seen in zip(self._effects, self.seen, strict=True)
+            if seen.nats >= LOST and _identity(e) not in claims
+        }
+        standing = Standing({}, self._effects)
+        for claim in strange[:MOST_TRIED]:
+            standing = self._with(claim, standing, untold - set(standing.stands.values()))
+        return standing
+
+    def _with(self, claim: TrueEffect, standing: Standing, untold: set[Identity]) -> Standing:
+        """The same with the claim in the place of the first effect for which it stands, if there is one."""
+        for effect in [e for e in standing.effects if _identity(e) in untold]:
+            if len(claim.values) > len(effect.values):  # a richer one holds the truth as a special case
+                continue
+            tried = [claim if e is effect else e for e in standing.effects]
+            found = self._fitted(tried)
+            if self._lost(found) < LOST:
+                stands = {**standing.stands, _identity(claim): _identity(effect)}
+                return Standing(stands, _fitted_values(tried, found))
+        return standing
 
     def equivalent(self, said: Sequence[TrueEffect]) -> bool:
         """Whether a whole explanation with no more parameters loses nothing."""

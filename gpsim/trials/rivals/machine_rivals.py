@@ -24,7 +24,7 @@ from gpsim.trials.rivals.rough_rivals import main_world
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import TrueEffect, World, effect_json, sound
 
-VERSION = 1  # of the rules: raise it whenever something else may come of them
+VERSION = 2  # of the rules: raise it whenever something else may come of them
 Json = Mapping[str, Any]
 
 
@@ -89,7 +89,7 @@ def _made(
         held = [str(n) for n in report["fit"]["held_out"]]
         rollouts = rollouts_over_truth(recording, simulator, held, world.main, leader)
     return {
-        "seen": [asdict(s) for s in judge.seen()],
+        "seen": [asdict(s) for s in judge.seen],
         "stands": [[list(claim), list(effect)] for claim, effect in standing.stands.items()],
         "values": [effect_json(e) for e in standing.effects],
         "equivalent": [judge.equivalent(effects) for effects in explanations],
