@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
@@ -62,11 +62,11 @@ class Quadratic:
         found = fit(problem, less.frozen(), self.fit.starts, iterations=iterations, known=self.by_state)
         return Fit(less, found.starts, found.residuals, found.variance, found.objective, found.converged)
 
-    def _at(self, gone: Sequence[int]) -> FloatArray:
+    def _at(self, gone: Sequence[int]) -> IntArray:
         return np.concatenate([np.arange(self.rows[i].start, self.rows[i].stop) for i in gone])
 
-    def _block(self, at: FloatArray) -> FloatArray:
-        return self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at))
+    def _block(self, at: IntArray) -> FloatArray:
+        return np.asarray(self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at)))
 
 
 @kept

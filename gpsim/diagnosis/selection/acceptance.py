@@ -144,7 +144,7 @@ def _held(problem: Problem, richer: Fit, poorer: Fit) -> list[float]:
     valid, path = windows.valid[:, 1:], (windows.measured[:, :-1], windows.measured[:, 1:])
     shares = []
     for term in new:
-        episodes = np.broadcast_to(windows.episode[:, None], valid.shape)
+        episodes = np.broadcast_to(windows.episode[:, None], valid.shape).astype(float)
         inside = term.gate.share(
             path, windows.actions, windows.t[:, :-1], np.diff(windows.t), channels, {IN_EPISODE: episodes}
         )
