@@ -1,4 +1,4 @@
-"""The command line: `gpsim --help`."""
+"""The command line: `gpsim --help`; cli/entry.py starts it."""
 
 from __future__ import annotations
 
@@ -199,4 +199,6 @@ def _short(name: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    from .entry import main as entry
+
+    entry()
