@@ -85,6 +85,7 @@ def _command(parent: int, writing: int) -> NoReturn:
 
 def _leave(number: int, frame: object) -> NoReturn:
     """Ctrl-C while the command is being loaded: an import cannot be interrupted without a traceback, but be left."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError):
         os.write(2, f"{NOTHING_YET}\n".encode())
     supervision.note(supervision.ENDED, str(INTERRUPTED))

@@ -142,9 +142,11 @@ def main() -> None:
         with ends_when_asked(), trusting(False):  # --trust ends with its command
             _called()
     except Terminated as ended:
-        with suppress(OSError):
-            print(INTERRUPTED, file=sys.stderr)
+        _say_interrupted()
         _end(int(str(ended.code)), INTERRUPTED)
+    except KeyboardInterrupt:  # outside of the commands: Typer makes an exit code of it
+        _say_interrupted()
+        _end(answers.INTERRUPTED_CODE, INTERRUPTED)
     except UsageError as error:
         print(f"error: {printable(error)}", file=sys.stderr)
         _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
@@ -175,8 +177,15 @@ def _called() -> None:
         raise
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 0
+        if code == answers.INTERRUPTED_CODE:
+            _say_interrupted()
         answers.finish(code, INTERRUPTED if code == answers.INTERRUPTED_CODE else "")
         raise
+
+
+def _say_interrupted() -> None:
+    with suppress(OSError):
+        print(INTERRUPTED, file=sys.stderr)
 
 
 def _end(code: int, message: str) -> NoReturn:
