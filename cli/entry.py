@@ -18,6 +18,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from gpsim import supervision
+from gpsim.errors import CODE
 
 PASSED_ON = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CRASHED, BAD_INPUT, INTERRUPTED = 1, 2, 130  # exit codes; docs/reference/exit_codes.md
@@ -56,8 +57,9 @@ def _passed_to(child: int) -> Callable[[int, object], None]:
 
 def _command(parent: int, writing: int) -> NoReturn:
     """The child: the command, and a line that it has ended by itself, with its exit code."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, _leave)
+    for number in PASSED_ON:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _leave)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, PASSED_ON)
     supervision.listen(writing)
     if not faulthandler.is_enabled():  # who asked for it reads it
@@ -84,12 +86,14 @@ def _command(parent: int, writing: int) -> NoReturn:
 
 
 def _leave(number: int, frame: object) -> NoReturn:
-    """Ctrl-C while the command is being loaded: an import cannot be interrupted without a traceback, but be left."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Asked to end while the command is being loaded: an import cannot be interrupted without a traceback, but left."""
+    for later in PASSED_ON:
+        signal.signal(later, signal.SIG_IGN)
+    code = INTERRUPTED if number == signal.SIGINT else CODE
     with suppress(OSError):
         os.write(2, f"{NOTHING_YET}\n".encode())
-    supervision.note(supervision.ENDED, str(INTERRUPTED))
-    os._exit(INTERRUPTED)
+    supervision.note(supervision.ENDED, str(code))
+    os._exit(code)
 
 
 def _heard(reading: int) -> str:

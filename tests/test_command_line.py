@@ -121,9 +121,7 @@ def test_an_interruption_is_said_though_quiet(monkeypatch, capsys, where):
 
 def test_little_is_loaded_before_an_interruption_is_heard():
     """Until then Ctrl-C is a traceback: the package and the file that starts a command import next to nothing."""
-    code = (
-        "import sys; before = set(sys.modules); import gpsim.cli.entry; print(*sorted(set(sys.modules) - before))"
-    )
+    code = "import sys; before = set(sys.modules); import gpsim.cli.entry; print(*sorted(set(sys.modules) - before))"
     loaded = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True, check=False)
     if "gpsim" not in loaded.stdout.split():  # installed in a way that needs `site`
         loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
