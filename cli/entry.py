@@ -66,12 +66,12 @@ def _command(parent: int, writing: int) -> NoReturn:
         faulthandler.enable(writing)
     code = CRASHED
     try:
-        from gpsim.workers import interrupts_once, leave_with
+        from gpsim.workers import asked_once, leave_with
 
         from .main import main as command
 
         leave_with(parent, signal.SIGTERM)
-        interrupts_once()
+        asked_once()
         command()
         code = 0
     except SystemExit as ended:

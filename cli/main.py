@@ -7,6 +7,8 @@ import os
 # One thread a process: the networks and matrices here are too small for more, and policies train side by side.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Pictures are files: whatever stands there for windows, a name that nobody knows among it, is not looked for.
+os.environ["MPLBACKEND"] = "agg"
 
 import sys
 from contextlib import suppress

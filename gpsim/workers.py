@@ -53,6 +53,9 @@ def ends_when_asked() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # whose process it is minds its signals
         yield
         return
+    if isinstance(signal.getsignal(signal.SIGTERM), Asked):  # it is so already
+        yield
+        return
     asked = Asked()
     before = {
         number: signal.signal(number, asked)
@@ -66,10 +69,19 @@ def ends_when_asked() -> Iterator[None]:
             signal.signal(number, handler or signal.SIG_DFL)
 
 
-def interrupts_once() -> None:
-    """From now on Ctrl-C raises KeyboardInterrupt, but once a moment: a terminal and a supervisor both tell of it."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, Asked(KeyboardInterrupt, A_MOMENT))
+def asked_once() -> None:
+    """From now on Ctrl-C raises KeyboardInterrupt, SIGTERM and SIGHUP Terminated: once, though several tell of it.
+
+    A terminal, or whoever asks the whole group, tells this process and the one that passes signals on to it.
+    """
+    terminated = Asked()
+    for number, handler in (
+        (signal.SIGINT, Asked(KeyboardInterrupt, A_MOMENT)),
+        (signal.SIGTERM, terminated),
+        (signal.SIGHUP, terminated),
+    ):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @contextmanager
