@@ -64,7 +64,6 @@ class _Watch:
         self._longest = longest_call()
         if signal.getsignal(signal.SIGALRM) in (signal.SIG_DFL, self._look):
             signal.signal(signal.SIGALRM, self._look)
-            signal.siginterrupt(signal.SIGALRM, False)
             signal.setitimer(signal.ITIMER_REAL, BETWEEN_LOOKS, BETWEEN_LOOKS)
             self._extend(self._longest)
         self._looking = True
