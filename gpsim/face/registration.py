@@ -12,7 +12,10 @@ from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader
 
 LIBRARY = "gymnasium"
 ENVIRONMENTS = {
@@ -60,7 +63,7 @@ class _OnImport:
 class _Registering:
     """Another loader, and the registration after it."""
 
-    def __init__(self, inner: Any) -> None:
+    def __init__(self, inner: Loader) -> None:
         self._inner = inner
 
     def __getattr__(self, name: str) -> Any:

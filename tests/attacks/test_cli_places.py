@@ -83,18 +83,6 @@ def test_kernels_find_a_place_without_a_home():
     assert (facts.st_uid, facts.st_mode & 0o022) == (os.getuid(), 0)
 
 
-def test_kernels_do_not_trust_a_folder_that_others_may_write_to(tmp_path, monkeypatch):
-    from gpsim.kernels import compiling
-
-    (tmp_path / "open").mkdir()
-    (tmp_path / "open").chmod(0o777)
-    (tmp_path / "link").symlink_to(tmp_path)
-    for name in ("open", "link"):
-        assert compiling._own(tmp_path / name) != tmp_path / name
-    assert compiling._own(tmp_path / "new") == tmp_path / "new"
-    assert compiling._own(tmp_path / "new") == tmp_path / "new"
-
-
 @pytest.mark.parametrize(
     "words",
     [

@@ -39,7 +39,7 @@ class Reading:
     def of(self, states: FloatArray, names: Sequence[str]) -> FloatArray:
         """(N, S) the states, read in this way."""
         factors = np.array([self.scale.get(name, 1.0) for name in names])
-        return states * factors + np.array([self.shift.get(name, 0.0) for name in names])
+        return np.asarray(states * factors + np.array([self.shift.get(name, 0.0) for name in names]))
 
 
 def check_angles(
