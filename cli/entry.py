@@ -133,9 +133,7 @@ def _what_happened(code: int, file: str | None, said: str) -> str:
     if code == -signal.SIGKILL:  # what Linux does to whoever takes too much
         return "killed (out of memory?); finished artifacts are whole, run the same command to carry on"
     if code == -signal.SIGVTALRM:
-        from gpsim.simulators.calls import no_answer
-
-        return no_answer(file or "a model")
+        return f"{file or 'a model'}: a call did not return; mend it, or give it longer: GPSIM_LONGEST_CALL=600 (s)"
     if code >= 0:
         how = f"ended the program (exit code {code}) in the middle of its work"
         return (

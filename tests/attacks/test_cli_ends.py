@@ -90,7 +90,7 @@ KILLED = "error: killed (out of memory?); finished artifacts are whole, run the 
         (
             f"{CALLS}; os.kill(os.getpid(), signal.SIGVTALRM)",
             2,
-            "error: my[31m.py did not return within 60 s",
+            "error: my[31m.py: a call did not return; mend it",
         ),
         ("os.kill(os.getpid(), signal.SIGKILL)", 2, KILLED),
         (
