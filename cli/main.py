@@ -210,6 +210,4 @@ def _short(name: str) -> str:
 
 
 if __name__ == "__main__":
-    from .entry import main as entry
-
-    entry()
+    main()
