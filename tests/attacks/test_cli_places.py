@@ -133,5 +133,5 @@ def test_a_message_is_one_printable_line(name):
     assert said.isprintable()
     assert said.startswith("channel a")
     with pytest.raises(UsageError) as refused:
-        read_recording(f"/nowhere/{name}".replace("\x00", ""))
+        read_recording(Path("/nowhere") / name.replace("\x00", ""))
     assert str(refused.value).isprintable()
