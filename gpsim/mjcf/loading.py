@@ -16,11 +16,13 @@ from types import ModuleType
 from typing import Any
 from xml.etree import ElementTree
 
+from gpsim import supervision
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest, unreadable
 from gpsim.mjcf.faults import compile_fault, one_line
 from gpsim.mjcf.optional import mujoco
 from gpsim.mjcf.urdf import apart, completed, is_urdf, mesh_file
+from gpsim.simulators import asked
 from gpsim.trust import GYM, check_file, check_module
 
 FILMS = "imageio"
@@ -201,13 +203,13 @@ def made_by(reference: str) -> Any:
     module = ModuleType(f"user_model_{Path(file).stem}")
     module.__file__ = str(Path(file).resolve())
     sys.modules[module.__name__] = module  # dataclasses look there
-    try:
+
+    def made() -> Any:
         exec(compile(content, file, "exec"), vars(module))
         return getattr(module, name)()
-    except Terminated:
-        raise
-    except (Exception, SystemExit) as error:  # a user's code may raise anything
-        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {one_line(error)}") from error
+
+    supervision.calls(file)
+    return asked(made, f"{name}()", reference)
 
 
 def _of_environment(reference: str) -> tuple[Any, float]:
@@ -235,14 +237,13 @@ def new_environment(reference: str) -> tuple[Any, int]:
     check_module(reference)
     import gymnasium
 
-    try:
+    def made() -> tuple[Any, int]:
         with _without_pictures():
-            made = gymnasium.make(reference.removeprefix(GYM))
-            return made.unwrapped, int(getattr(made.spec, "max_episode_steps", None) or ENDLESS)
-    except Terminated:
-        raise
-    except Exception as error:  # an unknown id, or an environment whose packages are missing
-        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {one_line(error)}") from error
+            found = gymnasium.make(reference.removeprefix(GYM))
+            return found.unwrapped, int(getattr(found.spec, "max_episode_steps", None) or ENDLESS)
+
+    supervision.calls(reference)
+    return asked(made, "gymnasium", f"--simulator {reference}", failed="cannot make it:")
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions,
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, Opener, find_logs, is_bag_folder
 from gpsim.recordings.subsample import evenly
-from gpsim.recordings.yaml_data import parse_yaml, read_yaml
+from gpsim.recordings.yaml_data import check_bounded, parse_yaml, read_yaml
 
 __all__ = [
     "FACTORS",
@@ -54,6 +54,7 @@ __all__ = [
     "bag_writing",
     "bare_mapping",
     "changes_of_words",
+    "check_bounded",
     "evenly",
     "find_bad_rows",
     "find_logs",
