@@ -11,7 +11,7 @@ import numpy as np
 
 from gpsim.errors import UsageError
 from gpsim.recordings.raw import Series, Topic
-from gpsim.recordings.readers.container import Container, Stream
+from gpsim.recordings.readers.container import LATEST, Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
 from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, decoder
 from gpsim.recordings.readers.extract import NO_STAMP, Columns, Row, Rows, row_maker, seconds
@@ -202,6 +202,7 @@ def _types(streams: Sequence[Stream]) -> str:
 
 def _epoch(starts: Sequence[int]) -> int:
     """The whole second before the first message; stamps more than a year from the others do not count."""
+    starts = [start for start in starts if 0 <= start < LATEST]
     if not starts:
         return 0
     middle = sorted(starts)[len(starts) // 2]
