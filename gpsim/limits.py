@@ -19,6 +19,8 @@ CHUNKS_BYTES, CHUNKS_GROWTH = 256 << 20, 100
 MESSAGES, BYTES_A_MESSAGE = 1_000_000, 8
 # Chunks and records of a bag in which there is nothing.
 EMPTY = 10_000
+# Topics of a bag.
+TOPICS = 2_000
 # Bytes that the columns of a table make, beside so many times the file's own size; and how many columns.
 TABLE_BYTES, TABLE_GROWTH = 256 << 20, 50
 TABLE_COLUMNS = 10_000

@@ -1,4 +1,4 @@
-"""What one walk through a file may make: bytes, messages, records that hold nothing. Refuses what no recorder writes."""
+"""What one walk through a file may make: bytes, messages, empty records. Refuses what no recorder writes."""
 
 from __future__ import annotations
 

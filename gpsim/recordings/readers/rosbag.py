@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
+from gpsim.limits import TOPICS, allowed, more
 from gpsim.recordings.raw import Series, Topic
 from gpsim.recordings.readers.container import LATEST, Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
@@ -44,6 +45,11 @@ class BagLog:
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
         self._streams = tuple(container.streams(self._ledger))
+        if len(self._streams) > allowed(TOPICS):
+            raise UsageError(
+                f"{path}: it has {len(self._streams)} topics, the limit is {allowed(TOPICS)}; "
+                f"{more(len(self._streams), TOPICS)}"
+            )
         said = container.distro if container.distro in DISTROS else None
         self.distro = distro or said or DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
