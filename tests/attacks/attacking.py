@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from gpsim.cli.main import main
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "recordings" / "readers"))  # bags, mcap_writer, mutations
+sys.path.append(
+    str(Path(__file__).resolve().parents[1] / "recordings" / "readers")
+)  # bags, mcap_writer, mutations
 
 CODES = (0, 2, 3)  # docs/reference/exit_codes.md, of a command that nobody interrupts
 LINES = 6  # of a refusal on stderr, its notes with it

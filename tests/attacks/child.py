@@ -18,7 +18,7 @@ def run(words):
             main()
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
-    except BaseException as error:  # noqa: BLE001  # one that nothing caught is what is looked for
+    except BaseException as error:  # one that nothing caught is what is looked for
         code = -1
         err.write(f"{type(error).__name__}: {error}")
     return [code, out.getvalue()[-20_000:], err.getvalue()[-20_000:]]

@@ -52,7 +52,11 @@ def test_mujoco_leaves_no_log_in_the_users_folder(tmp_path, gpsim):
     ids=["replicate", "in characters", "nested", "10 000 joints", "flex", "in another file"],
 )
 def test_more_elements_than_any_robot_has(tmp_path, gpsim, text):
-    written(tmp_path, f'<mujoco><worldbody><replicate count="20000">{GEOM}</replicate></worldbody></mujoco>', "part.xml")
+    written(
+        tmp_path,
+        f'<mujoco><worldbody><replicate count="20000">{GEOM}</replicate></worldbody></mujoco>',
+        "part.xml",
+    )
     said = gpsim("simulators", "show", written(tmp_path, text))
     assert said.code == 2
     assert "make more than 10000 elements; if it is sound, allow more: GPSIM_LIMITS=" in said.err
@@ -62,7 +66,9 @@ def test_what_a_user_grants_beside_the_limits(tmp_path, gpsim, monkeypatch):
     robot = written(tmp_path, world(f'<replicate count="11000" offset="1 0 0">{GEOM}</replicate>'))
     assert gpsim("simulators", "show", robot).code == 2
     robot = written(tmp_path, world("".join(MANY.format(i) for i in range(210))))
-    assert "211 degrees of freedom, the limit is 200; if it is sound" in gpsim("simulators", "show", robot).err
+    assert (
+        "211 degrees of freedom, the limit is 200; if it is sound" in gpsim("simulators", "show", robot).err
+    )
     monkeypatch.setenv("GPSIM_LIMITS", "2")
     assert gpsim("simulators", "show", robot).code == 0
     monkeypatch.setenv("GPSIM_LIMITS", "a lot")
@@ -117,9 +123,10 @@ def test_a_urdf_with_a_pipe_for_a_package(tmp_path, gpsim):
 def test_pictures_that_swell(tmp_path, gpsim):
     head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sIIBBBBB", 13, b"IHDR", 100_000, 100_000, 8, 6, 0, 0, 0)
     (tmp_path / "sky.png").write_bytes(head + bytes(40))
-    assert "its meshes and pictures take 40000000000 bytes" in gpsim(
-        "simulators", "show", written(tmp_path, texture("sky.png"))
-    ).err
+    assert (
+        "its meshes and pictures take 40000000000 bytes"
+        in gpsim("simulators", "show", written(tmp_path, texture("sky.png"))).err
+    )
 
 
 def test_files_that_attach_each_other_twice_over(tmp_path, gpsim):
@@ -127,7 +134,11 @@ def test_files_that_attach_each_other_twice_over(tmp_path, gpsim):
     for i in range(30):
         twice = '<attach model="m" body="b" prefix="p"/><attach model="m" body="b" prefix="q"/>'
         inner = f'<asset><model name="m" file="part{i + 1}.xml"/></asset>'
-        written(tmp_path, f'<mujoco>{inner}<worldbody><body name="b">{twice}</body></worldbody></mujoco>', f"part{i}.xml")
+        written(
+            tmp_path,
+            f'<mujoco>{inner}<worldbody><body name="b">{twice}</body></worldbody></mujoco>',
+            f"part{i}.xml",
+        )
     written(tmp_path, f'<mujoco><worldbody><body name="b">{GEOM}</body></worldbody></mujoco>', "part30.xml")
     said = gpsim("simulators", "show", str(tmp_path / "part0.xml"))
     assert said.code == 2
@@ -154,7 +165,10 @@ def test_xml_that_is_a_bomb_or_none(tmp_path, gpsim, text, said):
 def test_an_xml_larger_than_any_model(tmp_path, gpsim):
     with (tmp_path / "robot.xml").open("wb") as file:
         file.truncate(40 << 20)
-    assert "the XML of a model has at most 33554432 bytes" in gpsim("simulators", "show", tmp_path / "robot.xml").err
+    assert (
+        "the XML of a model has at most 33554432 bytes"
+        in gpsim("simulators", "show", tmp_path / "robot.xml").err
+    )
 
 
 def test_comments_as_people_write_them_are_read(tmp_path, gpsim):

@@ -17,7 +17,6 @@ from gpsim.recordings.readers.fields import Named, Path, Selection, parse_path, 
 BLOCK = 4096
 NAN = float("nan")
 NO_STAMP = -(2**63)
-LATEST_SECOND = 2**32  # whose nanoseconds an int64 holds
 Row = Sequence[Any]
 Rows = Callable[[Any], Sequence[Row]]
 
@@ -48,7 +47,7 @@ class Columns:
         width = len(self.names) + 2
         flat = np.fromiter(chain.from_iterable(self._rows), dtype=np.float64, count=len(self._rows) * width)
         *columns, seconds, nanoseconds = flat.reshape(-1, width).T
-        known = (np.abs(seconds) < LATEST_SECOND) & (np.abs(nanoseconds) < LATEST_SECOND)  # false of nan
+        known = np.isfinite(seconds)
         stamp = np.full(len(known), NO_STAMP, dtype=np.int64)
         stamp[known] = seconds[known].astype(np.int64) * 10**9 + nanoseconds[known].astype(np.int64)
         self._times[0].extend(self._receive)

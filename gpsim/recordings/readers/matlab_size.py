@@ -59,9 +59,9 @@ def check_matlab(path: Path, size: int) -> None:
 
 
 def _expanded(data: bytes, limit: int) -> bytes:
-    """At most one byte more than the limit."""
+    """The eight bytes that say what it is, and at most one byte more than the limit behind them."""
     try:
-        return zlib.decompressobj().decompress(data, limit + 1)
+        return zlib.decompressobj().decompress(data, 8 + limit + 1)
     except zlib.error as error:
         raise DamageError(f"a compressed variable is damaged: {error}") from error
 
