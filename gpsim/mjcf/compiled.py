@@ -32,11 +32,22 @@ def check_model(model: Any, where: str) -> None:
             raise UsageError(
                 f"{where}: it has {found} {what}, the limit is {allowed(limit)}; {more(found, limit)}"
             )
+    _check_text(model, where)
     for name in dir(model):
         if name.startswith(FINITE):
             _check_finite(getattr(model, name), name, where)
     _check_finite(model.opt.gravity, "gravity", where)
     _check_moves(model, where)
+
+
+def _check_text(model: Any, where: str) -> None:
+    """MuJoCo takes any bytes for a name, and Python cannot ask for one that is no text."""
+    try:
+        bytes(model.names).decode()
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"{where}: a name in it is no UTF-8 text; save the model's files as UTF-8"
+        ) from error
 
 
 def _check_finite(values: Any, name: str, where: str) -> None:

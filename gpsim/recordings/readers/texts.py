@@ -18,7 +18,7 @@ class Codes:
         """(codes (N,), NaN where empty; empty cells; cells that cannot be read: none)."""
         empty = column.isna().to_numpy(dtype=np.bool_)
         held = column[~empty].astype("category").cat  # a word is looked at once, however often it is there
-        order = held.codes.drop_duplicates().to_numpy()
+        order = held.codes.drop_duplicates().tolist()
         code = np.full(len(held.categories), np.nan)
         for at in order:
             word = str(held.categories[at]).strip()
