@@ -204,5 +204,5 @@ def _weight(path: Path) -> int:
         return 0  # MuJoCo says why
     if head.startswith(PNG) and len(head) == PIXELS.stop:
         width, height = struct.unpack(">II", head[PIXELS])
-        return max(size, 4 * width * height)
+        return max(size, 4 * int(width) * int(height))
     return size
