@@ -32,8 +32,8 @@ PNG, PIXELS = b"\x89PNG\r\n\x1a\n", slice(16, 24)
 class Census:
     """What has been met of a model so far: its files, and how much it makes.
 
-    known: of every XML file how many elements it makes by itself; models: the same of those that may be attached; open:
-    the files in the middle of which this is.
+    attached: how often the model that is being read attaches another; models: of every other one how many elements it
+    makes; open: the files in the middle of which this is. Reading a file again counts as reading another: `read`.
     """
 
     main: Path
@@ -43,8 +43,8 @@ class Census:
     made: int = 0
     numbers: int = 0
     read: int = 0
-    known: dict[Path, int] = field(default_factory=dict)
-    models: list[int] = field(default_factory=list)
+    attached: int = 0
+    models: dict[Path, int] = field(default_factory=dict)
     open: tuple[Path, ...] = ()
 
 
@@ -52,7 +52,7 @@ def files_of_model(path: Path) -> tuple[Path, ...]:
     """A model's file and all that it names, as far as it is there; raises UsageError for what is not to be opened."""
     main = path.resolve()
     census = Census(main)
-    _take(census, main, 1)
+    _take_model(census, main)
     heavy = 0
     for by, name in dict.fromkeys(census.named):
         for place in _places(census, by):
@@ -70,16 +70,27 @@ def files_of_model(path: Path) -> tuple[Path, ...]:
     return tuple(census.files)
 
 
-def _take(census: Census, path: Path, times: int) -> None:
-    """Count what a file with all that it includes makes, `times` over; a file is read once."""
-    if path in census.known or path in census.open:  # the latter MuJoCo refuses
-        census.made += times * census.known.get(path, 0)
+def _take_model(census: Census, path: Path) -> None:
+    """Count what a whole model makes, with what it attaches."""
+    if path in census.models:
         return
+    before, attached, census.attached = census.made, census.attached, 0
+    _take(census, path, 1)
+    # Which of the models an <attach> means, only MuJoCo knows; they may stand behind it.
+    census.made += census.attached * max(census.models.values(), default=0)
+    _check_made(census, str(path))
+    census.attached = attached
+    census.models[path] = census.made - before
+
+
+def _take(census: Census, path: Path, times: int) -> None:
+    """Count what a file with all that it includes makes, `times` over."""
+    if path in census.open:
+        return  # MuJoCo refuses it
     if len(census.open) > INCLUDED:
         raise UsageError(
             f"{path}: files that include each other are more than {INCLUDED} deep; put them in one"
         )
-    before = census.made
     census.files[path] = None
     census.open = (*census.open, path)
     multiples = [times]
@@ -95,20 +106,20 @@ def _take(census: Census, path: Path, times: int) -> None:
     except XmlError as fault:
         raise UsageError(f"{path}, line {fault.line}: does not compile: {fault.reason}") from fault
     census.open = census.open[:-1]
-    census.known[path] = (census.made - before) // multiples[0]
+
+
+def _check_made(census: Census, where: str) -> None:
+    limit = allowed(MODEL_ELEMENTS)
+    if census.made > limit:
+        raise UsageError(f"{where} and what is before it make more than {limit} elements; {more()}")
 
 
 def _count(census: Census, path: Path, element: Element, times: int) -> None:
-    if element.tag == "attach":  # which of them, only MuJoCo knows
-        times *= max(census.models, default=1)
     census.made += times
+    census.attached += times if element.tag == "attach" else 0
     census.numbers += times * _room(element)
     where = f"{path}, line {element.line}"
-    if census.made > allowed(MODEL_ELEMENTS):
-        limit = allowed(MODEL_ELEMENTS)
-        raise UsageError(
-            f"{where}: <{one_line(element.tag)}> and what is before it make more than {limit} elements; {more()}"
-        )
+    _check_made(census, f"{where}: <{one_line(element.tag)}>")
     if census.numbers > allowed(MODEL_NUMBERS):
         raise UsageError(
             f"{where}: <{one_line(element.tag)}> asks for room for {census.numbers:.3g} numbers, the limit is "
@@ -124,8 +135,7 @@ def _count(census: Census, path: Path, element: Element, times: int) -> None:
         elif element.tag == "include":
             _take(census, inner, times)
         else:
-            _take(census, inner, 1)
-            census.models.append(census.known.get(inner, 1))
+            _take_model(census, inner)
 
 
 def _model_file(census: Census, path: Path, name: str) -> Path | None:

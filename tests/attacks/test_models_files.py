@@ -129,16 +129,17 @@ def test_pictures_that_swell(tmp_path, gpsim):
     )
 
 
-def test_files_that_attach_each_other_twice_over(tmp_path, gpsim):
+@pytest.mark.parametrize("first", ["asset", "worldbody"])
+def test_files_that_attach_each_other_twice_over(tmp_path, gpsim, first):
     """2^30 copies of one geom, in 31 files."""
+    twice = '<attach model="m" body="b" prefix="p"/><attach model="m" body="b" prefix="q"/>'
     for i in range(30):
-        twice = '<attach model="m" body="b" prefix="p"/><attach model="m" body="b" prefix="q"/>'
-        inner = f'<asset><model name="m" file="part{i + 1}.xml"/></asset>'
-        written(
-            tmp_path,
-            f'<mujoco>{inner}<worldbody><body name="b">{twice}</body></worldbody></mujoco>',
-            f"part{i}.xml",
-        )
+        parts = [
+            f'<asset><model name="m" file="part{i + 1}.xml"/></asset>',
+            f'<worldbody><body name="b">{twice}</body></worldbody>',
+        ]
+        text = "".join(parts if first == "asset" else reversed(parts))
+        written(tmp_path, f"<mujoco>{text}</mujoco>", f"part{i}.xml")
     written(tmp_path, f'<mujoco><worldbody><body name="b">{GEOM}</body></worldbody></mujoco>', "part30.xml")
     said = gpsim("simulators", "show", str(tmp_path / "part0.xml"))
     assert said.code == 2
