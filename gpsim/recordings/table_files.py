@@ -24,6 +24,8 @@ def read_frame(path: Path, precision: Literal["round_trip"] | None = None) -> pd
     Episodes are called letter by letter what the table says: NA and 007 are names, too. precision: pandas'
     float_precision, for CSV.
     """
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path}: is no ordinary file; name a CSV or Parquet table")
     try:
         names = _parquet_names(path) if path.suffix == ".parquet" else _csv_names(path)
         check_columns(names, str(path))

@@ -39,6 +39,8 @@ def read_yaml(path: Path, where: str = "") -> Any:
 
     where: what the message calls the file, if not by its path.
     """
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{where or path}: is no ordinary file; name a YAML file")
     try:
         if path.stat().st_size > MOST_BYTES:
             raise UsageError(f"{where or path}: {path.stat().st_size} bytes; the limit is {MOST_BYTES}")

@@ -18,7 +18,7 @@ sys.path.append(
 
 CODES = (0, 2, 3)  # docs/reference/exit_codes.md, of a command that nobody interrupts
 LINES = 6  # of a refusal on stderr, its notes with it
-PATIENCE = 120  # s of one file, on a machine that is busy; behind it a command is taken to hang
+PATIENCE = 60  # s of one file, on a machine that is busy; behind it a command is taken to hang
 MEMORY = 6 << 30  # bytes of address space; of these the libraries take two
 CHILD = Path(__file__).with_name("child.py")
 
