@@ -119,6 +119,8 @@ def in_words(error: Exception) -> str:
 
 def file_digest(path: Path) -> str:
     """sha256 of a file, read in chunks; raises UsageError where it cannot be read."""
+    if path.exists() and not path.is_file():  # a pipe is waited for, a device read, for ever
+        raise UsageError(f"{path}: is no ordinary file; name the file itself")
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()

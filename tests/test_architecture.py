@@ -42,7 +42,7 @@ LEVELS = [
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"trust"},
-    {"files", "private"},
+    {"files", "limits", "private"},
     {"errors", "supervision"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}

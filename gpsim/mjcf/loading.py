@@ -14,21 +14,20 @@ from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from xml.etree import ElementTree
 
 from gpsim import supervision
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest, unreadable
+from gpsim.mjcf.compiled import check_model
 from gpsim.mjcf.faults import compile_fault, one_line
-from gpsim.mjcf.optional import mujoco
-from gpsim.mjcf.urdf import apart, completed, is_urdf, mesh_file
+from gpsim.mjcf.model_files import MODEL_FILES, files_of_model
+from gpsim.mjcf.optional import mujoco, quiet
+from gpsim.mjcf.urdf import apart, completed, is_urdf
 from gpsim.simulators import asked
 from gpsim.trust import GYM, check_file, check_module
 
 FILMS = "imageio"
 ENDLESS = 1000  # steps of an episode where an environment names none
-MODEL_FILES = (".xml", ".mjcf", ".urdf")
-DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,7 @@ def load(reference: str) -> Loaded:
 
 
 @lru_cache(maxsize=8)
+@quiet()
 def _loaded(reference: str, digest: str) -> Loaded:
     step: float | None = None
     notes: tuple[str, ...] = ()
@@ -83,6 +83,7 @@ def _loaded(reference: str, digest: str) -> Loaded:
     else:
         spec, notes = _opened(Path(reference))
         model = _compiled(spec, Path(reference))
+    check_model(model, reference)
     return Loaded(model, source_of(reference), step, notes)
 
 
@@ -106,39 +107,13 @@ def source_of(reference: str) -> Source:
 
 
 def _digests(path: Path) -> dict[str, str]:
-    """Of a model's file and all that it names, as far as they are there."""
-    found = dict.fromkeys(_named(path.resolve()))
+    """Of a model's file and all that it names, as far as they are there; raises UsageError, see `files_of_model`."""
     base = path.resolve().parent
-    return {_relative(p, base): file_digest(p) for p in sorted(found)}
+    return {_relative(p, base): file_digest(p) for p in sorted(files_of_model(path))}
 
 
 def _relative(path: Path, base: Path) -> str:
     return Path(os.path.relpath(path, base)).as_posix()
-
-
-def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
-    """A file, and every file that its `file` and `filename` attributes name."""
-    seen = set() if seen is None else seen
-    if path in seen:
-        return
-    seen.add(path)
-    yield path
-    if path.suffix.lower() not in MODEL_FILES:
-        return
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError):
-        return  # the compiler says why
-    places = [path.parent]
-    for compiler in root.iter("compiler"):
-        places += [path.parent / compiler.get(d, "") for d in DIRECTORIES if compiler.get(d)]
-    for element in root.iter():
-        name = element.get("file") or element.get("filename")
-        if not name:
-            continue
-        there = next((f for p in places if (f := mesh_file(name, p)) is not None), None)
-        if there is not None:
-            yield from _named(there, seen)
 
 
 def spec_of_file(path: Path) -> Any:

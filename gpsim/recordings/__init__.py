@@ -15,7 +15,7 @@ from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.mapping_changes import changes_of_words, merged
 from gpsim.recordings.mapping_files import TOP_KEYS, parse_mapping
-from gpsim.recordings.names import one_line
+from gpsim.recordings.names import check_channels, check_name, one_line
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
@@ -55,6 +55,8 @@ __all__ = [
     "bare_mapping",
     "changes_of_words",
     "check_bounded",
+    "check_channels",
+    "check_name",
     "evenly",
     "find_bad_rows",
     "find_logs",
