@@ -254,7 +254,7 @@ def test_an_error_cannot_command_the_terminal(monkeypatch, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code == 2
-    assert capsys.readouterr().err == "error: no channel 'a[2Jb'\n"
+    assert capsys.readouterr().err == "error: no channel 'a?[2J?b'\n"
 
 
 def test_bars_and_lines_show_markup_as_it_is(monkeypatch):
