@@ -18,6 +18,7 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.own import base_name, own_name, own_values, owner_of
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 
@@ -47,11 +48,15 @@ __all__ = [
     "Term",
     "Values",
     "VehicleEffect",
+    "base_name",
     "changed",
     "closed",
     "effect_of",
     "even",
     "from_json",
     "has_patch",
+    "own_name",
+    "own_values",
+    "owner_of",
     "to_json",
 ]
