@@ -11,6 +11,7 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import (
     Comparison,
+    by_recording,
     combinations,
     depends_on,
     intervals,
@@ -22,6 +23,7 @@ from gpsim.diagnosis.assessment import (
 from gpsim.diagnosis.attribution import Attribution, fits_without
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, gain
 from gpsim.diagnosis.judgement import Judgement, Laws, odds_against
+from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
     Curve,
@@ -35,7 +37,7 @@ from gpsim.diagnosis.report import (
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import EffectParameter, ParameterEffect, Term
+from gpsim.effects import EffectParameter, ParameterEffect, Term, owner_of
 from gpsim.residuals import held_out_names
 
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
@@ -57,10 +59,12 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     problem = question.everything
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
+    names = [source.name for source in question.recording.sources]
+    effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0]), answer)
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
-        effects=_weighed(_effects(question, answer, leader, judgement.probabilities[0]), answer),
+        effects=effects,
         alternatives=tuple(
             Alternative(_effects(question, answer, rival, p), p)
             for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
@@ -77,9 +81,10 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         explained=replace(attribution.explained, one_step=comparison.shares),
         curves=answer.laws.curves,
         not_asked=not_asked(question),
-        combinations=combinations(problem, leader, judgement.rivals),
+        combinations=by_name(combinations(problem, leader, judgement.rivals), names),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
         facts=question.facts,
+        recordings=by_recording(question, judgement, attribution, effects),
     ).settled()
 
 
@@ -151,9 +156,11 @@ def _effects(
     for index, (term, declared) in enumerate(
         zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
     ):
-        parameters = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
+        estimates = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
         at += len(declared)
+        parameters, own = parted(estimates, [source.name for source in question.recording.sources])
         parameters |= _in_other_words(question, found, term, parameters)
+        alone = bool(own) and not any(owner_of(name) is None for name in estimates)
         without = lesser[index]
         out.append(
             NamedEffect(
@@ -168,6 +175,8 @@ def _effects(
                 odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
                 evidence_gain=gain(problem, found, without),
                 explains=_share(judgement.noise, found, without, problem.observed),
+                recordings=tuple(own) if alone else None,
+                own=own or None,
             )
         )
     return tuple(out)

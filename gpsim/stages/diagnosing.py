@@ -58,7 +58,8 @@ def _check_names(simulator: Simulator) -> None:
 
 def title_of(recording: Recording) -> str:
     """What its page is called. Not the folder's name: the same recording elsewhere makes the same page."""
-    return f"{recording.system}, {recording.transition_count} transitions"
+    of = f" of {len(recording.sources)} recordings" if recording.sources else ""
+    return f"{recording.system}, {recording.transition_count} transitions{of}"
 
 
 def described(found: Outcome, diagnosis: Diagnosis, own: Channels) -> Json:

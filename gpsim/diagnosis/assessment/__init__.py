@@ -1,6 +1,7 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
 from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
+from gpsim.diagnosis.assessment.by_recording import by_recording
 from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
@@ -23,6 +24,7 @@ __all__ = [
     "Trace",
     "Traces",
     "alongside",
+    "by_recording",
     "combinations",
     "compare",
     "course",

@@ -36,6 +36,7 @@ from gpsim.diagnosis.report.fit import (
     StepErrors,
 )
 from gpsim.diagnosis.report.not_asked import NotAsked
+from gpsim.diagnosis.report.recordings import EndErrors, FromOthers, OneRecording, OwnValues
 from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
 
 __all__ = [
@@ -48,10 +49,12 @@ __all__ = [
     "Curve",
     "Diagnosis",
     "Discrimination",
+    "EndErrors",
     "Estimate",
     "Excitation",
     "Explained",
     "Form",
+    "FromOthers",
     "HeldOutFit",
     "JudgedOn",
     "Kind",
@@ -63,7 +66,9 @@ __all__ = [
     "NoGp",
     "NotAsked",
     "Odds",
+    "OneRecording",
     "OverBefore",
+    "OwnValues",
     "RankedHypothesis",
     "Ratio",
     "Remainder",

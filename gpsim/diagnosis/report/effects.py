@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+from gpsim.diagnosis.report.codec import OMITTED
 
 Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
@@ -58,7 +60,9 @@ class NamedEffect:
     nats; explains: the share of the residual beyond noise that goes with it; importance: its part of what the account
     explains (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew;
     role: headline, or a slight correction that is no claim; form: whether its law holds against a free curve of its own
-    inputs; sentence: what a person would say.
+    inputs; sentence: what a person would say. Of several recordings: recordings: the only ones in which it acts; own:
+    recording -> parameters that differ there from `parameters`, which all others share. Where none shares them,
+    `parameters` are those of the first recording in which it acts.
     """
 
     family: str
@@ -77,6 +81,8 @@ class NamedEffect:
     role: Role = "headline"
     form: Form = "untested"
     sentence: str = ""
+    recordings: tuple[str, ...] | None = field(default=None, metadata=OMITTED)
+    own: Mapping[str, Mapping[str, Estimate]] | None = field(default=None, metadata=OMITTED)
 
     @property
     def place(self) -> str:
