@@ -50,6 +50,12 @@ OFF = "{on} is {offset} off what the simulator believes"
 
 def effect_sentence(effect: NamedEffect) -> str:
     """What a person would say of an effect; where its family has no sentence of its own, its name and its numbers."""
+    where = "" if effect.recordings is None else f" in {', '.join(effect.recordings)}"
+    return f"{_said(effect)}{where}"
+
+
+def _said(effect: NamedEffect) -> str:
+    """The same, wherever it acts."""
     numbers = {name: estimate_text(estimate) for name, estimate in effect.parameters.items()}
     sentence = SENTENCES.get(effect.family, "")
     if effect.family == "parameter_offset" and "offset" in numbers:

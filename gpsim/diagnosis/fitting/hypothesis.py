@@ -171,6 +171,13 @@ class Hypothesis:
         values = {p.name: float(value) for p, value in zip(shared, start, strict=True)}
         return self._changed(index, {**term.values, **values}, (*shared, *declared))
 
+    def without_shared(self, index: int) -> Hypothesis:
+        """One term that does nothing but in the recordings that have values of their own."""
+        term, declared = self.terms[index], self.declared[index]
+        nothing = {p.name: p.none for p in declared if owner_of(p.name) is None}
+        own = tuple(p for p in declared if owner_of(p.name) is not None)
+        return self._changed(index, {**term.values, **nothing}, own)
+
     def without_own(self, index: int, recording: int) -> Hypothesis:
         """One term with the values there that it has in other recordings."""
         term, declared = self.terms[index], self.declared[index]

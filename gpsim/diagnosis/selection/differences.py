@@ -168,44 +168,33 @@ def _of_one_recording(directions: Directions, offers: Sequence[Candidate], count
 
 
 def _as_own(problem: Problem, leader: Fit, count: int) -> Fit:
-    """The leader, in which what acts since the last recording's first episode is that recording's own."""
-    hypothesis, last = leader.hypothesis, count - 1
-    for index, term in enumerate(hypothesis.terms):
-        since = term.gate.since_episode
-        if since is None or term.gate != Gate(since_episode=since) or term.owners:
-            continue
-        declared = hypothesis.declared[index]
-        if any(p.falls for p in declared) or not _begins_with(problem, since, last):
-            continue
-        own = hypothesis.with_own(index, last)
-        values = {**own.terms[index].values, **{base_name(p.name): p.none for p in declared}}
-        held = tuple(p for p in own.declared[index] if owner_of(p.name) == last)
-        terms, groups = list(own.terms), list(own.declared)
-        terms[index], groups[index] = replace(term, gate=Gate(), values=values), held
-        hypothesis = replace(own, terms=tuple(terms), declared=tuple(groups))
-    if hypothesis is leader.hypothesis:
-        return leader
+    """The leader, in which what acts since the last recording, or about since then, is that recording's own."""
     steps = problem.run.settings.schedules
-    return fit_order(problem, Order(hypothesis, leader.starts, steps.glance, steps.close, near=True))
+    for index, term in enumerate(leader.hypothesis.terms):
+        since = term.gate.since_episode
+        if since is None or term.gate != Gate(since_episode=since) or not _may_do_nothing(leader, index):
+            continue
+        acts = problem.windows.episode >= since
+        whole = [k for k in range(count) if acts[problem.windows.source == k].all()]
+        if whole != [count - 1]:
+            continue
+        own = leader.hypothesis.gated(index, Gate()).with_own(index, count - 1).without_shared(index)
+        order = Order(own, leader.starts, steps.refit, steps.close, near=True)
+        leader = likeliest(problem, [leader, fit_order(problem, order)])
+    return leader
 
 
-def _begins_with(problem: Problem, since: int, recording: int) -> bool:
-    """Whether all windows of a recording, and none of any other, are of that episode or a later one."""
-    windows = problem.windows
-    return bool(((windows.episode >= since) == (windows.source == recording)).all())
+def _may_do_nothing(leader: Fit, index: int) -> bool:
+    """Whether all recordings share a term's values, and there are some at which it does nothing."""
+    term, declared = leader.hypothesis.terms[index], leader.hypothesis.declared[index]
+    return not term.owners and not any(p.falls for p in declared)
 
 
 def _alike_again(problem: Problem, leader: Fit) -> Fit:
     """The leader without values of a recording's own that no longer pay: another one has taken their place."""
     steps = problem.run.settings.schedules
     while True:
-        parts = [
-            _less(leader.hypothesis, index, recording)
-            for index, term in enumerate(leader.hypothesis.terms)
-            for recording in term.owners
-        ]
-        if len(parts) < 2:
-            return leader
+        parts = [part for i in range(len(leader.hypothesis.terms)) for part in _less(leader.hypothesis, i)]
         fits = fit_all(problem, [Order(part, leader.starts, steps.refit, steps.close) for part in parts])
         spare = [f for f in fits if not pays(problem, leader, f)]
         if not spare:
@@ -213,10 +202,14 @@ def _alike_again(problem: Problem, leader: Fit) -> Fit:
         leader = min(spare, key=lambda f: f.objective)
 
 
-def _less(hypothesis: Hypothesis, index: int, recording: int) -> Hypothesis:
-    """Without a recording's own values of a term; without the term where nobody has any then."""
-    part = hypothesis.without_own(index, recording)
-    return part if part.declared[index] else hypothesis.without(index)
+def _less(hypothesis: Hypothesis, index: int) -> list[Hypothesis]:
+    """One term with less that is a recording's own, or nothing but that; without the term where nothing is left."""
+    declared = hypothesis.declared[index]
+    parts = [hypothesis.without_own(index, recording) for recording in hypothesis.terms[index].owners]
+    shared = [p for p in declared if owner_of(p.name) is None]
+    if shared and parts and not any(p.falls for p in shared):
+        parts.append(hypothesis.without_shared(index))
+    return [part if part.declared[index] else hypothesis.without(index) for part in parts]
 
 
 def _exchanged(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
