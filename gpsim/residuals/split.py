@@ -48,6 +48,17 @@ def _of_each(recording: Recording) -> IntArray:
     return out
 
 
+def check_each_holds_out(recording: Recording) -> None:
+    """Of several recordings each must hold something out if it says so itself; raises UsageError."""
+    for source, part in zip(recording.sources, apart(recording), strict=False):
+        said = part.held_out is not None and part.held_out.share != 0.0
+        if said and all(k >= len(e.t) for k, e in zip(first_held_out(part), part.episodes, strict=True)):
+            raise UsageError(
+                f"{source.name}: nothing is held out: its held_out begins after its end; correct it in recording.yaml, "
+                "or take it out to hold out the last fifth"
+            )
+
+
 def holding_out(recording: Recording, share: float) -> Recording:
     """The recording with the last `share` of it held out; itself where it says something of its own, or the same."""
     if recording.held_out is not None or share == SHARE:

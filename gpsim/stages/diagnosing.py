@@ -15,7 +15,7 @@ from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.gp import Predictor
 from gpsim.recordings import Recording
-from gpsim.residuals import check_rates
+from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
 from gpsim.stages.stage import Progress, generator, silent
 from gpsim.stages.users_code import blamed
@@ -41,6 +41,7 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
         parameters = simulator.defaults(recording.parameters)
         sight = look(recording, simulator)
         _check_names(simulator)
+        check_each_holds_out(recording)
         check_rates(sight.completed(recording), sight.simulator, parameters)
         rng = generator(question.seed, "diagnose")
         with cores(question.cores) as workers:

@@ -192,7 +192,7 @@ def test_a_hypothesis_gives_takes_and_shares_own_values():
     own = shared.with_own(0, 1).having(np.array([1.0, 3.0]))
     assert own.theta.tolist() == [1.0, 3.0]
     assert own.without_own(0, 1) == shared
-    assert own.names == ("coulomb_friction on q (own in 1)",)
+    assert own.names == ("coulomb_friction on q (own in recording 2)",)
     assert own.in_recording(1).theta.tolist() == [3.0]
     assert own.in_recording(0) == shared
     nothing = own.having(np.array([0.0, 3.0]))
@@ -229,3 +229,9 @@ def test_compiled_code_knows_whose_value_it_is(days):
             rows = problem.windows.source == k
             assert rows.any()
             assert np.array_equal(whole_of_it[rows], left(hypothesis, compiled)[rows])
+
+
+def test_a_recording_that_says_it_holds_out_something_must(days):
+    late = replace(days["friday"], held_out=HeldOut(time_from=1e6))
+    with pytest.raises(UsageError, match="friday: nothing is held out"):
+        gpsim.diagnose({"monday": days["monday"], "friday": late}, families=FEW)

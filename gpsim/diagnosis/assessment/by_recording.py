@@ -68,9 +68,9 @@ def _explained(question: Question, attribution: Attribution, place: int) -> Shar
     judge = attribution.judge
     if isinstance(judge, RolloutJudge):
         of = np.zeros(judge.places.blocks, np.int64)
-        of[judge.places.block] = _sources(judge.windows)
+        of[judge.places.block] = judge.windows.sources
     else:
-        of = _sources(question.everything.windows)
+        of = question.everything.windows.sources
     rows = np.flatnonzero(of == place)
     if not len(rows):
         return None
@@ -80,16 +80,12 @@ def _explained(question: Question, attribution: Attribution, place: int) -> Shar
     return part.share(part.overall(attribution.squares[rows])) if part.counts.any() else None
 
 
-def _sources(windows: Windows) -> IntArray:
-    return np.zeros(len(windows), np.int64) if windows.source is None else windows.source
-
-
 def _ends(question: Question, account: Hypothesis, completions: Completions) -> list[dict[str, EndErrors]]:
     """Of every recording, errors by measured channel at the end of its held-out rollouts."""
     models = {"before": _base(question), "after": account if account.terms else _base(question)}
     windows = {kind: whole_windows(question, completions.by(model)) for kind, model in models.items()}
     return [
-        _errors(question, models, {kind: w.take(_sources(w) == place) for kind, w in windows.items()})
+        _errors(question, models, {kind: w.take(w.sources == place) for kind, w in windows.items()})
         for place in range(len(question.recording.sources))
     ]
 
@@ -119,7 +115,7 @@ def _from_others(
 ) -> FromOthers | None:
     """The account's laws with the values that all other recordings say, on all of one."""
     leader, count = judgement.leader, len(question.recording.sources)
-    others = np.flatnonzero(_sources(question.everything.windows) != place)
+    others = np.flatnonzero(question.everything.windows.sources != place)
     judge = attribution.judge
     if count < FEWEST or not leader.hypothesis.terms or not isinstance(judge, RolloutJudge):
         return None

@@ -54,6 +54,11 @@ class Windows:
         return int(self.actions.shape[1])
 
     @property
+    def sources(self) -> IntArray:
+        """(W,) from which of several recordings each is; all of the first where nobody says so."""
+        return np.zeros(len(self), dtype=np.int64) if self.source is None else self.source
+
+    @property
     def rested(self) -> BoolArray:
         """(W,) whether the window begins its episode, before which the system stood still."""
         return self.fresh if self.lost is None else self.fresh & ~self.lost

@@ -238,8 +238,8 @@ def _behind(gate: Gate) -> str:
 
 
 def _of_its_own(term: Term) -> str:
-    """In which recordings, counted from 0, its values are their own."""
-    return f" (own in {', '.join(map(str, term.owners))})" if term.owners else ""
+    """In which recordings, the first is 1, its values are their own."""
+    return f" (own in recording {', '.join(str(k + 1) for k in term.owners)})" if term.owners else ""
 
 
 def _same(one: tuple[float, float], other: tuple[float, float], tolerance: float) -> bool:

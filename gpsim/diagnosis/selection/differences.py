@@ -175,7 +175,8 @@ def _as_own(problem: Problem, leader: Fit, count: int) -> Fit:
         if since is None or term.gate != Gate(since_episode=since) or not _may_do_nothing(leader, index):
             continue
         acts = problem.windows.episode >= since
-        whole = [k for k in range(count) if acts[problem.windows.source == k].all()]
+        own_rows = [problem.windows.sources == k for k in range(count)]
+        whole = [k for k, rows in enumerate(own_rows) if rows.any() and acts[rows].all()]
         if whole != [count - 1]:
             continue
         own = leader.hypothesis.gated(index, Gate()).with_own(index, count - 1).without_shared(index)
@@ -245,11 +246,12 @@ def _instead(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     asked = [c for c in _asked(offers, hypothesis) if c.identity != term.identity]
     found = screened(directions, asked, owner=owner)[: problem.run.settings.substitution.fitted]
     rest = hypothesis.without(index)
+    same = [c for c in offers if (c.identity, c.variant) == (term.identity, term.variant)]
     return [child_of(rest, c, start, owner) for _, c, start in found] + [
         _law_of_all(hypothesis, index, other, start)
         for other, beside in enumerate(hypothesis.terms)
         if other != index and beside.on == term.on and not beside.owners
-        for start in next((starts_of(c) for c in offers if c.identity == term.identity), [])
+        for start in (starts_of(same[0]) if same else ())
     ]
 
 
