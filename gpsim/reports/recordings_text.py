@@ -83,9 +83,18 @@ def _change(effect: NamedEffect, names: Sequence[str]) -> str:
     first, last = (value_in(effect, parameter, name) for name in names)
     if first is None or last is None or not (first.value > 0.0 and last.value > 0.0):
         return ""
+    if not _apart(first, last):  # by how much, nobody knows
+        return ""
     ratio = last.value / first.value
     verb = "grew" if ratio > 1.0 else "fell"
     return f"{verb} by {in_percent(abs(ratio - 1.0))} % from {shortened(names[0])} to {shortened(names[1])}"
+
+
+def _apart(one: Estimate, other: Estimate) -> bool:
+    """Whether two 90 % intervals do not overlap; what was not measured lies nowhere."""
+    ends = [(e.low, e.high) for e in (one, other) if not e.at_bound]
+    known = [(low, high) for low, high in ends if low is not None and high is not None]
+    return len(known) == 2 and (known[0][1] < known[1][0] or known[1][1] < known[0][0])
 
 
 def _each(recordings: Sequence[OneRecording]) -> Iterator[str]:

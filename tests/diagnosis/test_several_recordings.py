@@ -21,7 +21,7 @@ from gpsim.recordings import HeldOut, apart, joined
 from gpsim.reports.account import account_of
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.diagnosis_page import page
-from gpsim.reports.recordings_text import recordings_sheet
+from gpsim.reports.recordings_text import differences, recordings_sheet
 from gpsim.residuals import first_held_out, held_out_names
 from gpsim.simulators import make_simulator
 
@@ -132,6 +132,14 @@ def test_alike_recordings_share_all(days):
     assert found.effects[0].own is None
     assert [one.name for one in found.result.recordings] == ["1", "2"]
     assert account_of(found.result).differs[0].startswith("nothing that was looked for")
+
+
+def test_by_how_much_it_grew_is_told_where_that_is_known(found):
+    friction = next(e for e in found.effects if e.family == "coulomb_friction")
+    vague = replace(friction.own["friday"]["force"], low=0.1, high=9.0)
+    unsure = replace(friction, own={"friday": {"force": vague}})
+    (line, *_) = differences(replace(found.result, effects=(unsure,)))
+    assert line.startswith("Coulomb friction on q differs: 1.0")
 
 
 def test_one_recording_has_no_columns(days):
