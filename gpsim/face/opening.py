@@ -22,12 +22,12 @@ def opened(given: Recordings, model: Simulator | None, trust: bool = False) -> t
 
     trust: whether code that only a recording names may run.
     """
-    if isinstance(given, Mapping):
+    if isinstance(given, Mapping) and any(isinstance(one, Recording | str | Path) for one in given.values()):
         named = {str(name): one for name, one in given.items()}
     elif isinstance(given, Sequence) and not isinstance(given, str):
         named = dict(zip(_names_of(given), given, strict=True))
     else:
-        named = {"": given}
+        named = {"": given}  # type: ignore[dict-item]  # `taken_of` says what it is instead
     if not named:
         raise UsageError("diagnose: expected a recording, or several, got none")
     found = []
