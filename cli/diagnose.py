@@ -143,8 +143,8 @@ def diagnose_command(
         answer({"recording": recording})
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
     if len(recordings) > 1:
-        named = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
-        task = Task.of(named, simulator, config["diagnose"]["episodes"])
+        together = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
+        task = Task.of(together, simulator, config["diagnose"]["episodes"])
     stage = stage_for(task) if task else diagnose_loop.STAGE
     if dry_run:
         show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))
