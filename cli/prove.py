@@ -35,6 +35,14 @@ Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")
 Rough = Annotated[
     int, typer.Option("--rough", min=0, help="How many rough worlds besides: nuisances, logs as they are.")
 ]
+Machines = Annotated[
+    int,
+    typer.Option(
+        "--machines",
+        min=0,
+        help="How many whole machines besides: axes, rigs, servos, cars, arms.",
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
@@ -68,6 +76,7 @@ def prove_command(
     stratum: Strata = None,
     long: Long = True,
     rough: Rough = 0,
+    machines: Machines = 0,
     system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -78,7 +87,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, system)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, system)
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -108,6 +117,7 @@ def conceal_command(
     stratum: Strata = None,
     long: Long = True,
     rough: Rough = 0,
+    machines: Machines = 0,
     system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
@@ -117,14 +127,15 @@ def conceal_command(
         raise UsageError(
             f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
         )
-    if system and (rough or not long):
+    if system and (rough or machines or not long):
         raise UsageError(
-            "--system mjcf: its worlds are neither rough nor long; leave --rough and --no-long out"
+            "--system mjcf: its worlds are neither rough nor long nor machines; "
+            "leave --rough, --machines and --no-long out"
         )
     if system:
         numbers = prove.robots_numbers(trials, stratum or ())
     else:
-        numbers = prove.numbers_of(trials, stratum or (), long, rough)
+        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines)
     launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, launcher, progress)
@@ -162,6 +173,11 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
     if "rough" in content:
         misses, worlds = len(content["rough"]["misses"]), content["rough"]["n"]
         say(f"{misses} of {worlds} rough worlds not right in all, listed in the page")
+    if "machines" in content:
+        say(
+            f"{len(content['machines']['misses'])} of {content['machines']['n']} machines not right in all, "
+            "listed in the page"
+        )
     if "mjcf" in content:
         say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):
@@ -183,7 +199,7 @@ def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proo
         effects = "; ".join(
             f"{e['family']} on {e['on']} {_numbers(e)} ({_how_strong(e)})" for e in one["effects"]
         )
-        rough = one.get("rough")
+        rough = one.get("rough", one.get("machine"))
         share = f"; explained {rough['explained']:.3f}; {', '.join(rough['defects'])}" if rough else ""
         say(
             f"{one['trial']:04d} {one['stratum']:<7} {world['system']:<9} {world['noise_level']:<6} "

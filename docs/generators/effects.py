@@ -1,11 +1,14 @@
 """docs/reference/effects.md: the catalogue, from the registry and what the files of the families say of themselves."""
 
 import inspect
+import math
 import re
 import sys
 from types import ModuleType
 
-from gpsim.effects.effect import Effect, Place
+from gpsim.diagnosis.settings import EvidenceSettings
+from gpsim.effects.effect import Effect
+from gpsim.effects.place import Place, Plausible
 from gpsim.effects.registry import FAMILIES
 
 from . import MADE
@@ -51,13 +54,54 @@ of your own: [bring an effect](../how-to/effect.md). Which of them a recording m
 [limits](../method/limits.md#what-looks-alike)."""
 
 
+OF = {
+    "1": "",
+    "size": "of the usual size there",
+    "size / speed": "of usual force over usual speed",
+    "size / speed^2": "of usual force over usual speed squared",
+    "size / reach": "of usual force over reach",
+    "1 / reach": "over the recording's length",
+    "step": "steps of the recording",
+}
+"""In what a usual range is counted."""
+USUAL = f"""\
+## Sizes that machines have
+
+Within these ranges every size is as good as any other. A size beyond its range costs an explanation
+{EvidenceSettings().doubled:g} nats a factor of two outside of it, four times that a factor of four, as the tail of a
+log-normal distribution does, and {EvidenceSettings().most_unusual:g} nats at the most: such a size is possible where
+nothing plausible does as well, and [diagnosis.json](files.md#diagnosisjson) says of that effect that it is
+`implausible`. What begins at 0 counts from the value that does nothing, in either direction; of what begins above 0
+the ratio counts. Families that are not here have no such range. *By reason*: nobody has measured it.
+
+| family | parameter | usual | source |
+|---|---|---|---|"""
+
+
 def effects_page() -> str:
-    """The table of families, and where each law is from."""
+    """The table of families, the sizes of their parameters, and where each law is from."""
     rows = [_row(family, effect) for family, effect in FAMILIES.items()]
     heads, *lines = [f"| {' | '.join(cells)} |" for cells in (COLUMNS, *rows)]
     table = "\n".join([heads, "|---" * len(COLUMNS) + "|", *lines])
     sources = "\n".join(f"- `{family}`: {_source(effect)}" for family, effect in FAMILIES.items())
-    return "\n\n".join([HEAD, table, TAIL, "## Where the laws are from", sources]) + "\n"
+    sizes = [
+        f"| `{family}` | `{name}` | {_range(family, name, usual)} | {usual.source} |"
+        for family, effect in FAMILIES.items()
+        for name, usual in effect.plausible.items()
+    ]
+    usual = "\n".join([USUAL, *sizes])
+    return "\n\n".join([HEAD, table, TAIL, usual, "## Where the laws are from", sources]) + "\n"
+
+
+def _range(family: str, name: str, usual: Plausible) -> str:
+    """`0 to 5 s^2/m^2`, or in parts of what is usual where it acts, then what its end is at the least."""
+    effect = FAMILIES[family]
+    unit = next(p.unit for v in effect.variants for p in effect.parameters(PLACE, v) if p.name == name)
+    unit = "" if unit == "1" else f" {unit}"
+    high = f"from {usual.low:g}" if math.isinf(usual.high) else f"{usual.low:g} to {usual.high:g}"
+    counted = f"{high} {OF[usual.of]}" if OF[usual.of] else f"{high}{unit}"
+    least = unit.replace("U", "kg m^2") if family == "armature" else unit
+    return f"{counted}, to {usual.least:g}{least} at least" if usual.least else counted
 
 
 def _row(family: str, effect: Effect) -> list[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,24 +10,24 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.assessment import (
     Comparison,
+    Sizes,
+    acts_in,
     by_recording,
     combinations,
     depends_on,
-    intervals,
+    estimates,
     locate,
-    model_error,
     tell_apart,
-    with_model_error,
 )
 from gpsim.diagnosis.attribution import Attribution, fits_without
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, gain
-from gpsim.diagnosis.judgement import Judgement, Laws, odds_against
+from gpsim.diagnosis.fitting import Fit, Problem, gain
+from gpsim.diagnosis.judgement import Judgement, Laws, likeliest, odds_against
 from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
     Curve,
     Diagnosis,
-    Estimate,
+    Doubt,
     HeldOutFit,
     MissingLaw,
     NamedEffect,
@@ -37,21 +36,24 @@ from gpsim.diagnosis.report import (
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import EffectParameter, ParameterEffect, Term, owner_of
+from gpsim.effects import owner_of
 from gpsim.residuals import held_out_names
-
-AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What may be said: the verdict, the judgement it is about, what that is worth, whether its laws hold."""
+    """What may be said: the verdict, the judgement it is about, what that is worth, whether its laws hold.
+
+    sizes: of the leader's effects; doubts: what keeps them from being named.
+    """
 
     verdict: Verdict
     judgement: Judgement
     attribution: Attribution
     comparison: Comparison
     laws: Laws
+    sizes: Sizes
+    doubts: tuple[Doubt, ...]
 
 
 def account(question: Question, answer: Answer) -> Diagnosis:
@@ -59,20 +61,20 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     problem = question.everything
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
+    remainder = _remainder(problem, answer)
     names = [source.name for source in question.recording.sources]
-    effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0]), answer)
+    effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer)
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
+        doubts=answer.doubts,
+        leads="likeliest" if likeliest(judgement.probabilities) else "simplest",
         effects=effects,
-        alternatives=tuple(
-            Alternative(_effects(question, answer, rival, p), p)
-            for rival, p in zip(judgement.rivals, judgement.probabilities[1:], strict=True)
-        ),
+        alternatives=tuple(_rival(question, answer, i) for i in range(len(judgement.rivals))),
         tell_apart=None,
         discrimination=tell_apart(problem, judgement) if rivalled else None,
-        fit=HeldOutFit(tuple(held_out_names(question.recording)), comparison.one_step, comparison.rollout),
-        remainder=_remainder(problem, answer),
+        fit=_fit(question, comparison, remainder.depends_on),
+        remainder=remainder,
         integration=leader.hypothesis.scheme,
         tuned=comparison.tuned,
         dt=question.recording.dt,
@@ -86,6 +88,22 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),
     ).settled()
+
+
+def _rival(question: Question, answer: Answer, index: int) -> Alternative:
+    judgement = answer.judgement
+    found, probability = judgement.rivals[index], judgement.probabilities[1 + index]
+    sizes = estimates(question, found, judgement.lack, 1.0 - answer.attribution.share.share)
+    return Alternative(_effects(question, answer, found, probability, sizes), probability)
+
+
+def _fit(question: Question, comparison: Comparison, remaining: tuple[str, ...]) -> HeldOutFit:
+    """Held-out errors. remaining: on what what is left depends, of which a Gaussian process makes its guess."""
+    box = comparison.black_box
+    if box is not None and not box.depends_on:
+        box = replace(box, depends_on=remaining)
+    held_out = tuple(held_out_names(question.recording))
+    return HeldOutFit(held_out, comparison.one_step, comparison.rollout, box)
 
 
 def _weighed(effects: Sequence[NamedEffect], answer: Answer) -> tuple[NamedEffect, ...]:
@@ -147,21 +165,16 @@ def _effects(
     answer: Answer,
     found: Fit,
     probability: float,
+    sizes: Sizes,
 ) -> tuple[NamedEffect, ...]:
     problem, judgement = question.everything, answer.judgement
     if not found.hypothesis.terms:
         return ()
-    bounds, lesser = _intervals(problem, answer, found), fits_without(problem, found, judgement.null)
-    out, at = [], 0
-    for index, (term, declared) in enumerate(
-        zip(found.hypothesis.terms, found.hypothesis.declared, strict=True)
-    ):
-        estimates = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
-        at += len(declared)
-        parameters, own = parted(estimates, [source.name for source in question.recording.sources])
-        parameters |= _in_other_words(question, found, term, parameters)
-        alone = bool(own) and not any(owner_of(name) is None for name in estimates)
-        without = lesser[index]
+    names = [source.name for source in question.recording.sources]
+    lesser, out = fits_without(problem, found, judgement.null), []
+    for term, known, without in zip(found.hypothesis.terms, sizes, lesser, strict=True):
+        parameters, own = parted(known, names)
+        alone = bool(own) and not any(owner_of(name) is None for name in known)
         out.append(
             NamedEffect(
                 family=term.family,
@@ -171,6 +184,7 @@ def _effects(
                 region=term.gate.region,
                 since=None if term.gate.since is None else term.gate.since + question.origin,
                 since_episode=question.episode_name(term.gate.since_episode),
+                acts_in=acts_in(problem, term) if term.gate else None,
                 probability=probability,
                 odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
                 evidence_gain=gain(problem, found, without),
@@ -182,67 +196,8 @@ def _effects(
     return tuple(out)
 
 
-def _intervals(problem: Problem, answer: Answer, found: Fit) -> FloatArray:
-    """(P, 2): what the data know of each parameter, less what physics without a name may have done to it."""
-    bounds, lack = intervals(problem, found), answer.judgement.lack
-    settings = problem.run.settings.intervals
-    if lack is None or not lack.significant:
-        return bounds
-    error = model_error(1.0 - answer.attribution.share.share, settings)
-    out, at = [], 0
-    for term, declared in zip(found.hypothesis.terms, found.hypothesis.declared, strict=True):
-        values = np.array([term.values[p.name] for p in declared])
-        own = bounds[at : at + len(declared)]
-        out.append(with_model_error(own, values, declared, error, settings.level))
-        at += len(declared)
-    return np.concatenate(out)
-
-
-def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> Estimate:
-    value, (low, high) = term.values[parameter.name], (float(edge) for edge in interval)
-    held = any(math.isclose(value, bound, rel_tol=AT_BOUND) for bound in (parameter.low, parameter.high))
-    return Estimate(value, low, high, parameter.unit, held)
-
-
 def _share(noise: FloatArray, found: Fit, without: Fit, observed: BoolArray) -> float:
     """The largest share of a channel's excess over noise that the term takes away."""
     excess = np.maximum(without.variance - noise**2, 1e-300)
     share = (without.variance - np.maximum(found.variance, noise**2)) / excess
     return float(np.clip(share[observed & (without.variance > 1.05 * noise**2)], 0.0, 1.0).max(initial=0.0))
-
-
-def _in_other_words(
-    question: Question, found: Fit, term: Term, parameters: Mapping[str, Estimate]
-) -> dict[str, Estimate]:
-    """Coefficient for force and force for coefficient, where the simulator knows the normal force."""
-    problem = question.everything
-    if "coefficient" not in term.effect.variants or len(parameters) != 1:
-        return {}
-    mean = _mean_load(problem, found.hypothesis, term.on)
-    if mean is None:
-        return {}
-    unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == term.on), "N")
-    ((name, given),) = parameters.items()
-    others = {"coefficient": ("force", mean, unit), "force": ("coefficient", 1.0 / mean, "1")}
-    if name not in others:
-        return {}
-    other, times, unit = others[name]
-    low, high = (None if edge is None else edge * times for edge in (given.low, given.high))
-    return {other: Estimate(given.value * times, low, high, unit, given.at_bound)}
-
-
-def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str) -> float | None:
-    """Mean normal force of a coordinate over the recording, by the parameters that the hypothesis corrects."""
-    windows, parameters = problem.windows, dict(problem.parameters)
-    for term in hypothesis.terms:
-        if isinstance(term.effect, ParameterEffect) and not term.gate:
-            believed = np.array([parameters[term.on]])
-            parameters[term.on] = float(term.effect.corrected(believed, _arrays(term.values))[0])
-    state, action = windows.measured[:, 0], windows.actions[:, 0]
-    rates = problem.simulator.rates(state, action, parameters)
-    load = problem.simulator.normal_force(state, rates, parameters).get(on)
-    return None if load is None else float(np.mean(load))
-
-
-def _arrays(values: Mapping[str, float]) -> dict[str, FloatArray]:
-    return {name: np.array([value]) for name, value in values.items()}

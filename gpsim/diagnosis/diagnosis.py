@@ -10,10 +10,20 @@ import numpy as np
 
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
-from gpsim.diagnosis.assessment import Comparison, compare, score
+from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
 from gpsim.diagnosis.attribution import Attribution, attribute, supported
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.diagnosis.judgement import Judgement, beats_the_base, judge, laws_of, verdict_of, withheld
+from gpsim.diagnosis.judgement import (
+    Judgement,
+    beats_the_base,
+    claimed,
+    doubts_of,
+    judge,
+    laws_of,
+    verdict_of,
+    withheld,
+    without_claims,
+)
 from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import (
@@ -143,16 +153,22 @@ def _answer(
     """What may be said: nothing of an account that is no better than the base on held-out data."""
     settings = question.run.settings
     partial = attribution.share.share < settings.verdict.nearly_all
-    comparison = compare(question, judgement, offers, rng, attribution.noise, partial)
+    laws = laws_of(question, judgement, attribution)
+    comparison = compare(question, judgement, offers, rng, attribution.noise, partial, laws.free)
     if judgement.leader.hypothesis.terms and not beats_the_base(
         attribution, comparison.one_step.values(), settings
     ):
         judgement = withheld(question, judgement)
         attribution = attribute(question, judgement.leader, judgement.null)
-        comparison = compare(question, judgement, offers, rng, attribution.noise, partial=True)
-    laws = laws_of(question, judgement, attribution)
-    verdict = verdict_of(judgement, attribution, laws.forms, settings)
-    return Answer(verdict, judgement, attribution, comparison, laws)
+        laws = laws_of(question, judgement, attribution)
+        comparison = compare(question, judgement, offers, rng, attribution.noise, True, laws.free)
+    sizes = estimates(question, judgement.leader, judgement.lack, 1.0 - attribution.share.share)
+    attribution = claimed(judgement, attribution, sizes)
+    doubts = doubts_of(judgement, attribution, laws.forms, sizes, comparison.black_box, settings)
+    verdict = verdict_of(judgement, attribution, doubts, settings)
+    if verdict == "unknown":
+        attribution, doubts = without_claims(attribution), ()
+    return Answer(verdict, judgement, attribution, comparison, laws, sizes, doubts)
 
 
 def _scheme(recording: Recording, simulator: Simulator) -> Scheme:

@@ -5,12 +5,10 @@ from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
     Effect,
-    EffectParameter,
     ForceEffect,
     FunctionOf,
     ModelEffect,
     ParameterEffect,
-    Place,
     RateEffect,
     SensorEffect,
     Values,
@@ -19,6 +17,8 @@ from gpsim.effects.effect import (
 )
 from gpsim.effects.elapsed import even
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
+from gpsim.effects.place import EffectParameter, Place, Plausible
+from gpsim.effects.plausible import declared, implausibility, times_beyond
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 
@@ -42,6 +42,7 @@ __all__ = [
     "Moment",
     "ParameterEffect",
     "Place",
+    "Plausible",
     "RateEffect",
     "Scheme",
     "SensorEffect",
@@ -51,12 +52,15 @@ __all__ = [
     "base_name",
     "changed",
     "closed",
+    "declared",
     "effect_of",
     "even",
     "from_json",
     "has_patch",
+    "implausibility",
     "own_name",
     "own_values",
     "owner_of",
+    "times_beyond",
     "to_json",
 ]

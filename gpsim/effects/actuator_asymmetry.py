@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -21,6 +22,9 @@ class ActuatorAsymmetry(ActuatorEffect):
     family: ClassVar[str] = "actuator_asymmetry"
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 50
+    plausible: ClassVar[Mapping[str, Plausible]] = dict.fromkeys(
+        ("gain_positive", "gain_negative"), Plausible(0.25, 4.0, "1", "as a gain")
+    )
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """gain_positive and gain_negative [1]."""

@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place
 from gpsim.simulators import Memory
 
 

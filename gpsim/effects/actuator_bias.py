@@ -5,12 +5,14 @@ Definition: a sum.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Needs, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Needs, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -21,6 +23,9 @@ class ActuatorBias(ActuatorEffect):
     function_of: ClassVar[FunctionOf] = "command"
     needs: ClassVar[Needs] = "nothing"
     order: ClassVar[int] = 70
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "bias": Plausible(0.0, 1.0, "size", "by reason: an offset is less than what is commanded"),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Bias [the action's]."""

@@ -6,13 +6,15 @@ delay): a delay of a part of a step makes two neighbouring commands act in one s
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
 from gpsim.effects.elapsed import even, last_at_most
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 FAR = 13.0  # steps: delays beyond are not reached from the shorter starts
@@ -25,6 +27,11 @@ class ActuatorDelay(ActuatorEffect):
     usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "delay": Plausible(
+            0.0, 6.0, "step", "networks and drivers 0.01 to 0.3 s (a Limo: 0.27 s)", least=0.5
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Delay [s]."""

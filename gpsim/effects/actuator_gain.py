@@ -5,12 +5,14 @@ Definition: a product.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Needs, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Needs, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -22,6 +24,14 @@ class ActuatorGain(ActuatorEffect):
     function_of: ClassVar[FunctionOf] = "command"
     needs: ClassVar[Needs] = "command"
     order: ClassVar[int] = 40
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "gain": Plausible(
+            0.25,
+            4.0,
+            "1",
+            "torque constants are within 10 % (data sheets), gears and units are mistaken by a factor of two or three",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Gain [1]."""

@@ -5,12 +5,14 @@ Ogata (2010), Modern Control Engineering, 5th ed., section 5-2 (first-order syst
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 FORGOTTEN = 17.0  # time constants
@@ -24,6 +26,15 @@ class ActuatorLag(ActuatorEffect):
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 95
     holds: ClassVar[bool] = False
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "time_constant": Plausible(
+            0.0,
+            10.0,
+            "step",
+            "electric drives 0.01 to 0.1 s, servos and cars up to 0.5 s (Rajamani 2012, chapter 5)",
+            least=1.0,
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """time_constant [s]."""

@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -22,6 +23,9 @@ class ActuatorSaturation(ActuatorEffect):
     usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 30
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "limit": Plausible(0.1, np.inf, "size", "by reason: nobody commands ten times of what a drive can"),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Limit [the action's]; from several starts, as a limit out of reach has no gradient."""

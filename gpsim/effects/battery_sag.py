@@ -7,12 +7,14 @@ the clock began.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import ActuatorEffect, EffectParameter, FunctionOf, Needs, Place, Values
+from gpsim.effects.effect import ActuatorEffect, FunctionOf, Needs, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -25,6 +27,11 @@ class BatterySag(ActuatorEffect):
     order: ClassVar[int] = 60
     holds: ClassVar[bool] = False
     drifts: ClassVar[bool] = True
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "loss_per_second": Plausible(
+            0.0, 1.0, "1 / reach", "by reason: a battery that is empty at the end of the recording"
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """loss_per_second [1/s]."""

@@ -12,16 +12,10 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.commands import Grid, blended, on_its_way
-from gpsim.effects.effect import (
-    ActuatorEffect,
-    ParameterEffect,
-    RateEffect,
-    Values,
-    VehicleEffect,
-    longest_delay,
-)
+from gpsim.effects.effect import ActuatorEffect, ParameterEffect, RateEffect, Values, VehicleEffect
 from gpsim.effects.forces import Forces, Instant
 from gpsim.effects.own import base_name
+from gpsim.effects.place import longest_delay
 from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
 from gpsim.simulators import Integrator, Memory, RateFunction, Simulator, part_of

@@ -5,10 +5,12 @@ Definition: m g sin(angle) of a tilt, for one.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class ConstantForce(ForceEffect):
@@ -17,6 +19,11 @@ class ConstantForce(ForceEffect):
     family: ClassVar[str] = "constant_force"
     usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "position"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(
+            0.0, 3.0, "size", "by reason: what pulls harder than the drive carries everything off"
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force [the coordinate's]."""

@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class CoulombFriction(ForceEffect):
@@ -22,6 +23,20 @@ class CoulombFriction(ForceEffect):
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Coulomb friction"
     variants: ClassVar[tuple[str, ...]] = ("", "coefficient")
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(
+            0.0,
+            3.0,
+            "size",
+            "what moves is driven by more than its friction (EMPS axis: 20 N; Janot, Gautier and Brunot 2019)",
+        ),
+        "coefficient": Plausible(
+            0.0,
+            1.5,
+            "1",
+            "dry metals 0.4 to 0.8, rubber about 1 (Popov 2010, Contact Mechanics and Friction)",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force [the coordinate's], or the dimensionless coefficient of the normal force."""

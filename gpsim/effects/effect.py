@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory, Simulator
 
 Site = Literal["actuator", "force", "parameter", "vehicle", "rate", "sensor"]
@@ -27,70 +27,6 @@ Values = Mapping[str, FloatArray]
 """Parameter values by name, (B,) each."""
 VEHICLE = ("v", "v_lateral", "w")
 POSE = ("x", "y", "yaw")
-
-
-@dataclass(frozen=True)
-class EffectParameter:
-    """One parameter of an effect at a place: unit, bounds, values to start a fit from, its typical size.
-
-    none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
-    law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
-    place: whether it says where the effect acts, and not how much it does.
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    starts: tuple[float, ...]
-    scale: float
-    none: float = 0.0
-    step: float | None = None
-    falls: bool = False
-    place: bool = False
-
-
-def longest_delay(dt: float) -> float:
-    """[s] at a recording's step [s]: 12 steps, on fast clocks up to 0.4 s (windows remember 80 steps)."""
-    return max(12 * dt, min(0.4, 60 * dt))
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where an effect may act: the name it acts on, and how large things typically are there.
-
-    unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
-    the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
-    positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
-    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
-    a difference from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction:
-    what the simulator itself has of a coordinate's, which may be less in truth.
-    """
-
-    on: str
-    unit: str
-    span: float = 1.0
-    middle: float = 0.0
-    reach: float = 1.0
-    speed: float = 1.0
-    dt: float = 0.02
-    loaded: bool = False
-    bounds: tuple[float, float] = (0.0, np.inf)
-    length: str = ""
-    additive: bool = False
-    centre: tuple[float, ...] = ()
-    damping: float = 0.0
-    friction: float = 0.0
-
-    @property
-    def longest_delay(self) -> float:
-        """What a delay may be at most [s]."""
-        return longest_delay(self.dt)
-
-    @property
-    def position_unit(self) -> str:
-        """The unit of a coordinate's position; where nobody said, what usually goes with the unit of its force."""
-        return self.length or ("m" if self.unit == "N" else "rad")
 
 
 class Effect(ABC):
@@ -113,6 +49,7 @@ class Effect(ABC):
     usual: ClassVar[int] = (
         0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
     )
+    plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 
     @abstractmethod

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from gpsim.effects.effect import EffectParameter, FunctionOf, ModelEffect, Place
+from gpsim.effects.effect import FunctionOf, ModelEffect
+from gpsim.effects.place import EffectParameter, Place
 
 STEEPEST = 1.5  # rad
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, SensorEffect, Values, changed
+from gpsim.effects.effect import FunctionOf, SensorEffect, Values, changed
+from gpsim.effects.place import EffectParameter, Place
 from gpsim.simulators import Memory, Simulator
 
 

@@ -6,10 +6,12 @@ section 2.3) makes the slip angle, not the sideways speed, proportional to the l
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
+from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class LateralSlip(VehicleEffect):
@@ -20,6 +22,11 @@ class LateralSlip(VehicleEffect):
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 40
     changes: ClassVar[str] = "v_lateral"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "slip": Plausible(
+            0.0, 1.0, "1", "m l_f / (L C) v at low slip: cars 0.01 to 0.1 s (Gillespie 1992, chapter 6)"
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Slip [s]."""

@@ -5,10 +5,12 @@ Coulomb (1785); the interval is the effect's region.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class LocalFrictionPatch(ForceEffect):
@@ -18,6 +20,9 @@ class LocalFrictionPatch(ForceEffect):
     function_of: ClassVar[FunctionOf] = "position"
     needs_region: ClassVar[bool] = True
     patch_of: ClassVar[str | None] = "coulomb_friction"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(0.0, 5.0, "size", "as Coulomb friction, where motion carries a body through"),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force [the coordinate's] inside the region."""

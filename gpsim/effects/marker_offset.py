@@ -6,12 +6,14 @@ motion).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, PoseEffect, Values, changed
+from gpsim.effects.effect import FunctionOf, PoseEffect, Values, changed
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -22,6 +24,9 @@ class MarkerOffset(PoseEffect):
     usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 20
+    plausible: ClassVar[Mapping[str, Plausible]] = dict.fromkeys(
+        ("forward", "left"), Plausible(0.0, 2.0, "1", "by reason: a marker sits on its vehicle")
+    )
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Forward and left [m]."""

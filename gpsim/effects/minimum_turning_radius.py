@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
+from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
+from gpsim.effects.place import EffectParameter, Place
 
 
 class MinimumTurningRadius(VehicleEffect):

@@ -5,12 +5,14 @@ Definition: a ratio; of what may be 0, as a place may, an `offset`: p = p_believ
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, ParameterEffect, Place, Values
+from gpsim.effects.effect import FunctionOf, ParameterEffect, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class ParameterOffset(ParameterEffect):
@@ -19,6 +21,14 @@ class ParameterOffset(ParameterEffect):
     family: ClassVar[str] = "parameter_offset"
     usual: ClassVar[int] = 7
     function_of: ClassVar[FunctionOf] = "nothing"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "ratio": Plausible(
+            0.25,
+            4.0,
+            "1",
+            "masses are off by tens of per cent (Armstrong, Khatib and Burdick 1986), an uncounted drive doubles them",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Ratio [1]; of what may be 0, as a place may, the offset [its own]."""

@@ -5,9 +5,11 @@ Steiner's theorem (1840) gives mass, centre of mass and moments of inertia of bo
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
-from gpsim.effects.effect import EffectParameter, FunctionOf, ModelEffect, Place
+from gpsim.effects.effect import FunctionOf, ModelEffect
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Payload(ModelEffect):
@@ -15,6 +17,14 @@ class Payload(ModelEffect):
 
     family: ClassVar[str] = "payload"
     function_of: ClassVar[FunctionOf] = "nothing"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "mass": Plausible(
+            0.0,
+            5.0,
+            "size",
+            "what arms lift by their data sheets: up to five times of what their last body weighs",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Mass [kg], and where it sits in the body's frame: x, y, z [m]."""

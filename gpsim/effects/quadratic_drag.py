@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class QuadraticDrag(ForceEffect):
@@ -15,6 +17,14 @@ class QuadraticDrag(ForceEffect):
 
     family: ClassVar[str] = "quadratic_drag"
     function_of: ClassVar[FunctionOf] = "speed"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "drag": Plausible(
+            0.0,
+            3.0,
+            "size / speed^2",
+            "drag beyond the driving force would stop what it brakes (Batchelor 1967, section 5.11)",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Drag [force per squared speed]."""

@@ -7,12 +7,14 @@ Definition: a shift; between samples, Lagrange's interpolation (Laakso, Valimaki
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, SensorEffect, Values, changed
+from gpsim.effects.effect import FunctionOf, SensorEffect, Values, changed
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 CLOSE = (
@@ -26,6 +28,9 @@ class SensorDelay(SensorEffect):
     family: ClassVar[str] = "sensor_delay"
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 10
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "delay": Plausible(0.0, 5.0, "step", "cameras and filters 0.01 to 0.2 s", least=0.5),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Delay [s]."""

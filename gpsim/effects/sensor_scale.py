@@ -5,10 +5,12 @@ Definition: a product.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, SensorEffect, Values, changed
+from gpsim.effects.effect import FunctionOf, SensorEffect, Values, changed
+from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.simulators import Memory
 
 
@@ -18,6 +20,9 @@ class SensorScale(SensorEffect):
     family: ClassVar[str] = "sensor_scale"
     function_of: ClassVar[FunctionOf] = "reading"
     order: ClassVar[int] = 40
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "scale": Plausible(0.5, 2.0, "1", "wheel radii and tracks 1 to 10 % (Borenstein and Feng 1996)"),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Scale [1]."""

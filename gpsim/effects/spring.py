@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Spring(ForceEffect):
@@ -13,6 +15,14 @@ class Spring(ForceEffect):
 
     family: ClassVar[str] = "spring"
     function_of: ClassVar[FunctionOf] = "position"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "stiffness": Plausible(
+            0.0,
+            10.0,
+            "size / reach",
+            "by reason: a spring ten times as stiff as what drives it lets nothing move",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Stiffness [force per displacement] and rest_position; fitted where it rests within reach."""

@@ -5,10 +5,12 @@ Definition: a constant added to the curvature w / v.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
+from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class SteeringBias(VehicleEffect):
@@ -18,6 +20,11 @@ class SteeringBias(VehicleEffect):
     usual: ClassVar[int] = 5
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 30
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "curvature": Plausible(
+            0.0, 2.0, "1", "by reason: small robots turn with 2/m at the most (a Limo: 0.46 m)"
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Curvature [1/m]."""

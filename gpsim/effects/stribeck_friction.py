@@ -11,7 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class StribeckFriction(ForceEffect):
@@ -20,6 +21,15 @@ class StribeckFriction(ForceEffect):
     family: ClassVar[str] = "stribeck_friction"
     function_of: ClassVar[FunctionOf] = "speed"
     noun: ClassVar[str] = "Stribeck friction"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
+        "static_force": Plausible(
+            0.0,
+            3.0,
+            "size",
+            "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Force (sliding), static_force [the coordinate's] and stribeck_velocity [speed]."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, FunctionOf, Place, Values, VehicleEffect
+from gpsim.effects.effect import FunctionOf, Values, VehicleEffect
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class Understeer(VehicleEffect):
@@ -17,6 +19,14 @@ class Understeer(VehicleEffect):
     usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "twist"
     order: ClassVar[int] = 20
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "gradient": Plausible(
+            0.0,
+            5.0,
+            "1",
+            "1/V^2, V the characteristic speed: of cars 20 to 30 m/s (Gillespie 1992), of models some 0.5 m/s",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Gradient [s^2/m^2]."""

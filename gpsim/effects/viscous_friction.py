@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from gpsim.channels import FloatArray
-from gpsim.effects.effect import EffectParameter, ForceEffect, FunctionOf, Place, Values
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
 
 
 class ViscousFriction(ForceEffect):
@@ -14,6 +16,14 @@ class ViscousFriction(ForceEffect):
     family: ClassVar[str] = "viscous_friction"
     usual: ClassVar[int] = 9
     function_of: ClassVar[FunctionOf] = "speed"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "damping": Plausible(
+            0.0,
+            3.0,
+            "size / speed",
+            "friction beyond the drive lets nothing move (EMPS axis: 203 N s/m; Janot, Gautier and Brunot 2019)",
+        ),
+    }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Damping [force per speed]."""

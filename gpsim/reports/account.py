@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis.report import RolloutErrors
 from gpsim.reports.account_effects import Row, row_of, slight_text, told_effects
 from gpsim.reports.account_left import left
 from gpsim.reports.account_next import command, following
@@ -25,19 +26,26 @@ HERE = "DIR"
 
 @dataclass(frozen=True)
 class Change:
-    """An error of one channel on held-out data. after: None where nothing is corrected."""
+    """An error of one channel on held-out data.
+
+    after: None where nothing is corrected; black_box: what could be reached, None where that is no better.
+    """
 
     channel: str
     before: str
     after: str | None
     unit: str
     noise: str | None = None
+    black_box: str | None = None
 
     @property
     def said(self) -> str:
-        """`9.2 → 0.11 m/s² (noise 0.1)`."""
+        """`9.2 → 0.11 m/s² (noise 0.1)`; `0.19 → 0.002 m (a black box would reach 0.0005)`."""
         change = self.before if self.after is None else f"{self.before} → {self.after}"
-        return f"{change} {self.unit}{f' (noise {self.noise})' if self.noise else ''}"
+        beside = f" (noise {self.noise})" if self.noise else ""
+        if self.black_box is not None:
+            beside += f" (a black box would reach {self.black_box})"
+        return f"{change} {self.unit}{beside}"
 
 
 @dataclass(frozen=True)
@@ -52,6 +60,11 @@ class Fit:
     def corrected(self) -> bool:
         """Whether there is anything after."""
         return any(change.after is not None for change in self.changes)
+
+    @property
+    def boxed(self) -> bool:
+        """Whether a black box would reach more in any."""
+        return any(change.black_box is not None for change in self.changes)
 
     @property
     def noisy(self) -> bool:
@@ -118,13 +131,27 @@ def _fit(diagnosis: Diagnosis) -> tuple[Fit, ...]:
         for name, e in steps.items()
     )
     runs = tuple(
-        Change(name, brief(e.before), after(e.after, e.after_gp), unit(e.unit))
+        Change(
+            name,
+            brief(e.before),
+            after(e.after, e.after_gp),
+            unit(e.unit),
+            black_box=_reached(diagnosis, e) if corrected else None,
+        )
         for name, e in rollout.channels.items()
     )
     return (
         Fit("one step", ahead, "no rate follows from what was recorded"),
         Fit(f"after {rollout.horizon_s:.3g} s", runs, "no held-out stretch is as long"),
     )
+
+
+def _reached(diagnosis: Diagnosis, errors: RolloutErrors) -> str | None:
+    """What a black box would reach, where that is better than the account in this channel and over all."""
+    box, reached = diagnosis.fit.black_box, errors.black_box
+    if box is None or reached is None or not box.takes_off.share > 0.0 or not reached < errors.after:
+        return None
+    return brief(reached) if brief(reached) != brief(errors.after) else None
 
 
 def _noise(floor: float) -> str | None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import MissingLaw
+from gpsim.diagnosis.report import BlackBox, MissingLaw
 from gpsim.diagnosis.settings import LackOfFitSettings
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.fact_text import combination_texts
 from gpsim.reports.lettering import shortened
-from gpsim.reports.quantities import percent
+from gpsim.reports.quantities import percent, share_text
 
 POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
 MOST_FACTS = 3  # of the log, and of parameters that only act together: further ones are in diagnosis.json
@@ -19,6 +19,10 @@ MOST_FACTS = 3  # of the log, and of parameters that only act together: further 
 def left(diagnosis: Diagnosis) -> Iterator[str]:
     """The sentences, the one that matters most first."""
     yield _amount(diagnosis)
+    if "black box" in diagnosis.doubts and diagnosis.fit.black_box is not None:
+        yield _foreseen(diagnosis, diagnosis.fit.black_box)
+    if diagnosis.verdict not in ("unknown", "none"):
+        yield from (effect.implausible for effect in diagnosis.effects if effect.implausible)
     if diagnosis.log_facts:
         yield f"the log: {listed(diagnosis.log_facts, MOST_FACTS)}"
     yield from combination_texts(diagnosis.combinations[:MOST_FACTS])
@@ -37,6 +41,23 @@ def left(diagnosis: Diagnosis) -> Iterator[str]:
             if alone
             else "a Gaussian process has learnt what is left: simulations are better with it"
         )
+
+
+def box_name(diagnosis: Diagnosis) -> str:
+    """The model that names nothing and foresees most."""
+    box = diagnosis.fit.black_box
+    if box is None:
+        return "a black box"
+    if box.model == "curve":
+        return f"a free curve of {box.of}"
+    return "a Gaussian process alone" if box.model == "gp" else "a Gaussian process beside them"
+
+
+def _foreseen(diagnosis: Diagnosis, box: BlackBox) -> str:
+    """How much a black box still finds, and on what that depends."""
+    text = f"{box_name(diagnosis)} takes {share_text(box.takes_off)} off the error of held-out rollouts"
+    inputs = listed([shortened(name) for name in box.depends_on])
+    return f"{text}; it depends on {inputs}" if inputs else text
 
 
 def hangs_on(diagnosis: Diagnosis) -> list[str]:

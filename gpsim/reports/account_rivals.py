@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Claims, NamedEffect
+from gpsim.diagnosis.report import Claims, Leads, NamedEffect
 from gpsim.reports.account_effects import claim_name, told_effects
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.quantities import percent
 
+LEADS: Mapping[Leads, str] = {
+    "likeliest": "told is the likeliest",
+    "simplest": "told is the simplest within odds of 10:1",
+}
 MOST = 2  # rivals that are told, the likeliest; further ones are in diagnosis.json
 
 
@@ -31,7 +35,7 @@ def rivals(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"certain, as all explanations share it: {_said(shared)}"
     first, further = open_[: 1 + MOST], len(open_) - 1 - MOST
     more = f", or {further} more in diagnosis.json" if further > 0 else ""
-    yield f"undecided: {', or '.join(first)}{more}"
+    yield f"undecided: {', or '.join(first)}{more}; {LEADS[diagnosis.leads]}"
 
 
 def _claims(effects: Sequence[NamedEffect]) -> Claims:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import JudgedOn, NamedEffect
+from gpsim.diagnosis.report import JudgedOn, NamedEffect, sized
 from gpsim.diagnosis.settings import VerdictSettings
-from gpsim.reports.account_effects import effect_name
-from gpsim.reports.quantities import share_text
+from gpsim.reports.account_effects import claim_name, effect_name
+from gpsim.reports.diagnosis_text import listed
+from gpsim.reports.quantities import odds_text, share_text
 
 JUDGED: Mapping[JudgedOn, str] = {
     "held-out rollouts": "",
@@ -32,13 +34,31 @@ def verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> s
     if diagnosis.verdict == "named":
         return f"{said}; no other explanation does as well."
     if diagnosis.verdict == "ambiguous":
-        return f"{said}, but these data cannot tell this from {_others(len(diagnosis.alternatives))}."
+        return f"{said}, but these data cannot tell this from {_others(diagnosis, headline)}."
+    return f"{said}{_but(diagnosis, headline)}."
+
+
+def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """What keeps a partial account from being named, the weightiest of it; files of earlier versions do not say."""
+    doubts = diagnosis.doubts
     bent = [effect_name(effect) for effect in headline if effect.form == "approximate"]
-    if not bent or _much_is_left(diagnosis):
-        return f"{said}; the rest has no name yet: train with it, and mind what is left."
-    law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
-    verb = "holds" if len(bent) == 1 else "hold"
-    return f"{said}, but {law} {verb} only approximately: trust the curve, not the size."
+    if "left" in doubts or _much_is_left(diagnosis) or not (bent or doubts):
+        return "; the rest has no name yet: train with it, and mind what is left"
+    if bent:
+        law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
+        verb = "holds" if len(bent) == 1 else "hold"
+        return f", but {law} {verb} only approximately: trust the curve, not the size"
+    if "black box" in doubts:
+        return ", but a black box foresees much more: something has no name yet"
+    if "no claim" in doubts:
+        return ", but none of them is a claim by itself: others could stand for it"
+    vague = [effect_name(e) for e in headline if _vague(e)]
+    return f", but how large {vague[0] if vague else 'one of them'} is, these data do not say"
+
+
+def _vague(effect: NamedEffect) -> bool:
+    bound = any(size.at_bound for size in effect.parameters.values())
+    return bound or not sized(effect.family, effect.parameters)
 
 
 def _much_is_left(diagnosis: Diagnosis) -> bool:
@@ -54,8 +74,15 @@ def _share(diagnosis: Diagnosis) -> str:
     return f"{share_text(found.rollout)} of the mismatch{JUDGED[found.judged_on]}"
 
 
-def _others(count: int) -> str:
-    return "another explanation" if count < 2 else f"{count} other explanations"
+def _others(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
+    """How many alternatives; where there is none, the best explanation without the claim whose odds are lowest."""
+    count = len(diagnosis.alternatives)
+    odds = [e.odds for e in headline if e.odds is not None and e.odds.nats is not None]
+    if count or not odds:
+        return "another explanation" if count < 2 else f"{count} other explanations"
+    lowest = min(odds, key=lambda o: math.inf if o.nats is None else o.nats)
+    told = listed([claim_name(*claim) for claim in lowest.against]) or "nothing at all"
+    return f"{told} (odds of {odds_text(lowest)})"
 
 
 def _none(diagnosis: Diagnosis) -> str:

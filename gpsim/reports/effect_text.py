@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from gpsim.diagnosis.report import Estimate, NamedEffect
@@ -68,6 +69,29 @@ def _said(effect: NamedEffect) -> str:
         return said
     told = ", ".join(f"{name} {number}" for name, number in numbers.items())
     return f"{noun(effect.family)} on {effect.place} ({told}) was left out"
+
+
+def implausible_text(effect: NamedEffect) -> str | None:
+    """What is to be said of sizes that no machine of the kind has; None where all are usual."""
+    everywhere = [("", effect.parameters)] if effect.recordings is None else []
+    alone = [(f" in {recording}", sizes) for recording, sizes in (effect.own or {}).items()]
+    said = [
+        f"{name.replace('_', ' ')} {estimate_text(size)}{where}, usual {_range(size)}"
+        for where, sizes in [*everywhere, *alone]
+        for name, size in sizes.items()
+        if size.usual is not None
+    ]
+    return f"{noun(effect.family)} on {effect.place} is implausible: {'; '.join(said)}" if said else None
+
+
+def _range(size: Estimate) -> str:
+    """`up to 5 s^2/m^2`, `0.25 to 4`."""
+    low, high = size.usual or (0.0, math.inf)
+    if not math.isfinite(high):
+        text = f"at least {low:.3g}"
+    else:
+        text = f"up to {high:.3g}" if low <= 0.0 else f"{low:.3g} to {high:.3g}"
+    return f"{text} {size.unit}".removesuffix(" 1")
 
 
 def noun(family: str) -> str:

@@ -16,7 +16,7 @@ def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
             "stratum": str(s["stratum"]),
             "world": f"{s['system']}, {s['noise_level']} noise, {s['velocities'] or _unmeasured(s)}, {s['excitation']}"
             + ("" if s["visible"] else ", not visible")
-            + (f", {', '.join(s['defects'])}" if s["stratum"] == "rough" else ""),
+            + (f", {', '.join(s['defects'])}" if s["defects"] else ""),
             "truth": _true_share(s) + (" + ".join(_told(e) for e in s["effects"]) or "nothing"),
             "said": f"{s['verdict']}{_said_share(s)}: "
             + (" + ".join(f"{f} on {on}" for f, on in s["said"]) or "nothing"),
@@ -33,8 +33,8 @@ def _unmeasured(score: Json) -> str:
 
 
 def _true_share(score: Json) -> str:
-    """Of a rough world: the verdict called for, and what its main effects explain."""
-    if score["stratum"] != "rough":
+    """Of a rough world and a machine: the verdict called for, and what their own effects explain."""
+    if "explained" not in score:
         return ""
     return f"{' or '.join(score['verdicts'])} (explained {score['explained']:.2f}): "
 

@@ -24,6 +24,7 @@ PAGE = """<!doctype html>
 <h1>Concealed worlds, diagnosed blind</h1>
 <p>{{ content.all.n }} worlds of 2&nbsp;000 to 12&nbsp;000 transitions and {{ content.long.n }} longer ones,
 {% if "rough" in content %}{{ content.rough.n }} rough ones, {% endif %}
+{% if "machines" in content %}{{ content.machines.n }} whole machines, {% endif %}
 {% if "mjcf" in content %}{{ content.mjcf.n }} robots by their MuJoCo models, {% endif %}seed
 {{ content.seed }}. Every answer was hashed before the diagnosis began and verified before it was scored. A world
 is visible when each of its effects makes 5 % of the mean squared one-step residual or moves a rollout of a second by

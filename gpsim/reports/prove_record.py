@@ -42,6 +42,7 @@ def _worlds(content: Json) -> str:
         "all": "worlds of 2 000 to 12 000 transitions",
         "long": "longer ones",
         "rough": "rough ones",
+        "machines": "whole machines",
         "mjcf": "robots by their MuJoCo models",
     }
     counts = {part: content.get(part, {}).get("n", 0) for part in words}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from gpsim.reports.machine_sheets import machine_sheets
 from gpsim.reports.robot_sheets import robot_sheets
 from gpsim.reports.rough_sheets import rough_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
@@ -28,6 +29,14 @@ ROBOTS_COUNTED = {
     "pair_right": ("pairs_right", "pairs"),
     "false_alarms": ("alarms", "nulls"),
 }
+MACHINES_COUNTED = {
+    "told": "counting",
+    "sized": "parameters",
+    "coverage_90": "parameters",
+    "rollouts_within": "rollouts_within_of",
+    "black_box_better": "black_box_better_of",
+}
+"""Figure -> of how many it is a share, where that is not the number of machines."""
 FAILED = (*SIZES, "none", "unknown")
 RIVALS = {
     "before": "base as it is",
@@ -48,6 +57,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
         namers_sheet(content),
         *rough_sheets(content),
         *robot_sheets(content),
+        *machine_sheets(content),
         *strata_sheets(content),
         families_sheet(content),
         kinds_sheet(content),
@@ -58,6 +68,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
     """Those that a terminal shows: of the rough worlds what was said where what was called for."""
     verdicts = rough_sheets(content)[-2:-1]
     verdicts += robot_sheets(content)[:1]
+    verdicts += machine_sheets(content)[:2]
     sheets = [goals_sheet(content), *verdicts, rivals_sheet(content), namers_sheet(content)]
     return [sheet for sheet in sheets if sheet.rows]
 
@@ -65,7 +76,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
 def beside(content: Json) -> list[str]:
     """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
     missing, unscored = content["undiagnosed"], content["not_scored"]
-    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf"))
+    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf", "machines"))
     published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
     lines = []
     if missing:
@@ -98,7 +109,7 @@ def goals_sheet(content: Json) -> Sheet:
         ("", "wanted", "got", "95 %", "count"),
         tuple(rows),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
-        "on rough worlds; !: missed, also by the interval of a share or of a mean",
+        "on rough worlds; machines: whole ones; !: missed, also by the interval of a share or of a mean",
     )
 
 
@@ -107,6 +118,9 @@ def _number(part: str, key: str, block: Json) -> str:
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
+    if part == "machines" and key != "spurious":
+        every = block[MACHINES_COUNTED.get(key, "n")]
+        return f"{round(block[key] * every)}/{every}"
     count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
     of = block.get("n", MISSING)
     if key == "share_named_wrong" and block:

@@ -24,7 +24,7 @@ def rough_sheets(content: Json) -> list[Sheet]:
     note = "main effects of the catalogue among nuisances outside it, in logs as they are; headline effects count"
     sheets = [replace(_figures("Rough worlds", {"all": rough}), note=note)]
     sheets += [_figures(f"Rough worlds by {name}", blocks) for name, blocks in rough["strata"].items()]
-    return [*sheets, _verdicts(rough), _families(rough)]
+    return [*sheets, verdicts_sheet("Rough worlds", rough["verdicts"]), _families(rough)]
 
 
 def _figures(title: str, blocks: Mapping[str, Json]) -> Sheet:
@@ -32,14 +32,14 @@ def _figures(title: str, blocks: Mapping[str, Json]) -> Sheet:
         row(
             name,
             str(b["n"]),
-            _percent(b["headline_found"]),
-            _bounds(b["interval_headline_found"]),
-            _percent(b["verdict_right"]),
-            _bounds(b["interval_verdict_right"]),
+            percent(b["headline_found"]),
+            bounds(b["interval_headline_found"]),
+            percent(b["verdict_right"]),
+            bounds(b["interval_verdict_right"]),
             fixed(b["spurious"], 2),
-            _bounds(b["interval_spurious"], 1.0, 2),
-            _percent(b["coverage_90"]),
-            _bounds(b["interval_coverage_90"]),
+            bounds(b["interval_spurious"], 1.0, 2),
+            percent(b["coverage_90"]),
+            bounds(b["interval_coverage_90"]),
             str(b["failed"]),
             fixed((b["seconds"] or {}).get("median")),
         )
@@ -48,7 +48,7 @@ def _figures(title: str, blocks: Mapping[str, Json]) -> Sheet:
     return Sheet(title, COLUMNS, tuple(rows))
 
 
-def _verdicts(rough: Json) -> Sheet:
+def verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:
     """What was said (columns) where what was called for (rows)."""
     rows = [
         row(
@@ -58,9 +58,9 @@ def _verdicts(rough: Json) -> Sheet:
                 for v in VERDICTS
             ),
         )
-        for wanted, said in rough["verdicts"].items()
+        for wanted, said in verdicts.items()
     ]
-    return Sheet("Rough worlds: verdict called for (rows) and said (columns)", ("", *VERDICTS), tuple(rows))
+    return Sheet(f"{title}: verdict called for (rows) and said (columns)", ("", *VERDICTS), tuple(rows))
 
 
 def _families(rough: Json) -> Sheet:
@@ -68,9 +68,11 @@ def _families(rough: Json) -> Sheet:
     return Sheet("Rough worlds: main effects found by family", ("", "found"), tuple(rows))
 
 
-def _percent(share: float | None) -> str:
+def percent(share: float | None) -> str:
+    """A share in percent."""
     return MISSING if share is None else fixed(100 * share)
 
 
-def _bounds(bounds: Sequence[float] | None, times: float = 100.0, digits: int = 1) -> str:
+def bounds(bounds: Sequence[float] | None, times: float = 100.0, digits: int = 1) -> str:
+    """An interval, in percent unless other `times` are asked for."""
     return MISSING if bounds is None else "-".join(fixed(times * edge, digits) for edge in bounds)

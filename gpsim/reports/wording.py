@@ -16,7 +16,7 @@ from gpsim.diagnosis.report import (
     Remainder,
     Separation,
 )
-from gpsim.reports.effect_text import effect_sentence, noun
+from gpsim.reports.effect_text import effect_sentence, implausible_text, noun
 from gpsim.reports.fact_text import fixed_text, log_fact_text, open_text
 
 EXCITATIONS = {
@@ -72,7 +72,14 @@ def no_gp_text(why: NoGp) -> str:
 
 
 def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
-    return tuple(e if e.sentence else replace(e, sentence=effect_sentence(e)) for e in effects)
+    return tuple(
+        replace(
+            e,
+            sentence=e.sentence or effect_sentence(e),
+            implausible=e.implausible or implausible_text(e),
+        )
+        for e in effects
+    )
 
 
 def _with_directions(combination: Combination) -> Combination:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -31,7 +32,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import ROUGH_FROM, stratum_of
+from gpsim.trials.drawing import ARM, MACHINES_FROM, ROUGH_FROM, kind_of, stratum_of
 from gpsim.trials.robots import ROBOTS_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
@@ -47,12 +48,16 @@ ROBOT_STRATA = ("single", "pair", "none")
 NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, or by an earlier version
 
 
-def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True, rough: int = 0) -> list[int]:
-    """The first `trials` numbers whose world is of one of `strata` (all when empty), and those of rough worlds.
+def numbers_of(
+    trials: int, strata: Sequence[str] = (), long: bool = True, rough: int = 0, machines: int = 0
+) -> list[int]:
+    """The first `trials` numbers whose world is of one of `strata` (all when empty), of rough worlds and machines.
 
     Raises UsageError.
     """
     strange = sorted(set(strata) - set(STRATA))
+    if "machines" in strange:
+        raise UsageError("machines are counted by themselves: --machines 20, with --trials 0 no others")
     if "rough" in strange:
         raise UsageError("rough worlds are counted by themselves: --rough 20, with --trials 0 no others")
     if strange:
@@ -62,10 +67,19 @@ def numbers_of(trials: int, strata: Sequence[str] = (), long: bool = True, rough
         stratum, is_long, _ = stratum_of(number)
         return (not strata or stratum in strata) and (long or not is_long)
 
-    if trials + rough < 1:
-        raise UsageError("no worlds: say how many with --trials, or --rough for rough ones")
+    if trials + rough + machines < 1:
+        raise UsageError(
+            "no worlds: say how many with --trials, --rough for rough ones, --machines for machines"
+        )
     plain_ones = islice((n for n in count(1) if wanted(n)), trials)
-    return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1)]
+    return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1), *machines_numbers(machines)]
+
+
+def machines_numbers(machines: int) -> list[int]:
+    """The first `machines` numbers of whole machines; those of arms are left out where there is no MuJoCo."""
+    with_arms = importlib.util.find_spec("mujoco") is not None
+    able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
+    return list(islice(able, machines))
 
 
 def robots_numbers(trials: int, strata: Sequence[str] = ()) -> list[int]:

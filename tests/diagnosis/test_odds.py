@@ -52,9 +52,16 @@ def test_what_the_search_gave_up_counts_by_its_own_windows():
 def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival():
     """Clean sensors: Stribeck's curve mends the last digits of Coulomb's friction, odds of 0 to 1 were printed."""
     leader = said(FRICTION, behind=71.6)
-    mending = Ranked(Hypothesis((DRAG,), ((),), "fine"), 0.0, True, mends=True)
+    mending = Ranked(Hypothesis((DRAG,), ((),), "fine"), 0.0, True, idle=True)
     found = odds_against([mending, leader, said(behind=90.0)], leader.hypothesis, FRICTION.identity)
     assert found.nats == pytest.approx(18.4)
+
+
+def test_odds_and_probabilities_go_by_the_same_nats():
+    """Nothing apart on training windows, 4.1 nats with the held-out ones: `named` stood beside odds of 1:1."""
+    leader = said(FRICTION, behind=0.0)
+    rival = Ranked(Hypothesis((DRAG,), ((),), "fine"), 0.0, True, in_all=4.1)
+    assert odds_against([leader, rival], leader.hypothesis, FRICTION.identity).nats == 4.1
 
 
 def test_three_rivals_of_which_two_are_one():

@@ -53,7 +53,7 @@ def test_each_step_runs_with_what_the_step_before_returned(braked):
     attribution = attribute(question, judgement.leader, judgement.null)
     assert attribution.share.share > 0.9
     assert attribution.roles == ("headline",)
-    assert verdict_of(judgement, attribution, ("holds",), run.settings) == "named"
+    assert verdict_of(judgement, attribution, (), run.settings) == "named"
     assert judgement.leader.hypothesis.claims == before  # it adds nothing
     comparison = compare(question, judgement, offers, np.random.default_rng(0), attribution.noise)
     errors = comparison.one_step["q_acc"]
@@ -79,7 +79,7 @@ def test_two_diagnoses_in_threads_say_what_each_says_alone(braked):
 def test_decisions_are_written_down_in_their_order_with_the_step_that_made_them(braked):
     _, decisions = answer(braked)
     steps = list(dict.fromkeys(d.step for d in decisions))
-    order = ["search", "refine grid", "refit", "stepwise", "prune on held-out", "judge"]
+    order = ["usual machine", "search", "refine grid", "refit", "stepwise", "prune on held-out", "judge"]
     assert steps == [s for s in order if s in steps]
     weighed = [d for d in decisions if d.price is not None]
     taken = [d for d in weighed if d.taken and d.candidate == ("viscous_friction on q",)]

@@ -7,7 +7,7 @@ import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.judgement import rivals
+from gpsim.diagnosis.judgement import judgement, rivals
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection.gate_edges import placed
 from gpsim.diagnosis.settings import RivalSettings
@@ -70,16 +70,44 @@ def test_a_richer_law_that_is_ahead_and_does_not_pay_is_no_rival(monkeypatch, na
     [
         ([1.0], None),
         ([0.4, 0.35, 0.25], None),
-        ([0.02, 0.98], None),  # 3.9 nats: less than a term must be worth
+        ([0.498, 0.5], None),  # as likely
+        ([0.4, 0.6], 0),
+        ([0.02, 0.98], 0),
         ([0.001, 0.003, 0.996], 1),
         ([0.0, 1.0], 0),
     ],
 )
 def test_a_rival_that_is_far_ahead_with_held_out_windows_leads(probabilities, which):
-    others = [stub(name) for name in "bcd"[: len(probabilities) - 1]]
-    assert rivals.overtaking(SimpleNamespace(run=Run()), others, probabilities) is (
+    leader, *others = [stub(name) for name in "abcd"[: len(probabilities)]]
+    assert rivals.overtaking(SimpleNamespace(run=Run()), leader, others, probabilities) is (
         None if which is None else others[which]
     )
+
+
+@pytest.mark.parametrize(("count", "p", "stays"), [(1, 0.4, True), (1, 0.05, False), (3, 0.4, False)])
+def test_the_simplest_leads_where_the_data_cannot_tell(count, p, stays):
+    """A leader of so many numbers against one of two; odds of ten tell them apart."""
+    leader, rival = stub("a", count=count), stub("b", count=2)
+    found = rivals.overtaking(SimpleNamespace(run=Run()), leader, [rival], [p, 1.0 - p])
+    assert (found is None) is stays
+
+
+def test_what_held_out_windows_rule_out_takes_no_probability(monkeypatch):
+    """Ahead by 50 nats on training windows and behind on the others: the leader once had a probability of 1e-20."""
+    said, probabilities = found_by(monkeypatch, {"a": 0.0, "b": 50.0}, {"b": 4.0})
+    assert said == []
+    assert probabilities[0] > 0.9
+
+
+def test_a_rival_whose_terms_do_not_pay_takes_no_probability(monkeypatch):
+    monkeypatch.setattr(rivals, "_earned", lambda *_: False)
+    leader, rival = stub("a"), stub("b")
+    monkeypatch.setattr(rivals, "scores", lambda *_: np.array([0.0, 70.0]))
+    monkeypatch.setattr(rivals, "pays", lambda *_: True)
+    monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: 0.0)
+    found = rivals.rivals_of(SimpleNamespace(everything=SimpleNamespace(run=Run())), leader, [rival])
+    assert found.probabilities == [1.0]
+    assert found.idle == [rival]
 
 
 def test_a_twin_stands_behind_the_same_edges():
@@ -107,3 +135,31 @@ def test_a_twin_stands_behind_the_same_edges():
     assert twin.objective == pytest.approx(leader.objective, abs=0.1)
     assert twin.hypothesis.claims == nearly[0].hypothesis.claims
     assert not rivals.behind_its_gates(problem, leader, [since(moment, "actuator_bias")])
+
+
+def test_a_rival_that_a_part_of_the_recording_alone_supports_neither_leads_nor_counts(monkeypatch):
+    """A leader of probability 1e-44 stood beside it: it was ahead, and what it says had just been taken out."""
+    told = who_leads(monkeypatch, supported=False)
+    assert told[1].name == "a"
+    assert told[0].probabilities == [1.0]
+    assert [f.name for f in told[0].idle] == ["b"]
+
+
+def test_a_rival_that_all_of_the_recording_supports_leads(monkeypatch):
+    told = who_leads(monkeypatch, supported=True)
+    assert told[1].name == "b"
+    assert told[0].probabilities[0] > 0.99
+
+
+def who_leads(monkeypatch, supported):
+    """Who leads of two, of which one is 40 nats ahead and settled or not, and the rivals."""
+    nats = {"a": 0.0, "b": 40.0}
+    leader, rival = (stub(name) for name in nats)
+    for one in (leader, rival):
+        one.hypothesis.names = (one.name,)
+    monkeypatch.setattr(rivals, "scores", lambda _, fits: np.array([nats[f.name] for f in fits]))
+    monkeypatch.setattr(rivals, "_later_nats", lambda *_: lambda fit: 0.0)
+    monkeypatch.setattr(rivals, "_earned", lambda *_: True)
+    monkeypatch.setattr(judgement, "_supported", lambda *_: supported)
+    question = SimpleNamespace(everything=SimpleNamespace(run=Run()))
+    return judgement._led(question, leader, [leader, rival], [], True)

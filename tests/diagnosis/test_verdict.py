@@ -1,12 +1,15 @@
 """The verdict: how much is explained decides, not whether something is left."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import pytest
 
 from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.judgement.doubts import claimed, doubts_of, without_claims
+from gpsim.diagnosis.judgement.ranking import Ranked
 from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
-from gpsim.diagnosis.report import Explained, Ratio, Share, StepErrors
+from gpsim.diagnosis.report import BlackBox, Estimate, Explained, Ratio, Share, StepErrors
 from gpsim.diagnosis.settings import Settings
 from gpsim.effects import EffectParameter, Term
 
@@ -26,18 +29,33 @@ def hypothesis(names, gains=None):
     return Hypothesis(terms=terms, declared=(declared,) * len(terms))
 
 
-def judgement(terms=("a",), rivals=(), structured=True):
+def judgement(terms=("a",), rivals=(), structured=True, ranking=()):
     """rivals: each the names of its terms, or these with their gains."""
     others = [hypothesis(names, names if isinstance(names, dict) else None) for names in rivals]
     return SimpleNamespace(
         leader=SimpleNamespace(hypothesis=hypothesis(terms)),
         rivals=[SimpleNamespace(hypothesis=other) for other in others],
         structured=structured,
+        ranking=ranking,
     )
 
 
+SIZE = {"gain": Estimate(0.8, 0.78, 0.82, "1")}
+
+
+def said(judged, worth, forms=("holds",), sizes=None, box=None):
+    """The verdict, and the doubts behind it."""
+    sizes = sizes or (SIZE,) * len(judged.leader.hypothesis.terms)
+    doubts = doubts_of(judged, worth, forms, sizes, box, Settings())
+    return verdict_of(judged, worth, doubts, Settings()), doubts
+
+
+def verdict(*given, **named):
+    return said(*given, **named)[0]
+
+
 @pytest.mark.parametrize(
-    ("share", "form", "rivals", "verdict"),
+    ("share", "form", "rivals", "right"),
     [
         (Share(0.97, 0.95, 0.98), "holds", (), "named"),  # whatever trace is left
         (Share(0.97, 0.95, 0.98), "untested", (), "named"),
@@ -50,17 +68,17 @@ def judgement(terms=("a",), rivals=(), structured=True):
         (Share(0.40, 0.30, 0.51), "holds", (), "partial"),
     ],
 )
-def test_the_explained_share_decides(share, form, rivals, verdict):
-    assert verdict_of(judgement(rivals=rivals), attribution(share), (form,), Settings()) == verdict
+def test_the_explained_share_decides(share, form, rivals, right):
+    assert verdict(judgement(rivals=rivals), attribution(share), (form,)) == right
 
 
 def test_the_form_of_a_slight_effect_never_counts():
     worth = attribution(Share(0.97, 0.95, 0.98), roles=("headline", "slight"))
-    assert verdict_of(judgement(("a", "b")), worth, ("holds", "approximate"), Settings()) == "named"
+    assert verdict(judgement(("a", "b")), worth, ("holds", "approximate")) == "named"
 
 
 @pytest.mark.parametrize(
-    ("rivals", "verdict"),
+    ("rivals", "right"),
     [
         ([("a", "c")], "named"),  # it says something else of what is slight
         ([("a", "c"), ("a", "b", "d")], "named"),
@@ -69,32 +87,108 @@ def test_the_form_of_a_slight_effect_never_counts():
         ([{"a": 0.9, "c": 0.9}], "ambiguous"),
     ],
 )
-def test_rivals_that_share_every_headline_effect_contest_nothing(rivals, verdict):
+def test_rivals_that_share_every_headline_effect_contest_nothing(rivals, right):
     worth = attribution(Share(0.97, 0.95, 0.98), roles=("headline", "slight"))
-    assert verdict_of(judgement(("a", "b"), rivals), worth, ("holds", "untested"), Settings()) == verdict
+    assert verdict(judgement(("a", "b"), rivals), worth, ("holds", "untested")) == right
 
 
-def test_where_nothing_leads_every_rival_counts():
+def test_where_nothing_leads_nothing_is_named():
     worth = attribution(Share(0.97, 0.95, 0.98), roles=("slight",))
-    assert verdict_of(judgement(("a",), [("b",)]), worth, ("untested",), Settings()) == "ambiguous"
+    assert said(judgement(("a",), [("b",)]), worth, ("untested",)) == ("partial", ("no claim",))
 
 
 @pytest.mark.parametrize(("structured", "counts"), [(True, False), (False, True), (True, True)])
 def test_a_share_is_missed_where_there_is_something_to_explain(structured, counts):
     """A sensor 10 ms late, of its exact size: no rollout shows it, and 0.80 of the windows' noise is explained."""
     low = attribution(Share(0.80, 0.73, 0.87), counts)
-    assert verdict_of(judgement(structured=structured), low, ("untested",), Settings()) == "partial"
+    assert verdict(judgement(structured=structured), low, ("untested",)) == "partial"
     nothing = attribution(Share(0.80, 0.73, 0.87), counts=False)
-    assert verdict_of(judgement(structured=False), nothing, ("untested",), Settings()) == "named"
+    assert verdict(judgement(structured=False), nothing, ("untested",)) == "named"
 
 
 @pytest.mark.parametrize(
-    ("structured", "counts", "verdict"),
+    ("structured", "counts", "right"),
     [(False, True, "none"), (True, False, "none"), (True, True, "unknown"), (False, False, "none")],
 )
-def test_without_an_effect_something_must_be_left_that_shows(structured, counts, verdict):
+def test_without_an_effect_something_must_be_left_that_shows(structured, counts, right):
     bare = judgement(terms=(), structured=structured)
-    assert verdict_of(bare, attribution(Share(0.0, 0.0, 0.0), counts), (), Settings()) == verdict
+    assert verdict(bare, attribution(Share(0.0, 0.0, 0.0), counts), ()) == right
+
+
+NEARLY_ALL = attribution(Share(0.998, 0.997, 0.999))
+
+
+@pytest.mark.parametrize(
+    ("box", "right"),
+    [
+        (None, "named"),
+        (BlackBox("gp", Share(0.8, 0.6, 0.9)), "partial"),  # 99.8 % was reached by nonsense
+        (BlackBox("curve", Share(0.4, 0.2, 0.6)), "named"),  # perhaps not by a quarter
+        (BlackBox("after_gp", Share(0.3)), "partial"),
+        (BlackBox("gp", Share(-2.0, -3.0, -1.0)), "named"),
+    ],
+)
+def test_what_a_black_box_foresees_has_no_name(box, right):
+    assert verdict(judgement(), NEARLY_ALL, box=box) == right
+
+
+@pytest.mark.parametrize(
+    ("size", "doubt"),
+    [
+        (Estimate(-5.0, -5.0, -4.0, "1", at_bound=True), "bound"),
+        (Estimate(1.05, 0.95, 1.15, "1"), "size"),  # its neutral value is 1
+        (Estimate(0.8, 0.55, 0.99, "1"), "size"),  # 0.2 +- 0.22
+        (Estimate(0.8, None, None, "1"), "size"),
+    ],
+)
+def test_a_claim_of_no_certain_size_is_never_named(size, doubt):
+    judged = judgement()
+    judged.leader.hypothesis = Hypothesis(
+        terms=(Term("actuator_gain", "u", {"gain": size.value}),), declared=((),)
+    )
+    assert said(judged, NEARLY_ALL, sizes=({"gain": size},)) == ("partial", (doubt,))
+
+
+def test_one_of_two_gains_may_be_as_it_should():
+    judged = judgement()
+    terms = (Term("actuator_asymmetry", "u", {}),)
+    judged.leader.hypothesis = Hypothesis(terms=terms, declared=((),))
+    sizes = {"gain_positive": SIZE["gain"], "gain_negative": Estimate(1.0, 0.99, 1.01, "1")}
+    assert verdict(judged, NEARLY_ALL, sizes=(sizes,)) == "named"
+
+
+@dataclass(frozen=True)
+class Worth:
+    roles: tuple[str, ...]
+
+
+def test_of_a_force_of_0_and_1100_n_nothing_is_claimed():
+    """Only their sum is known: a constant force of 0 +- 1100 N stood beside a bias of 0 +- 600 N."""
+    terms = (
+        Term("constant_force", "q", {"force": 0.4}),
+        Term("actuator_bias", "u", {"bias": 0.2}),
+        Term("actuator_gain", "u", {"gain": 1.1}),
+    )
+    judged = judgement()
+    judged.leader.hypothesis = Hypothesis(terms=terms, declared=((),) * 3)
+    sizes = (
+        {"force": Estimate(0.4, -1100.0, 1100.0, "N")},
+        {"bias": Estimate(0.2, -600.0, 600.0, "N")},
+        {"gain": Estimate(1.1, 0.99, 1.21, "1")},  # vague, but known
+    )
+    assert claimed(judged, Worth(("headline",) * 3), sizes).roles == ("slight", "slight", "headline")
+
+
+def test_an_unknown_account_claims_nothing():
+    assert without_claims(Worth(("headline", "slight"))).roles == ("slight", "slight")
+
+
+@pytest.mark.parametrize(("nats", "right"), [(0.0, "ambiguous"), (1.05, "ambiguous"), (1.15, "named")])
+def test_odds_below_three_to_one_are_never_named(nats, right):
+    """`named` stood twice beside odds of 1:1."""
+    own = Ranked(hypothesis(("a",)), 0.0, True)
+    rival = Ranked(hypothesis(("b",)), 0.0, True, in_all=nats)
+    assert verdict(judgement(ranking=(own, rival)), NEARLY_ALL) == right
 
 
 def step(after, ratio, floor=0.01):

@@ -107,7 +107,8 @@ def test_what_all_explanations_share_is_certain():
     certain, undecided = account_of(ambiguous()).rivals
     assert certain.endswith(": viscous friction on x")
     assert undecided == (
-        "undecided: Coulomb friction on x and actuator gain on force (62 %), or actuator dead zone on force (38 %)"
+        "undecided: Coulomb friction on x and actuator gain on force (62 %), or actuator dead zone on force (38 %); "
+        "told is the likeliest"
     )
 
 

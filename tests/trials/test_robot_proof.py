@@ -89,7 +89,7 @@ def test_trials_are_counted_by_stratum_and_leave_the_others_numbers_alone():
     ("words", "said"),
     [
         (["--system", "urdf"], "there is mjcf"),
-        (["--system", "mjcf", "--rough", "3"], "neither rough nor long"),
+        (["--system", "mjcf", "--rough", "3"], "neither rough nor long nor machines"),
     ],
 )
 def test_bad_options_are_one_line_and_nothing_is_written(words, said, tmp_path):

@@ -4,7 +4,9 @@ from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
 from gpsim.diagnosis.assessment.by_recording import by_recording
 from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
+from gpsim.diagnosis.assessment.estimates import Sizes, estimates
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
+from gpsim.diagnosis.assessment.gated import acts_in
 from gpsim.diagnosis.assessment.intervals import intervals
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.model_error import model_error, with_model_error
@@ -21,14 +23,17 @@ __all__ = [
     "Alongside",
     "Comparison",
     "Course",
+    "Sizes",
     "Trace",
     "Traces",
+    "acts_in",
     "alongside",
     "by_recording",
     "combinations",
     "compare",
     "course",
     "depends_on",
+    "estimates",
     "intervals",
     "locate",
     "model_error",

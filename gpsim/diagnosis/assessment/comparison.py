@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpsim.artifacts import Mishaps
 from gpsim.channels import BoolArray, FloatArray, IntArray
+from gpsim.diagnosis.assessment.black_box import black_box, boxes_of
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before, share_explained
 from gpsim.diagnosis.assessment.remainder_gp import (
     Corrected,
@@ -22,11 +23,12 @@ from gpsim.diagnosis.assessment.remainder_gp import (
     why_not,
     with_a_past,
 )
-from gpsim.diagnosis.assessment.rollouts import Model, rollouts, whole_windows
+from gpsim.diagnosis.assessment.rollouts import Model, drifts, rollouts, whole_windows
 from gpsim.diagnosis.data import Windows, cut, held_out_mask, rms, since_reversal, typical
 from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predicted
+from gpsim.diagnosis.form import FreeCurve
 from gpsim.diagnosis.judgement import Judgement
-from gpsim.diagnosis.report import Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
+from gpsim.diagnosis.report import BlackBox, Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
 from gpsim.diagnosis.setup import Completions, Question, apart, filters, undone
 from gpsim.effects import ParameterEffect, effect_of
 from gpsim.recordings import Recording, evenly
@@ -39,7 +41,8 @@ class Comparison:
     """Errors by rate (one_step) and by channel (rollout), and the Gaussian process on what the effects leave.
 
     shares: of each rate's mismatch one step ahead, that the effects take off.
-    corrected: what that process goes with; None where simulations are no better with one, `why_no_gp` says why.
+    black_box: what could be predicted. corrected: what that process goes with; None where simulations are no better
+    with one, `why_no_gp` says why.
     inputs: (N, S + A) state and action at training transitions; times: (N,) s; episodes: (N,) their numbers;
     since_reversal: of commands and velocities, (N,) s;
     left_before, left_after: (N, R) their residual rates under the base and under the effects; mishaps: lines about
@@ -49,6 +52,7 @@ class Comparison:
     one_step: dict[str, StepErrors]
     shares: dict[str, Share]
     rollout: Rollout
+    black_box: BlackBox | None
     tuned: dict[str, float]
     corrected: Corrected | None
     why_no_gp: NoGp | None
@@ -76,10 +80,12 @@ def compare(
     rng: np.random.Generator,
     noise: FloatArray,
     partial: bool = False,
+    curves: Sequence[FreeCurve] = (),
 ) -> Comparison:
     """Fit what has to be fitted on training data, and judge all of it on held-out data.
 
-    noise: (S,) of the sensors; partial: whether the leader explains a part of the mismatch only.
+    noise: (S,) of the sensors; partial: whether the leader explains a part of the mismatch only; curves: free ones in
+    the place of its laws.
     """
     problem = question.everything
     base = Hypothesis(scheme=question.recording.integrator)  # type: ignore[arg-type]
@@ -93,7 +99,7 @@ def compare(
     trains = {
         kind: with_a_past(question, steps[kind].train, hypotheses[kind]) for kind in ("before", "after")
     }
-    mishaps, alone, both = Mishaps(), None, None
+    mishaps, alone, both, beside = Mishaps(), None, None, None
     why: NoGp | None = NoGp("not fitted")
     rates["gp"], rates["after_gp"] = rates["before"], rates["after"]
     with mishaps.contained("no Gaussian process beside the base simulator, its errors are the base's"):
@@ -101,23 +107,39 @@ def compare(
         rates["gp"] = left_with(problem, steps["before"].test, base, rates["before"], learnt)
         alone = learnt
     with mishaps.contained("no Gaussian process on the remainder"):
-        both, why = _remainder(question, judgement, hypotheses, trains, completions, alone, rng, partial)
+        both, why, beside = _remainder(
+            question, judgement, hypotheses, trains, completions, alone, rng, partial
+        )
     if both is not None:
         kind = "after" if both.hypothesis == after else "before"
         test = steps[kind].test
         rates["after_gp"] = left_with(problem, test, both.hypothesis, rates[kind], both.learnt)
     rates["noise_floor"] = _noise_rates(problem, steps["after"].test, after, noise, rng)
+    boxes = boxes_of(base, after, alone, beside, curves) if judgement.structured else {}
     models = {
+        **{name: box.model for name, box in boxes.items()},
         "before": Model(base),
         "tuned": Model(hypotheses["tuned"]),
         "gp": Model(base, alone.rates if alone else None),
         "after_gp": Model(both.hypothesis, both.learnt.rates) if both else Model(after),
         "after": Model(after),
     }
+    measured, seen = measured_rates(problem, steps["after"].test), _measured(question)
+    one_step, shares = _one_step(question, rates, measured, rng), _step_shares(question, rates, rng)
+    drifted = drifts(question, models, noise, rng, completions)
+    name, box = black_box(boxes, drifted.errors, seen, problem.run.settings.black_box) or (None, None)
+    if name is not None:
+        kind = "before" if boxes[name].kind == "gp" else "after"
+        left = _left_by(problem, steps[kind].test, boxes[name].model)
+        one_step = {
+            n: replace(e, black_box=rms(left[:, problem.simulator.rate.index(n)]))
+            for n, e in one_step.items()
+        }
     return Comparison(
-        _one_step(question, rates, measured_rates(problem, steps["after"].test), rng),
-        _step_shares(question, rates, rng),
-        rollouts(question, models, noise, rng, completions),
+        one_step,
+        shares,
+        rollouts(question, drifted, name, rng),
+        box,
         {t.on: float(t.values["ratio"]) for t in hypotheses["tuned"].terms if "ratio" in t.values},
         both,
         why,
@@ -131,6 +153,16 @@ def compare(
     )
 
 
+def _measured(question: Question) -> BoolArray:
+    """(S,) which channels were recorded."""
+    return np.array([name not in question.hidden for name in question.everything.simulator.state.names])
+
+
+def _left_by(problem: Problem, windows: Windows, model: Model) -> FloatArray:
+    """(W, R) residual rates of single transitions under a model."""
+    return residual_rates(problem, windows, model.hypothesis, model.extra)
+
+
 def _remainder(
     question: Question,
     judgement: Judgement,
@@ -140,16 +172,18 @@ def _remainder(
     alone: Learnt | None,
     rng: np.random.Generator,
     partial: bool,
-) -> tuple[Corrected | None, NoGp | None]:
+) -> tuple[Corrected | None, NoGp | None, Learnt | None]:
     """A Gaussian process where what is left has structure and simulations are better with it; why there is none.
+
+    And the one beside the effects, whether that is better or not.
 
     Of physics that nobody knows the effects are a partial account: their gates may cut what is left to pieces, and a
     process that is `alone` with the base simulator models it better.
     """
     if not judgement.structured:
-        return None, NoGp("no structure")
+        return None, NoGp("no structure"), None
     if alone is None:
-        return None, NoGp("not fitted")
+        return None, NoGp("not fitted"), None
     problem = question.everything
 
     def corrected(kind: str, learnt: Learnt) -> Corrected:
@@ -161,7 +195,7 @@ def _remainder(
     others = [corrected("before", alone)] if named and partial else []
     chosen, errors = best(problem, [beside, *others])
     why = why_not(problem, beside.errors(problem, modelled=False), errors)
-    return (chosen, None) if why is None else (None, why)
+    return None if why else chosen, why, beside.learnt if named else None
 
 
 def steps_of(

@@ -19,31 +19,39 @@ from gpsim.residuals import first_held_out
 
 @dataclass(frozen=True)
 class Model:
-    """A hypothesis, and rates that are added to it."""
+    """A hypothesis, and rates that are added to it. like: whose completion of hidden states it takes, None: its own."""
 
     hypothesis: Hypothesis
     extra: Extra | None = None
+    like: Hypothesis | None = None
 
 
-def rollouts(
+@dataclass(frozen=True)
+class Drifts:
+    """How far every model has drifted after the horizon [s]: (W, S) errors at the ends of W rollouts.
+
+    Of `noise_floor` what the sensors' noise makes of the last model's rollouts, at their start and end.
+    """
+
+    horizon: float
+    errors: Mapping[str, FloatArray]
+
+
+def drifts(
     question: Question,
     models: Mapping[str, Model],
     noise: FloatArray,
     rng: np.random.Generator,
     completions: Completions,
-) -> Rollout:
-    """Root mean square errors of every measured channel after the horizon.
-
-    noise: (S,) of the sensors; the floor is what it makes of the last model's rollouts, at their start and end.
-    `typical` holds the same from the median, which rare glitches of a sensor do not move.
-    """
+) -> Drifts:
+    """Of every model and of the noise; no errors at all where no held-out stretch is as long. noise: (S,)."""
     problem, dt, length = question.everything, question.recording.dt, _length(question)
     calls: list[tuple[Problem, Windows, Hypothesis, Extra | None]] = []
     for model in models.values():
         if question.hidden or not calls:  # what is hidden each model guesses for itself
-            windows = whole_windows(question, completions.by(model.hypothesis))
+            windows = whole_windows(question, completions.by(model.like or model.hypothesis))
         if not len(windows):
-            return Rollout(length * dt)
+            return Drifts(length * dt, {})
         calls.append((problem, windows, model.hypothesis, model.extra))
     ends = question.everything.run.side_by_side(_ends, calls)
     errors = {
@@ -55,11 +63,20 @@ def rollouts(
     noisy = replace(windows, measured=windows.measured + start[:, None])
     disturbed = _ends(problem, noisy, hypothesis, extra)
     errors["noise_floor"] = difference(disturbed, last, problem.simulator.state) + end
-    settings = problem.run.settings.bootstrap
+    return Drifts(length * dt, errors)
+
+
+def rollouts(question: Question, found: Drifts, box: str | None, rng: np.random.Generator) -> Rollout:
+    """Root mean square errors of every measured channel after the horizon.
+
+    box: the model that is the `black_box`. `typical` holds the same from the median, which rare glitches of a sensor do
+    not move.
+    """
+    settings = question.everything.run.settings.bootstrap
     out: dict[str, RolloutErrors] = {}
-    for i, channel in enumerate(problem.simulator.state):
-        if channel.name not in question.hidden:
-            own = {kind: e[:, i] for kind, e in errors.items()}
+    for i, channel in enumerate(question.everything.simulator.state):
+        if channel.name not in question.hidden and found.errors:
+            own = {kind: found.errors[kind][:, i] for kind in (*MODELS, "noise_floor")}
             over = over_before({kind: own[kind] for kind in MODELS}, rng, settings, correlated=False)
             out[channel.name] = RolloutErrors(
                 **{kind: rms(e) for kind, e in own.items()},
@@ -67,8 +84,9 @@ def rollouts(
                 typical=RolloutModelErrors(**{kind: typical(e) for kind, e in own.items()}),
                 over_before=over,
                 after_over_before=over.after,
+                black_box=None if box is None else rms(found.errors[box][:, i]),
             )
-    return Rollout(length * dt, out)
+    return Rollout(found.horizon, out)
 
 
 def _ends(problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None) -> FloatArray:

@@ -14,6 +14,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.gauss_newton import state_jacobian
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
+from gpsim.diagnosis.fitting.size_prior import size_prior
 
 RULED_OUT = 1e9  # nats that a hypothesis is behind for each effect that the user requires and it lacks
 
@@ -47,10 +48,12 @@ def channel_objectives(problem: Problem, fit: Fit) -> FloatArray:
 
 
 def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
-    """Nats by which the richer hypothesis wins, its additional parameters paid."""
+    """Nats by which the richer hypothesis wins, its additional parameters and what is unusual of its sizes paid."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
     difference = channel_objectives(problem, poorer) - channel_objectives(problem, richer)
-    return float((difference / tau).sum()) - price(problem, richer, poorer)
+    settings = problem.run.settings.evidence
+    unusual = size_prior(richer.hypothesis, settings) - size_prior(poorer.hypothesis, settings)
+    return float((difference / tau).sum()) - price(problem, richer, poorer) - unusual
 
 
 def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
@@ -65,7 +68,8 @@ def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
 def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     """(F,) nats of each fit under one noise model, that of the best: their differences are log posterior odds.
 
-    A priori every further effect is as improbable as that it is this one of dozens.
+    A priori every further effect is as improbable as that it is this one of dozens, and so is a size that no machine
+    has.
     """
     best = min(fits, key=lambda f: f.objective + _price(problem, f))
     tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
@@ -76,7 +80,8 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     per_term = problem.run.settings.acceptance.per_term
     size_price = np.array(size) / 2 * np.log(max(effective, 2.0))
     lacking = np.array([len(problem.run.known.lacking(f.hypothesis.claims)) for f in fits])
-    return np.asarray(np.array(nats) - per_term * terms - size_price - RULED_OUT * lacking)
+    unusual = np.array([size_prior(f.hypothesis, problem.run.settings.evidence) for f in fits])
+    return np.asarray(np.array(nats) - per_term * terms - size_price - unusual - RULED_OUT * lacking)
 
 
 def _price(problem: Problem, fit: Fit) -> float:

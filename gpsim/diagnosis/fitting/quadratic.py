@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
@@ -61,11 +62,11 @@ class Quadratic:
         found = fit(problem, less.frozen(), self.fit.starts, iterations=iterations, known=self.by_state)
         return Fit(less, found.starts, found.residuals, found.variance, found.objective, found.converged)
 
-    def _at(self, gone: Sequence[int]) -> FloatArray:
+    def _at(self, gone: Sequence[int]) -> IntArray:
         return np.concatenate([np.arange(self.rows[i].start, self.rows[i].stop) for i in gone])
 
-    def _block(self, at: FloatArray) -> FloatArray:
-        return self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at))
+    def _block(self, at: IntArray) -> FloatArray:
+        return np.asarray(self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at)))
 
 
 @kept
@@ -83,7 +84,7 @@ def quadratic(problem: Problem, found: Fit) -> Quadratic:
         hypothesis.theta - np.array([p.high if p.falls else p.none for p in hypothesis.parameters]),
         inverse / np.outer(size, size),
         by_state,
-        tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)),
+        tuple(slice(int(a), int(b)) for a, b in pairwise(ends)),
         tuple(
             not term.gate and not any(p.falls or p.step is not None for p in group)
             for term, group in zip(hypothesis.terms, hypothesis.declared, strict=True)

@@ -1,17 +1,23 @@
 """Judgement: the leader, its rivals, what is left over, the verdict and the odds."""
 
+from gpsim.diagnosis.judgement.doubts import claimed, doubts_of, without_claims
 from gpsim.diagnosis.judgement.judgement import Judgement, judge, withheld
 from gpsim.diagnosis.judgement.laws import Laws, laws_of
 from gpsim.diagnosis.judgement.odds import odds_against
+from gpsim.diagnosis.judgement.rivals import likeliest
 from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
 
 __all__ = [
     "Judgement",
     "Laws",
     "beats_the_base",
+    "claimed",
+    "doubts_of",
     "judge",
     "laws_of",
+    "likeliest",
     "odds_against",
     "verdict_of",
     "withheld",
+    "without_claims",
 ]

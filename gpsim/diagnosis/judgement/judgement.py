@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.attribution import supported
 from gpsim.diagnosis.fitting import Fit, Problem, whiteness
 from gpsim.diagnosis.judgement.ranking import Ranked, ranked
-from gpsim.diagnosis.judgement.rivals import behind_its_gates, overtaking, rivals_of
+from gpsim.diagnosis.judgement.rivals import Rivalry, behind_its_gates, overtaking, rivals_of
 from gpsim.diagnosis.selection import (
     Contenders,
     Found,
@@ -40,20 +41,17 @@ class Judgement:
 def judge(question: Question, contenders: Contenders, found: Found, settled: bool = False) -> Judgement:
     """What is to be said of the leader: its rivals, and what is left over. Nothing is added to it.
 
-    A rival may lead in its place, unless that is `settled`: one that is simpler or, once held-out windows count, far
-    likelier.
+    A rival may lead in its place: one that is simpler, unless that is `settled`, or, once held-out windows count, far
+    likelier; where it is settled every part of the recording must support that one, else it is no rival.
     """
     problem, leader, fits = question.everything, contenders.leader, list(contenders.tried)
     twins = behind_its_gates(problem, leader, fits)
     fits += [leader, *twins]
     leader = leader if settled else simplest(problem, [leader, *twins])
+    size, aside = len(leader.hypothesis.terms), []
     if settled:  # what was taken out of the leader makes no rival of an explanation that still has as much
-        fits = [f for f in fits if len(f.hypothesis.terms) <= len(leader.hypothesis.terms)]
-    rivals, probabilities, mending = rivals_of(question, leader, fits)
-    ahead = None if settled else overtaking(problem, rivals, probabilities)
-    if ahead is not None:
-        fits, leader = [*fits, leader], ahead
-        rivals, probabilities, mending = rivals_of(question, leader, fits)
+        aside = [f for f in fits if len(f.hypothesis.terms) > size]
+    rivalry, leader = _led(question, leader, fits, aside, settled)
     null = contenders.null
     if null.hypothesis.scheme != leader.hypothesis.scheme:
         null = null_of(problem, leader.hypothesis.scheme)
@@ -61,14 +59,46 @@ def judge(question: Question, contenders: Contenders, found: Found, settled: boo
     return Judgement(
         leader,
         null,
-        rivals,
-        probabilities,
-        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), mending),
+        rivalry.rivals,
+        rivalry.probabilities,
+        ranked((problem, [leader, null, *fits]), (question.searched, found.fits), rivalry),
         p_value,
         lack,
         _noise(problem, leader),
         structured,
     )
+
+
+def _led(
+    question: Question, leader: Fit, fits: list[Fit], aside: list[Fit], settled: bool
+) -> tuple[Rivalry, Fit]:
+    """The rivals of whoever leads, and the leader. aside: fits that may not lead, and are no rivals.
+
+    Once it is settled, so are those that only a part of the recording supports.
+    """
+    problem, have_led = question.everything, [leader]
+    while True:
+        every = {id(fit): fit for fit in [*fits, *have_led]}
+        asked = [fit for fit in every.values() if not any(fit is other for other in aside)]
+        found = rivals_of(question, leader, asked)
+        ahead = overtaking(problem, leader, found.rivals, found.probabilities)
+        if ahead is None or any(ahead is fit for fit in have_led):
+            return found._replace(idle=[*found.idle, *aside]), leader
+        if settled and not _supported(question, ahead):
+            names = ahead.hypothesis.names, leader.hypothesis.names
+            problem.run.trace.note(*names, False, "a part of the recording alone supports it")
+            aside = [*aside, *(f for f in asked if f.hypothesis.claims == ahead.hypothesis.claims)]
+        else:
+            leader = ahead
+            have_led.append(ahead)
+
+
+def _supported(question: Question, ahead: Fit) -> bool:
+    """Whether every part of the recording supports all of an explanation."""
+    problem = question.everything
+    structured = _left_over(problem, ahead)[2]
+    null = null_of(problem, ahead.hypothesis.scheme)
+    return supported(question, ahead, null, structured) is ahead
 
 
 def withheld(question: Question, judgement: Judgement) -> Judgement:

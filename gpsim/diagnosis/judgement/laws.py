@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from gpsim.diagnosis.attribution import Attribution
 from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
@@ -16,12 +16,14 @@ from gpsim.diagnosis.setup import Question
 class Laws:
     """forms: whether each of the leader's laws holds, those of slight effects untested; curves: drawn beside them.
 
-    missing: what nothing that is named accounts for, as a curve, where that has a shape.
+    missing: what nothing that is named accounts for, as a curve, where that has a shape; free: all of these curves, to
+    be simulated.
     """
 
     forms: tuple[Form, ...] = ()
     curves: tuple[Curve, ...] = ()
     missing: Curve | None = None
+    free: tuple[FreeCurve, ...] = field(default=(), repr=False)
 
 
 def laws_of(question: Question, judgement: Judgement, attribution: Attribution) -> Laws:
@@ -30,7 +32,8 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     lack = judgement.lack if judgement.lack is not None and judgement.lack.significant else None
     missing = None if lack is None else missing_curve(problem, leader, lack)
     if not leader.hypothesis.terms:
-        return Laws(missing=None if missing is None else missing.curve)
+        free = () if missing is None else (missing,)
+        return Laws(missing=None if missing is None else missing.curve, free=free)
     claims = [i for i, role in enumerate(attribution.roles) if role == "headline"]
     groups = groups_of(leader.hypothesis, among=claims)
     curves = free_curves(problem, leader, groups, lack)
@@ -49,7 +52,7 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     beside = None if missing is None else replace(missing.curve, gain=gains[id(missing)])
     bent = _stand_ins(question, judgement, attribution, groups)
     told: tuple[Form, ...] = tuple("approximate" if i in bent else form for i, form in enumerate(every))
-    return Laws(told, shown, beside)
+    return Laws(told, shown, beside, tuple(known))
 
 
 def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> list[Share]:

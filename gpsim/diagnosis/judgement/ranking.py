@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, scores
+from gpsim.diagnosis.judgement.rivals import Rivalry
 from gpsim.diagnosis.report import RankedHypothesis
 from gpsim.effects import Gate, Moment
 
@@ -14,13 +15,15 @@ from gpsim.effects import Gate, Moment
 class Ranked:
     """A hypothesis and how many nats it is behind the best; on all training windows, or on the search's alone.
 
-    mends: it is ahead of the answer, and of no use.
+    idle: it is near the answer or ahead of it, and of no use. in_all: nats behind the answer once held-out windows
+    count, too; None where nobody asked.
     """
 
     hypothesis: Hypothesis
     behind: float
     everything: bool
-    mends: bool = False
+    idle: bool = False
+    in_all: float | None = None
 
     @property
     def entry(self) -> RankedHypothesis:
@@ -38,7 +41,7 @@ class Ranked:
 def ranked(
     everything: tuple[Problem, Sequence[Fit]],
     searched: tuple[Problem, Sequence[Fit]],
-    mending: Sequence[Fit] = (),
+    rivalry: Rivalry,
 ) -> list[Ranked]:
     """Those fitted on all windows, then those that the search alone has fitted, on its own."""
     out: list[Ranked] = []
@@ -49,8 +52,10 @@ def ranked(
             hypothesis = fits[int(i)].hypothesis
             if _key(hypothesis) not in known:
                 known.add(_key(hypothesis))
-                mends = any(fits[int(i)] is f for f in mending)
-                out.append(Ranked(hypothesis, float(nats.max() - nats[i]), whole, mends))
+                fit = fits[int(i)]
+                idle = any(fit is f for f in rivalry.idle)
+                in_all = next((by for f, by in rivalry.behind if f is fit), None)
+                out.append(Ranked(hypothesis, float(nats.max() - nats[i]), whole, idle, in_all))
     return out
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,35 +21,62 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.selection import held_out_fit, pays
 from gpsim.diagnosis.setup import Question
 
+ALIKE = 0.02  # of a probability: what differs by less is as likely, and either may lead
 
-def rivals_of(
-    question: Question, leader: Fit, fits: Sequence[Fit]
-) -> tuple[list[Fit], list[float], list[Fit]]:
-    """Other explanations that these data cannot rule out, the probabilities of the leader and of each of them.
+
+class Rivalry(NamedTuple):
+    """Rivals, and what else was asked of.
+
+    rivals: other explanations that these data cannot rule out; probabilities: of the leader, then of each of them, what
+    is left belongs to explanations that are further behind; idle: fits that are no rivals, though they are ahead or
+    near: they merely mend the leader's last digits, a term of theirs does not pay, or they are a rival with something
+    added; behind: of the others that are
+    near, how many nats they are behind once held-out windows count, too.
+    """
+
+    rivals: list[Fit]
+    probabilities: list[float]
+    idle: list[Fit]
+    behind: list[tuple[Fit, float]]
+
+
+def rivals_of(question: Question, leader: Fit, fits: Sequence[Fit]) -> Rivalry:
+    """Other explanations that these data cannot tell from the leader.
 
     Training and held-out windows count together: all that was recorded has to fail to tell them from the leader.
-    What is left of the probability belongs to explanations that are further behind. And those that are ahead and
-    merely mend the leader's last digits.
     """
     others = _others(leader, fits)
     mending = _mending(question.everything, leader, others)
     others = [f for f in others if not any(f is m for m in mending)]
     if not others:
-        return [], [1.0], mending
+        return Rivalry([], [1.0], mending, [])
     nats = scores(question.everything, [leader, *others])
     later = _later_nats(question, leader)
     rivals: list[Fit] = []
     counted: list[Fit] = []
+    idle, weighed = list(mending), []
     run = question.everything.run
     settings = run.settings.rivals
     weights, of_rivals, until = [1.0], [], run.budget.spent + settings.budget
     for i in np.argsort(-nats[1:]):
         rival, by = others[int(i)], float(nats[0] - nats[1 + int(i)])
-        near, said = by < settings.tie and len(rivals) < settings.most and _fresh(rival, rivals), False
-        if near and run.budget.spent < until and _earned(question.everything, leader, rival):
+        near, said = by < settings.tie, False
+        if near and not _fresh(rival, rivals):
+            idle.append(rival)
+            continue
+        if near and len(rivals) < settings.most and run.budget.spent < until:
+            if not _earned(question.everything, leader, rival):
+                idle.append(rival)
+                continue
             worse = later(rival)
-            by += worse
-            said = worse < settings.tie and by < settings.tie
+            said = worse < settings.tie and by + worse < settings.tie
+            by = (
+                by + worse if worse < settings.tie else max(by + worse, worse)
+            )  # held-out windows rule it out
+        elif near:  # nobody asked held-out windows: it is not known to be ahead
+            by = max(by, 0.0)
+        if near:
+            weighed.append((rival, by))
         weight = float(np.exp(-max(by, -settings.far_ahead)))
         if said:
             rivals.append(rival)
@@ -56,7 +84,7 @@ def rivals_of(
         if said or _fresh(rival, counted):  # what is reported is part of the whole
             counted.append(rival)
             weights.append(weight)
-    return rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)], mending
+    return Rivalry(rivals, [weight / sum(weights) for weight in (1.0, *of_rivals)], idle, weighed)
 
 
 def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
@@ -79,16 +107,27 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
     return fit_all(problem, orders[: settings.most])
 
 
-def overtaking(problem: Problem, rivals: Sequence[Fit], probabilities: Sequence[float]) -> Fit | None:
-    """The rival that leads once held-out windows count, too, by as much as a term must be worth; None without one.
+def overtaking(
+    problem: Problem, leader: Fit, rivals: Sequence[Fit], probabilities: Sequence[float]
+) -> Fit | None:
+    """The rival that is to lead, once held-out windows count, too; None where the leader may stay.
 
-    probabilities: of the leader, then of the rivals.
+    The likeliest leads, or the simplest of those that the data cannot tell from it. probabilities: of the leader, then
+    of the rivals.
     """
     if not rivals:
         return None
     best = int(np.argmax(probabilities[1:]))
-    least = np.exp(problem.run.settings.acceptance.per_term) * probabilities[0]
-    return rivals[best] if probabilities[1 + best] > least else None
+    ahead = rivals[best]
+    own, other = (len(fit.hypothesis.parameters) for fit in (leader, ahead))
+    simpler, alike = np.exp(problem.run.settings.rivals.tie), 1.0 + ALIKE
+    least = simpler if own < other else alike if own == other else 1.0
+    return ahead if probabilities[1 + best] > least * probabilities[0] else None
+
+
+def likeliest(probabilities: Sequence[float]) -> bool:
+    """Whether the first explanation is as likely as any."""
+    return max(probabilities) <= (1.0 + ALIKE) * probabilities[0]
 
 
 def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:

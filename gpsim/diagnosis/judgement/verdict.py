@@ -5,8 +5,9 @@ that holds:
 
 1. `none`: no effect stands, and nothing is left that chance would not make, or it shows in no channel.
 2. `unknown`: the effects surely explain less than `half`, or are no better than the base on held-out data.
-3. `partial`: they surely explain less than `nearly_all`, or the law of a headline effect holds approximately only.
-4. `ambiguous`: other explanations are not excluded, of what leads.
+3. `partial`: they surely explain less than `nearly_all`, the law of a headline effect holds approximately only, its
+   size stopped at a bound or is not known, none is a claim by itself, or a model that names nothing foresees much more.
+4. `ambiguous`: other explanations are not excluded, of what leads, or the odds against one are low.
 5. `named`.
 
 Surely: the whole 90 % interval lies below, and there is something to explain: where no rollout shows a mismatch and
@@ -16,30 +17,28 @@ effect, as large, and say other things of the slight ones leave the claims as th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from gpsim.diagnosis.attribution import Attribution
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.judgement import Judgement
-from gpsim.diagnosis.report import Form, Share, StepErrors, Verdict
+from gpsim.diagnosis.report import Doubt, Share, StepErrors, Verdict
 from gpsim.diagnosis.settings import Settings
 from gpsim.effects import Term
 
 
 def verdict_of(
-    judgement: Judgement, attribution: Attribution, forms: Iterable[Form], settings: Settings
+    judgement: Judgement, attribution: Attribution, doubts: Collection[Doubt], settings: Settings
 ) -> Verdict:
-    """By the rules above; forms: of each of the leader's terms. Whether it beats the base was asked before."""
+    """By the rules above; doubts: what keeps it from being named. Whether it beats the base was asked before."""
     thresholds = settings.verdict
     if not judgement.leader.hypothesis.terms:
         return "unknown" if judgement.structured and attribution.explained.counts else "none"
     if misses(judgement, attribution, thresholds.half):
         return "unknown"
-    claims = zip(attribution.roles, forms, strict=True)
-    bent = any(role == "headline" and form == "approximate" for role, form in claims)
-    if bent or misses(judgement, attribution, thresholds.nearly_all):
+    if any(doubt != "odds" for doubt in doubts):
         return "partial"
-    return "ambiguous" if contested(judgement, attribution, thresholds.alike) else "named"
+    return "ambiguous" if doubts or contested(judgement, attribution, thresholds.alike) else "named"
 
 
 def contested(judgement: Judgement, attribution: Attribution, alike: float) -> bool:

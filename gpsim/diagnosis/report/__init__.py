@@ -1,5 +1,6 @@
 """The result of a diagnosis as typed, frozen objects, and the file they are read from and written to."""
 
+from gpsim.diagnosis.report.contradictions import contradictions
 from gpsim.diagnosis.report.diagnosis import (
     SCHEMA,
     Concentration,
@@ -14,8 +15,10 @@ from gpsim.diagnosis.report.diagnosis import (
 from gpsim.diagnosis.report.effects import (
     Alternative,
     Claims,
+    Doubt,
     Estimate,
     Form,
+    Leads,
     NamedEffect,
     Odds,
     RankedHypothesis,
@@ -25,6 +28,8 @@ from gpsim.diagnosis.report.effects import (
 from gpsim.diagnosis.report.explained import Combination, Curve, Explained, JudgedOn, LogFact
 from gpsim.diagnosis.report.facts import Discrimination, Excitation, NoGp, Separation, Shape
 from gpsim.diagnosis.report.fit import (
+    BlackBox,
+    BoxKind,
     HeldOutFit,
     Kind,
     ModelErrors,
@@ -35,6 +40,7 @@ from gpsim.diagnosis.report.fit import (
     RolloutModelErrors,
     StepErrors,
 )
+from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.report.not_asked import NotAsked
 from gpsim.diagnosis.report.recordings import EndErrors, FromOthers, OneRecording, OwnValues
 from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
@@ -43,12 +49,15 @@ __all__ = [
     "SCHEMA",
     "SCORE_SCHEMA",
     "Alternative",
+    "BlackBox",
+    "BoxKind",
     "Claims",
     "Combination",
     "Concentration",
     "Curve",
     "Diagnosis",
     "Discrimination",
+    "Doubt",
     "EndErrors",
     "Estimate",
     "Excitation",
@@ -58,6 +67,7 @@ __all__ = [
     "HeldOutFit",
     "JudgedOn",
     "Kind",
+    "Leads",
     "Location",
     "LogFact",
     "MissingLaw",
@@ -84,5 +94,8 @@ __all__ = [
     "Share",
     "StepErrors",
     "Verdict",
+    "contradictions",
+    "no_size",
     "schema",
+    "sized",
 ]

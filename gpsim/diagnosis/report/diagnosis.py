@@ -9,7 +9,7 @@ from importlib.resources import files
 from typing import Any, Literal
 
 from gpsim.diagnosis.report.codec import OMITTED, UNWRITTEN, read, written
-from gpsim.diagnosis.report.effects import Alternative, NamedEffect, RankedHypothesis
+from gpsim.diagnosis.report.effects import Alternative, Doubt, Leads, NamedEffect, RankedHypothesis
 from gpsim.diagnosis.report.explained import Combination, Curve, Explained, LogFact
 from gpsim.diagnosis.report.facts import Discrimination, NoGp
 from gpsim.diagnosis.report.fit import HeldOutFit
@@ -110,7 +110,8 @@ class Diagnosis:
 
     verdict: named (one explanation stands out), ambiguous (`alternatives` cannot be ruled out), partial (the effects
     explain most of it, not all, or a law only approximately), unknown (they explain less than half) or none.
-    explained: how much they explain; curves: free ones beside their laws; combinations: parameters that only act
+    explained: how much they explain; doubts: why it is not named; leads: which of the explanations that the data cannot
+    tell apart `effects` holds; curves: free ones beside their laws; combinations: parameters that only act
     together; log_facts: what is peculiar to the log, in words; facts: the same, which the file does not hold.
     tell_apart: which recording would separate the rivals, in words; discrimination: in facts, which the file does not
     hold. integration: the step of the explanation, `fine` or the base's integrator. tuned: ratios by which tuning alone
@@ -133,6 +134,8 @@ class Diagnosis:
     not_measured: tuple[str, ...] = ()
     not_asked: tuple[NotAsked, ...] = ()
     explained: Explained = field(default_factory=Explained)
+    doubts: tuple[Doubt, ...] = ()
+    leads: Leads = "likeliest"
     curves: tuple[Curve, ...] = ()
     combinations: tuple[Combination, ...] = ()
     log_facts: tuple[str, ...] = ()

@@ -12,6 +12,11 @@ Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
 Role = Literal["headline", "slight"]
 Form = Literal["holds", "approximate", "untested"]
+Doubt = Literal["left", "form", "black box", "bound", "size", "no claim", "odds"]
+"""Why an account is not named: much is left, a law holds approximately, a black box foresees more, a size is at its
+bound, is not known, no effect is a claim by itself, the odds against an account without one of its claims are low."""
+Leads = Literal["likeliest", "simplest"]
+"""Which of those that the data cannot tell apart is the account."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,7 @@ class Estimate:
     """A parameter's value in its `unit` ("1": a plain ratio), with its 90 % interval [low, high].
 
     low, high: None where the data do not determine it. at_bound: the value stopped at the bound of the search: it is no
-    measurement.
+    measurement. usual: the sizes that machines have, where this is none of them.
     """
 
     value: float
@@ -27,6 +32,7 @@ class Estimate:
     high: float | None
     unit: str
     at_bound: bool = False
+    usual: tuple[float, float] | None = field(default=None, metadata=OMITTED)
 
 
 @dataclass(frozen=True)
@@ -56,13 +62,15 @@ class NamedEffect:
     family, site: docs/reference/effects.md; on: what it acts on, a coordinate, action, channel or parameter;
     parameters: by name; region: channel -> [low, high] in the channel's unit, where it acts; since: seconds on the
     recording's clock;
-    since_episode: the name of the first episode in which it acts; probability: of the whole explanation; evidence_gain:
+    since_episode: the name of the first episode in which it acts; acts_in: the share of the samples in which it acts,
+    None where it always does; probability: of the whole explanation; evidence_gain:
     nats; explains: the share of the residual beyond noise that goes with it; importance: its part of what the account
     explains (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew;
     role: headline, or a slight correction that is no claim; form: whether its law holds against a free curve of its own
-    inputs; sentence: what a person would say. Of several recordings: recordings: the only ones in which it acts; own:
-    recording -> parameters that differ there from `parameters`, which all others share. Where none shares them,
-    `parameters` are those of the first recording in which it acts.
+    inputs; sentence: what a person would say; implausible: the same of sizes that no machine of the kind has, None
+    where all are usual. Of several recordings: recordings: the only ones in which it acts; own: recording -> parameters
+    that differ there from `parameters`, which all others share. Where none shares them, `parameters` are those of the
+    first recording in which it acts.
     """
 
     family: str
@@ -72,6 +80,7 @@ class NamedEffect:
     region: Mapping[str, tuple[float, float]]
     since: float | None
     since_episode: str | None = None
+    acts_in: float | None = None
     probability: float
     odds: Odds | None = None
     evidence_gain: float
@@ -81,6 +90,7 @@ class NamedEffect:
     role: Role = "headline"
     form: Form = "untested"
     sentence: str = ""
+    implausible: str | None = None
     recordings: tuple[str, ...] | None = field(default=None, metadata=OMITTED)
     own: Mapping[str, Mapping[str, Estimate]] | None = field(default=None, metadata=OMITTED)
 

@@ -8,8 +8,11 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from gpsim.diagnosis.report.codec import FLAT, OMITTED
+from gpsim.diagnosis.report.effects import Share
 
 Kind = Literal["before", "tuned", "gp", "after", "after_gp", "noise_floor"]
+BoxKind = Literal["gp", "after_gp", "curve"]
+"""A model that names nothing: a Gaussian process alone, one beside the account, a free curve in some laws' place."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,8 @@ class StepErrors(ModelErrors):
     """Root mean square errors of a rate [unit] in single held-out steps.
 
     nrmse: over the standard deviation of the measured rate [1]; typical: from the median, which glitches do not move
-    [unit]; after_over_before: that of `after`; finely: the base's with fine steps [unit], where nothing else is amiss.
+    [unit]; after_over_before: that of `after`; finely: the base's with fine steps [unit], where nothing else is amiss;
+    black_box: that of `HeldOutFit.black_box` [unit].
     """
 
     unit: str
@@ -81,6 +85,7 @@ class StepErrors(ModelErrors):
     over_before: OverBefore | None = None
     after_over_before: Ratio | None = None
     finely: float | None = field(default=None, metadata=OMITTED)
+    black_box: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +96,7 @@ class RolloutErrors(RolloutModelErrors):
     typical: RolloutModelErrors | None = None
     over_before: OverBefore | None = None
     after_over_before: Ratio | None = None
+    black_box: float | None = None
 
 
 @dataclass(frozen=True)
@@ -102,12 +108,28 @@ class Rollout:
 
 
 @dataclass(frozen=True)
+class BlackBox:
+    """The model that names nothing and foresees most of held-out rollouts.
+
+    takes_off: off the account's error beyond the noise, over channels by their geometric mean, less than 0 where it is
+    worse; of: of what a curve is; depends_on: on what that, or what the account leaves, depends.
+    """
+
+    model: BoxKind
+    takes_off: Share
+    of: str = ""
+    depends_on: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class HeldOutFit:
     """Errors on what nothing was learnt from. held_out: its episodes, whole ones or the last part of their time.
 
-    one_step: by rate, those that follow from what was measured; rollout: by channel.
+    one_step: by rate, those that follow from what was measured; rollout: by channel; black_box: None where what the
+    account leaves looks like noise or its error does not stand out of it, and in files of earlier versions.
     """
 
     held_out: tuple[str, ...]
     one_step: Mapping[str, StepErrors]
     rollout: Rollout
+    black_box: BlackBox | None = None

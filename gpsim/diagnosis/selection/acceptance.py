@@ -20,8 +20,9 @@ and `gain` the nats by which the richer one wins, its parameters paid (see `evid
 All others are refused: `too small a share`. The worlds that show what each rule protects against are in
 docs/method/acceptance.md.
 
-Before all of them, `no place`: a region or an onset of the richer one that the poorer one lacks holds hardly any of the
-samples, or nearly all. Refused: it is a moment, or no gate at all. And `required`: what lacks an effect that the user requires loses to what has it.
+Before all of them: `no place`, a region or an onset of the richer one that the poorer one lacks holds hardly any of the
+samples, or nearly all, and is refused: it is a moment, or no gate at all. And `required`: what lacks an effect that the
+user requires loses to what has it.
 
 The numbers are `AcceptanceSettings`.
 """
@@ -143,7 +144,7 @@ def _held(problem: Problem, richer: Fit, poorer: Fit) -> list[float]:
     valid, path = windows.valid[:, 1:], (windows.measured[:, :-1], windows.measured[:, 1:])
     shares = []
     for term in new:
-        episodes = np.broadcast_to(windows.episode[:, None], valid.shape)
+        episodes = np.broadcast_to(windows.episode[:, None], valid.shape).astype(float)
         inside = term.gate.share(
             path, windows.actions, windows.t[:, :-1], np.diff(windows.t), channels, {IN_EPISODE: episodes}
         )

@@ -30,7 +30,7 @@ from gpsim.diagnosis.settings.fitting import (
 )
 from gpsim.diagnosis.settings.form import FormSettings
 from gpsim.diagnosis.settings.gates import GateSettings
-from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
+from gpsim.diagnosis.settings.judgement import BlackBoxSettings, RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.known import NOTHING_KNOWN, Known, read_known
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
@@ -47,6 +47,7 @@ __all__ = [
     "NOTHING_KNOWN",
     "AcceptanceSettings",
     "AttributionSettings",
+    "BlackBoxSettings",
     "BootstrapSettings",
     "CandidateSettings",
     "CombinationSettings",

@@ -95,6 +95,15 @@ class EvidenceSettings:
         "over which the share is averaged that fitting start states takes off white noise",
         least=1,
     )
+    doubled: float = setting(
+        5.0,
+        "nats",
+        "that a size costs a factor of two outside of the usual range, four times that a factor of four",
+        "by reason: odds of a hundred and fifty against a mass of eight times, none against one of four times",
+    )
+    most_unusual: float = setting(
+        50.0, "nats", "that a size costs at most: physics that is sure enough may be unusual"
+    )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gpsim.diagnosis.settings.declare import setting
+from gpsim.diagnosis.settings.declare import check, setting
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,44 @@ class VerdictSettings:
         "of what a headline effect does, by which rivals may differ in its size and claim the same",
         "as far as a law may depart from its curve; a Limo's delay is 0.27 s, or 0.13 s beside a lag",
     )
+    odds: float = setting(
+        3.0,
+        "1",
+        "to one, against an account without one of its claims: one whose odds are lower is not named",
+    )
     unnamed: float = setting(
         1e-4, "1", "p-value of whiteness below which something is there even where nothing that is known pays"
     )
+
+
+@dataclass(frozen=True)
+class BlackBoxSettings:
+    """What models that name nothing foresee of the error that an account leaves."""
+
+    more: float = setting(
+        0.25,
+        "1",
+        "of the account's error, that one surely takes off an account that is partial",
+        "a quarter is more than any two fits of one law differ by",
+    )
+    stands_out: float = setting(
+        1.5,
+        "1",
+        "times what noise alone makes of a rollout: a channel in which the account's error is less is done",
+    )
+    trifle: float = setting(
+        0.001, "1", "of the base's error: a channel in which the account leaves less is done"
+    )
+    least_ratio: float = setting(
+        0.1, "1", "of the account's error: in one channel a model counts as no better, nor as so much worse"
+    )
+    fewest: int = setting(4, "rollouts", "held out: with fewer there is no interval", least=2)
+    draws: int = setting(400, "1", "of all rollouts", least=1)
+    low: float = setting(0.05, "1", "quantile of the draws that is an interval's lower end", "usual: 90 %")
+    high: float = setting(0.95, "1", "quantile of the draws that is its upper end", "usual: 90 %")
+
+    def __post_init__(self) -> None:
+        check(self, shares=("more", "low", "high"))
 
 
 @dataclass(frozen=True)

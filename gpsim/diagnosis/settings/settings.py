@@ -40,7 +40,7 @@ from gpsim.diagnosis.settings.fitting import (
 )
 from gpsim.diagnosis.settings.form import FormSettings
 from gpsim.diagnosis.settings.gates import ChangePointSettings, GateEdgeSettings, GateSettings
-from gpsim.diagnosis.settings.judgement import RivalSettings, VerdictSettings
+from gpsim.diagnosis.settings.judgement import BlackBoxSettings, RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.refit import PruningSettings, RefitSettings
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.schedules import ScheduleSettings
@@ -104,6 +104,7 @@ class Settings:
     support: SupportSettings = field(default_factory=SupportSettings)
     rivals: RivalSettings = field(default_factory=RivalSettings)
     verdict: VerdictSettings = field(default_factory=VerdictSettings)
+    black_box: BlackBoxSettings = field(default_factory=BlackBoxSettings)
     form: FormSettings = field(default_factory=FormSettings)
     comparison: ComparisonSettings = field(default_factory=ComparisonSettings)
     rollouts: RolloutSettings = field(default_factory=RolloutSettings)

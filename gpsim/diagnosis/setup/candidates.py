@@ -10,7 +10,7 @@ from gpsim.diagnosis.setup.known import allowed, check_bounds
 from gpsim.diagnosis.setup.not_asked import shows
 from gpsim.diagnosis.setup.prepare import Question
 from gpsim.diagnosis.setup.sizes import Sizes
-from gpsim.effects import FAMILIES, effect_of
+from gpsim.effects import FAMILIES, declared, effect_of
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
 
@@ -28,7 +28,7 @@ def candidates(
         for on in effect.places(simulator):
             place = sizes.place(effect, on)
             out += [
-                Candidate(effect.family, place, variant, effect.parameters(place, variant))
+                Candidate(effect.family, place, variant, declared(effect, place, variant))
                 for variant in effect.variants
                 if effect.offers(place, variant)
             ]

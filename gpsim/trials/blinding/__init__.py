@@ -15,6 +15,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
 )
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
 from gpsim.trials.blinding.even_recordings import even_recording
+from gpsim.trials.blinding.recording_folders import recording_folders
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
     HASHES,
@@ -46,6 +47,7 @@ __all__ = [
     "published",
     "read_outcome",
     "read_report",
+    "recording_folders",
     "reveal",
     "trial_name",
     "write_trial",

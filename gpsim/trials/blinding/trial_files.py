@@ -14,13 +14,17 @@ from gpsim.errors import UsageError
 from gpsim.files import file_digest, written_whole
 from gpsim.recordings import write_recording
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
+from gpsim.trials.blinding.machine_worlds import MachineConcealed, conceal_machine, machine_answer
+from gpsim.trials.blinding.recording_folders import RECORDING_FILE, recording_folders
 from gpsim.trials.blinding.robot_worlds import RobotConcealed, conceal_robot, robot_answer
-from gpsim.trials.robots import robot_rank
+from gpsim.trials.drawing import machine_rank
+from gpsim.trials.robots import Files, robot_rank
 
 PUBLIC, PRIVATE = "public", "private"
 ANSWER, TRUTH = "answer.json", "truth.npz"
 HASHES = "answers.sha256"
 NAME = re.compile(r"\d{4,}")  # of a trial's folder
+AnyConcealed = Concealed | RobotConcealed | MachineConcealed
 
 
 def trial_name(number: int) -> str:
@@ -32,18 +36,18 @@ def write_trial(out: Path, seed: int, number: int) -> str:
     """Write both halves of a trial, each whole or not at all; the answer's SHA-256. What exists is kept."""
     name = trial_name(number)
     private, public = out / PRIVATE / name, out / PUBLIC / name
-    if not (private / ANSWER).is_file() or not (public / "recording.yaml").is_file():
-        of_robot = robot_rank(number) is not None
-        concealed = conceal_robot(seed, number) if of_robot else conceal(seed, number)
+    there = public.is_dir() and (recording_folders(public)[0] / RECORDING_FILE).is_file()
+    if not (private / ANSWER).is_file() or not there:
+        concealed = _concealed(seed, number)
         with written_whole(private) as answers, written_whole(public) as recordings:
             answers.mkdir(parents=True)
             _write_truth(answers / TRUTH, concealed)
             text = json.dumps(_answer(concealed, file_digest(answers / TRUTH)), indent=1) + "\n"
             (answers / ANSWER).write_text(text, encoding="utf-8")
             recordings.mkdir(parents=True)
-            write_recording(concealed.recording, recordings, "csv")
+            _write_recordings(recordings, concealed)
             if isinstance(concealed, RobotConcealed):
-                _write_model(recordings, concealed)
+                _write_model(recordings, concealed.files)
             for half in (private, public):
                 shutil.rmtree(half, ignore_errors=True)
     return file_digest(private / ANSWER)
@@ -92,28 +96,47 @@ def _hashes(path: Path) -> dict[str, str]:
     return {name: digest for digest, name in lines}
 
 
-def _answer(concealed: Concealed | RobotConcealed, truth_digest: str) -> dict[str, Any]:
+def _concealed(seed: int, number: int) -> AnyConcealed:
+    if machine_rank(number) is not None:
+        return conceal_machine(seed, number)
+    return conceal(seed, number) if robot_rank(number) is None else conceal_robot(seed, number)
+
+
+def _write_recordings(folder: Path, concealed: AnyConcealed) -> None:
+    """One recording in the folder itself, a machine's in folders 1, 2, 3 in it."""
+    if not isinstance(concealed, MachineConcealed):
+        write_recording(concealed.recording, folder, "csv")
+        return
+    for i, recording in enumerate(concealed.recordings, 1):
+        (folder / str(i)).mkdir()
+        write_recording(recording, folder / str(i), "csv")
+        _write_model(folder / str(i), concealed.files)
+
+
+def _answer(concealed: AnyConcealed, truth_digest: str) -> dict[str, Any]:
+    if isinstance(concealed, MachineConcealed):
+        return machine_answer(concealed, truth_digest)
     if isinstance(concealed, RobotConcealed):
         return robot_answer(concealed, truth_digest)
     return answer_of(concealed, truth_digest)
 
 
-def _write_model(folder: Path, concealed: RobotConcealed) -> None:
+def _write_model(folder: Path, files: Files) -> None:
     """The model that is believed, and what it includes."""
-    for name, text in concealed.files.items():
+    for name, text in files.items():
         path = folder / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
 
 
-def _write_truth(path: Path, concealed: Concealed | RobotConcealed) -> None:
+def _write_truth(path: Path, concealed: AnyConcealed) -> None:
     """Readings without noise and the true model's residual rates; equal worlds give equal bytes.
 
-    Of a robot there are no residual rates.
+    Of a robot there are no residual rates. Of a machine it is the first recording.
     """
     clean = np.concatenate([e.states for e in concealed.clean.episodes])
     rows = np.array([len(e.t) for e in concealed.clean.episodes])
     own, episode = np.empty((0, 0)), np.empty(0, dtype=np.int64)
-    if isinstance(concealed, Concealed):
+    if not isinstance(concealed, RobotConcealed) and concealed.one_step is not None:
         own, episode = concealed.one_step.own, concealed.one_step.episode
     np.savez(path, clean=clean, rows=rows, own=own, episode=episode)

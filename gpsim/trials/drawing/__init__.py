@@ -5,19 +5,36 @@ A deck says how many effects a trial has, places say what a family can act on, `
 
 from gpsim.trials.drawing.decks import COUNTS, DECK_SIZE, LONG, SIZE, first_family, stratum_of
 from gpsim.trials.drawing.draws import ALIKE, draw
+from gpsim.trials.drawing.machine_draws import (
+    ARM,
+    KINDS,
+    MACHINES_FROM,
+    counts,
+    draw_machine,
+    kind_of,
+    machine_rank,
+)
+from gpsim.trials.drawing.nuisances import within
 from gpsim.trials.drawing.places import of_body, places_of, systems_of
-from gpsim.trials.drawing.rough_draws import ROUGH_FROM, draw_rough, rank_of, within
+from gpsim.trials.drawing.rough_draws import ROUGH_FROM, draw_rough, rank_of
 
 __all__ = [
     "ALIKE",
+    "ARM",
     "COUNTS",
     "DECK_SIZE",
+    "KINDS",
     "LONG",
+    "MACHINES_FROM",
     "ROUGH_FROM",
     "SIZE",
+    "counts",
     "draw",
+    "draw_machine",
     "draw_rough",
     "first_family",
+    "kind_of",
+    "machine_rank",
     "of_body",
     "places_of",
     "rank_of",

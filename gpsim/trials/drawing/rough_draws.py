@@ -5,34 +5,20 @@ Their numbers begin behind ROUGH_FROM, so that the plain worlds of a seed stay w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from gpsim.channels import FloatArray
-from gpsim.trials import catalogue, outside
+from gpsim.trials import catalogue
 from gpsim.trials.drawing.defects import rough_log
 from gpsim.trials.drawing.draws import NOISE, bare_world, effect, places
+from gpsim.trials.drawing.nuisances import MOST_SHARE, calibrated, nuisances, pilot, shares_of
 from gpsim.trials.drawing.places import places_of, systems_of
-from gpsim.trials.truth import Shares, run
-from gpsim.trials.worlds import (
-    CLOSED_LOOP,
-    SYSTEMS,
-    Dial,
-    Rough,
-    Run,
-    Scales,
-    System,
-    TrueEffect,
-    World,
-    sound,
-)
+from gpsim.trials.truth import Shares
+from gpsim.trials.worlds import CLOSED_LOOP, SYSTEMS, Dial, Rough, Scales, System, TrueEffect, World
 
 ROUGH_FROM = 100_000
-LEAST_SHARE, MOST_SHARE = 0.005, 0.08  # of the mismatch, that a nuisance makes
-INSIDE = 1.3  # drawn shares keep this factor away from both, and calibration comes as near as it
 IMPORTANT, NEEDED = 0.1, 0.05  # of a main effect before there are nuisances: what makes it one
 LATE = 0.02  # of the mismatch, that a late topic may make
 SIZES = {1: 0.35, 2: 0.4, 3: 0.25}  # how often so many main effects
@@ -43,13 +29,6 @@ POSITIONS_ONLY = (
 OWN_FAMILY = 8  # attempts with the family whose turn it is; then whichever comes
 TRANSITIONS = (2500, 6000)
 LEVELS = {"light": 0.3, "normal": 0.5, "heavy": 0.2}  # of noise; no real sensor is clean
-COARSE = 5  # steps a sample while shares are calibrated
-ROUNDS, PATIENCE = 6, 3  # of calibration; after so many those that are not near are left out if enough are
-STRENGTHS, SLOPE = (
-    (-5.0, 1.5),
-    (1.0, 12.0),
-)  # between which is looked; the slopes of a share that are believed
-COSTLY = ("loose_marker", "encoder_play")  # kinds that read their whole past anew at every sample
 
 
 def rank_of(number: int) -> int | None:
@@ -63,14 +42,8 @@ def draw_rough(seed: int, number: int, attempt: int = 0) -> World | None:
     world = _world(seed, number, attempt, rng)
     if world is None:
         return None
-    nuisances = [_nuisance(kind, on, rng) for kind, on in _nuisances(seed, world, rng)]
-    scales = Scales(world, _pilot(world, ()))
-    return _calibrated(world, nuisances, scales)
-
-
-def within(share: float) -> bool:
-    """Whether a share is a nuisance's."""
-    return LEAST_SHARE <= share <= MOST_SHARE
+    chosen = nuisances(seed, world, NUISANCES, MOST_SHARE, rng)
+    return calibrated(world, chosen, Scales(world, pilot(world, ())), NUISANCES[0])
 
 
 def _world(seed: int, number: int, attempt: int, rng: np.random.Generator) -> World | None:
@@ -89,7 +62,7 @@ def _world(seed: int, number: int, attempt: int, rng: np.random.Generator) -> Wo
     chosen = places(family, system, size, velocities, rng)
     world = bare_world(seed, number, attempt, "rough", False, system, velocities, chosen, rng)
     world = _roughened(world, system, rng)
-    scales = Scales(world, _pilot(world, ()))
+    scales = Scales(world, pilot(world, ()))
     made: list[TrueEffect] = []
     for name, on in chosen:
         dial = Dial(rng, float(rng.uniform(0.3, 1.0)))
@@ -97,7 +70,7 @@ def _world(seed: int, number: int, attempt: int, rng: np.random.Generator) -> Wo
     dated = any(e.since is not None for e in made)
     world = replace(world, effects=tuple(made), clock="session" if dated else world.clock)
     world = replace(world, rough=rough_log(world, world.effects, rng))
-    shares = _shares(world)
+    shares = shares_of(world)
     if shares is None or not shares.counts.any():
         return None
     world = replace(world, rough=_hardly_late(world, shares))
@@ -141,92 +114,3 @@ def _roughened(world: World, system: System, rng: np.random.Generator) -> World:
         },
         noise_known=bool(rng.random() < 0.3),
     )
-
-
-@dataclass(frozen=True)
-class _Nuisance:
-    """A kind on a place, the share it is to make, and the seed of all that is drawn for it besides its strength."""
-
-    kind: str
-    on: str
-    wanted: float
-    seed: int
-
-    def at(self, strength: float, scales: Scales) -> TrueEffect:
-        """As strong as that; the same in all else."""
-        dial = Dial(np.random.default_rng(self.seed), strength)
-        values = outside.KINDS[self.kind].strength(scales, self.on, dial)
-        return TrueEffect(self.kind, self.on, values, outside=True, strength="subtle")
-
-
-def _nuisance(kind: str, on: str, rng: np.random.Generator) -> _Nuisance:
-    low, high = np.log([LEAST_SHARE * INSIDE, MOST_SHARE / INSIDE])
-    return _Nuisance(kind, on, float(np.exp(rng.uniform(low, high))), int(rng.integers(2**31)))
-
-
-def _nuisances(seed: int, world: World, rng: np.random.Generator) -> list[tuple[str, str]]:
-    """Kinds that the seed may draw, and where they act."""
-    system = SYSTEMS[world.system]
-    able = [
-        name
-        for name, kind in sorted(outside.nuisances(seed).items())
-        if name not in COSTLY and kind.places(system, world.velocities)
-    ]
-    count = min(int(rng.choice(NUISANCES)), len(able))
-    names = [str(name) for name in rng.choice(able, count, replace=False)]
-    return [(n, str(rng.choice(outside.KINDS[n].places(system, world.velocities)))) for n in names]
-
-
-def _calibrated(world: World, nuisances: Sequence[_Nuisance], scales: Scales) -> World | None:
-    """With the nuisances as strong as their shares ask: bisection of all at once, by secants inside the brackets.
-
-    One whose share cannot be reached (an encoder's step that is always too coarse) is left out while two are left.
-    """
-    s = np.zeros(len(nuisances))
-    low, high = (np.full(len(nuisances), edge) for edge in STRENGTHS)
-    wanted = np.log([n.wanted for n in nuisances])
-    slope, before = np.full(len(nuisances), 4.0), None
-    good: list[TrueEffect] = []
-    for turn in range(ROUNDS):
-        made = [n.at(float(x), scales) for n, x in zip(nuisances, s, strict=True)]
-        tried = replace(world, effects=(*world.effects, *made))
-        shares = _shares(tried)
-        if shares is None:
-            high, s = np.minimum(high, s), s - 1.0
-            continue
-        found = np.log(np.maximum([shares.of(e) for e in made], 1e-9))
-        near = np.abs(found - wanted) < np.log(INSIDE)
-        if near.all():
-            return tried
-        good = [e for e, there in zip(made, near, strict=True) if there]
-        if turn >= PATIENCE and len(good) >= NUISANCES[0]:
-            break
-        if before is not None:
-            moved = np.where(np.abs(s - before[0]) > 1e-6, s - before[0], np.inf)
-            secant = (found - before[1]) / moved
-            slope = np.where(np.isfinite(moved), np.clip(np.nan_to_num(secant), *SLOPE), slope)
-        before = (s.copy(), found)
-        low, high = np.where(found < wanted, s, low), np.where(found > wanted, s, high)
-        s = _next(s + (wanted - found) / slope, low, high)
-    fewer = replace(world, effects=(*world.effects, *good))
-    if len(good) < NUISANCES[0] or (shares := _shares(fewer)) is None:
-        return None
-    return fewer if all(within(shares.of(e)) for e in good) else None
-
-
-def _next(tried: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The secant's strengths, or the middle of a bracket that they leave."""
-    return np.where((tried > low) & (tried < high), tried, (low + high) / 2)
-
-
-def _shares(world: World) -> Shares | None:
-    """Of a coarse run; None where too little survives."""
-    truth = _pilot(world, world.effects)
-    kept = np.asarray(sound(world, truth.sampled))
-    if (kept < len(truth.clean)).mean() > 0.2:
-        return None
-    return Shares(world, truth, kept)
-
-
-def _pilot(world: World, effects: Sequence[TrueEffect]) -> Run:
-    return run(replace(world, engine="rk4"), effects, world.dt / COARSE)

@@ -20,7 +20,8 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.setup import candidates, prepare, spread_out
 from gpsim.files import plain, write_json, written_whole
 from gpsim.mjcf import in_its_columns, open_simulator
-from gpsim.recordings import read_recording
+from gpsim.recordings import Recording, read_recording
+from gpsim.simulators import Simulator
 from gpsim.trials.blinding import PUBLIC, Answer
 from gpsim.trials.rivals.cache import EQUIVALENTS
 from gpsim.trials.rivals.equivalents import NUMERICAL, UNEXPLAINED, Claims, Rival, as_hypothesis
@@ -73,21 +74,26 @@ def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Js
     return sorted(map(_rival, kept["rivals"]), key=lambda r: r.loss)
 
 
+def clean_recording(answer: Answer, public: Path) -> tuple[Recording, Simulator]:
+    """The recording as perfect sensors would have made it, with the world's own noise as known; and its simulator."""
+    recording = read_recording(public)
+    simulator = open_simulator(str(public / str(recording.model)))
+    clean = replace(
+        recording,
+        episodes=tuple(replace(e, states=s) for e, s in zip(recording.episodes, answer.clean, strict=True)),
+        noise={n: sd for n, sd in answer.world.noise.items() if n in recording.state.names},
+        held_out=None,
+    )
+    return in_its_columns(clean, simulator), simulator
+
+
 class Judge:
     """Fits explanations to the noise-free readings of a robot's world and tells what they lose against the truth."""
 
     def __init__(self, answer: Answer, public: Path) -> None:
-        recording, world = read_recording(public), answer.world
-        simulator = open_simulator(str(public / str(recording.model)))
-        clean = replace(
-            recording,
-            episodes=tuple(
-                replace(e, states=s) for e, s in zip(recording.episodes, answer.clean, strict=True)
-            ),
-            noise={n: sd for n, sd in world.noise.items() if n in recording.state.names},
-            held_out=None,
-        )
-        question = prepare(in_its_columns(clean, simulator), simulator, simulator.defaults())
+        world = answer.world
+        clean, simulator = clean_recording(answer, public)
+        question = prepare(clean, simulator, simulator.defaults())
         problem = question.everything
         self._problem: Problem = problem.on(
             spread_out(problem.windows, WINDOWS, problem.run.settings.prepare.fewest)

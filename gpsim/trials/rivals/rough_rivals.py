@@ -30,7 +30,7 @@ def main_world(answer: Answer) -> World:
     """The world with its main effects alone, an even log, and noise that stands for all that was taken away."""
     world = answer.world
     steps = world.rough.quantum if world.rough else {}
-    left = answer.content["rough"]["left"]
+    left = answer.content["machine" if world.machine else "rough"]["left"]
     noise = {
         n: float(np.sqrt(sd**2 + steps.get(n, 0.0) ** 2 / 12.0 + left.get(n, 0.0) ** 2))
         for n, sd in world.noise.items()

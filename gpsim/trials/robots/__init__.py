@@ -4,6 +4,7 @@
 what truly moves, `shown` says how much each effect shows, `recorded` is the log that a user would have.
 """
 
+from gpsim.trials.robots.arms import arms_places, draw_arm
 from gpsim.trials.robots.draws import ROBOTS_FROM, draw_robot, places_of, planned, robot_rank, stratum_of
 from gpsim.trials.robots.driving import sound
 from gpsim.trials.robots.logs import recorded
@@ -22,6 +23,8 @@ __all__ = [
     "Layout",
     "Plant",
     "Robot",
+    "arms_places",
+    "draw_arm",
     "draw_robot",
     "files_of",
     "layout_of",

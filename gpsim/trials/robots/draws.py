@@ -86,7 +86,7 @@ def planned(
         robot = able[(seed + among) % len(able)]
     rng = np.random.default_rng([seed, number, attempt, 0])
     effects = _places(family, robot, SIZE[stratum], rng)
-    return _bare(seed, number, attempt, stratum, robot, effects, rng), effects, rng
+    return bare_world(seed, number, attempt, stratum, robot, effects, rng), effects, rng
 
 
 def places_of(family: str, robot: Robot) -> list[str]:
@@ -125,7 +125,7 @@ def _places(family: str | None, robot: Robot, size: int, rng: np.random.Generato
     return chosen
 
 
-def _bare(
+def bare_world(
     seed: int,
     number: int,
     attempt: int,

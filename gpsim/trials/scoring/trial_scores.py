@@ -6,9 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from gpsim.diagnosis.report import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
-from gpsim.trials.rivals import Listing, cached_listing, robot_rivals
+from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals
+from gpsim.trials.scoring.first_recording import of_first
+from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
 from gpsim.trials.scoring.rules import score
 
 SCORES = "scores"
@@ -23,13 +26,12 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     outcome = read_outcome(out, name)
     try:
         report = read_report(out, name)
-        listed = _listing(out, name, answer, outcome, report)
-        found = score(answer, report, listed.rivals)
-        found |= {"scored": True, "error": outcome["error"]} | _beside(answer, listed)
+        found = _judged(out, name, answer, outcome, report) | {"scored": True, "error": outcome["error"]}
+        found["contradictions"] = [] if report is None else contradictions(report)
     except Exception as error:  # whatever it is, it must not block the reveal of the others
         if isinstance(error, OSError) and tells_of_full_disk(str(error)):
             raise
-        found = score(answer, None, []) | {"scored": False, "rivals": [], "sindy": None}
+        found = _unscored(answer) | {"scored": False, "rivals": [], "sindy": None}
         found["error"] = f"not scored: {type(error).__name__}: {' '.join(str(error).split())[:200]}"
     found |= _of_world(answer) | {
         "trial": name,
@@ -42,6 +44,25 @@ def score_trial(out: Path, answers: Path, name: str) -> dict[str, Any]:
     with written_whole(path) as made:
         made.write_text(json.dumps(plain(found), indent=1) + "\n", encoding="utf-8")
     return found
+
+
+def _judged(
+    out: Path, name: str, answer: Answer, outcome: dict[str, Any], report: dict[str, Any] | None
+) -> dict[str, Any]:
+    """The diagnosis by the rules of its stratum, and what stands beside it."""
+    if answer.content["stratum"] == MACHINES:
+        report = None if report is None else of_first(report)
+        listed = machine_listing(out, name, answer, outcome, report)
+        return score_machine(answer, report, listed) | {"rivals": [], "sindy": None}
+    rivals = _listing(out, name, answer, outcome, report)
+    return score(answer, report, rivals.rivals) | _beside(answer, rivals)
+
+
+def _unscored(answer: Answer) -> dict[str, Any]:
+    """As a failed diagnosis scores."""
+    if answer.content["stratum"] == MACHINES:
+        return score_machine(answer, None, None)
+    return score(answer, None, [])
 
 
 def _listing(
@@ -68,10 +89,10 @@ def _of_world(answer: Answer) -> dict[str, Any]:
         "noise_known": world.noise_known,
         "velocities": world.velocities,
         "excitation": world.excitation,
-        "strength": min((e["strength"] for e in effects), key=order.index, default=""),
+        "strength": min((e["strength"] for e in effects if e["strength"]), key=order.index, default=""),
         "gate": ", ".join(sorted(gates)) or "everywhere",
         "effects": effects,
-        "defects": content["rough"]["defects"] if "rough" in content else [],
+        "defects": content.get("rough", content.get("machine", {})).get("defects", []),
     }
 
 

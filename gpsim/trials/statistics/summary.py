@@ -11,6 +11,7 @@ import numpy as np
 
 from gpsim.trials.statistics.goals import EQUIVALENT, goals
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
+from gpsim.trials.statistics.machine_figures import machine_figures
 from gpsim.trials.statistics.robot_figures import robot_figures
 from gpsim.trials.statistics.rough_figures import rough_figures
 
@@ -23,17 +24,19 @@ NEAR_OWN = 1.1  # held-out error over the true model's own
 def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     """The content of prove.json, without what the caller knows of how it was run.
 
-    The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds and
-    the robots by themselves. `all` holds every plain world; `strata` the same figures by noise, strength, velocities,
-    system, engine, excitation and visibility.
+    The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds, the
+    robots and the machines by themselves. `all` holds every plain world; `strata` the same figures by noise, strength,
+    velocities, system, engine, excitation and visibility.
     """
     rough = [s for s in scores if s["stratum"] == "rough"]
     robots = [s for s in scores if "robot" in s]
-    plain = [s for s in scores if s["stratum"] != "rough" and "robot" not in s]
+    machines = [s for s in scores if s["stratum"] == "machines"]
+    plain = [s for s in scores if s["stratum"] not in ("rough", "machines") and "robot" not in s]
     standard = [s for s in plain if not s["long"]]
     headline = [s for s in standard if s["visible"] or s["stratum"] == "none"]
     figures = block(headline) | ({"rough": rough_figures(rough)} if rough else {})
     figures |= {"mjcf": robot_figures(robots)} if robots else {}
+    figures |= {"machines": machine_figures(machines)} if machines else {}
     return {
         "schema": SCHEMA,
         **figures,
@@ -51,6 +54,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
         "rivals": _rivals(standard),
         "misses": [s["trial"] for s in plain if not s["right"]],
         "failed": [s["trial"] for s in scores if s["verdict"] == "failed"],
+        "contradictions": {s["trial"]: s["contradictions"] for s in scores if s.get("contradictions")},
         "not_scored": [s["trial"] for s in scores if not s.get("scored", True)],
     }
 

@@ -66,6 +66,14 @@ class Shares:
         rest = [e for e in self._world.effects if e is not effect]
         return self._weighed(self._left(rest) / self._before)
 
+    def beyond(self, effect: TrueEffect) -> float:
+        """How far its absence moves the readings, root mean square in standard deviations of the noise.
+
+        In the channel where that is most.
+        """
+        rest = [e for e in self._world.effects if e is not effect]
+        return float(np.max(np.sqrt(self._left(rest)) / self._noise))
+
     def late(self) -> float:
         """How much of the mismatch the lag of the late topics makes for a model that does not know of it."""
         rough = self._world.rough

@@ -5,6 +5,8 @@ Nothing here knows a law. `World` and `TrueEffect` decide a recording, `SYSTEMS`
 """
 
 from gpsim.trials.worlds.excitation import BODY_SIGNALS, GRADED_SIGNALS, VEHICLE_SIGNALS, drive, sound, starts
+from gpsim.trials.worlds.machine import Machine, Session
+from gpsim.trials.worlds.machine_drives import FREE, REFERENCES
 from gpsim.trials.worlds.rough import Rough
 from gpsim.trials.worlds.run import Run
 from gpsim.trials.worlds.scales import Dial, Scales, rounded, waves
@@ -24,14 +26,18 @@ from gpsim.trials.worlds.world import (
 __all__ = [
     "BODY_SIGNALS",
     "CLOSED_LOOP",
+    "FREE",
     "GRADED_SIGNALS",
+    "REFERENCES",
     "STRATA",
     "SYSTEMS",
     "VEHICLE_SIGNALS",
     "Dial",
+    "Machine",
     "Rough",
     "Run",
     "Scales",
+    "Session",
     "Stratum",
     "System",
     "TrueEffect",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.trials.worlds.machine_drives import FREE, REFERENCES, SWING, Loop, loop, machines_push
 from gpsim.trials.worlds.systems import SYSTEMS
 from gpsim.trials.worlds.tracking import TRACKING, Pursuit, Tracking, track
 from gpsim.trials.worlds.world import World
@@ -18,6 +19,7 @@ GRADED_SIGNALS = ("chirp", "sines", "controller", "sweep")
 """Excitations whose commands take many values: what a dead zone or a saturation needs to be seen."""
 REACH = {"x": 0.8, "q": 0.5}  # m: how far a centring feedback lets a body go
 CARTS_PUSH = 10.0  # N
+AT_HOME = 0.05  # of the usual spread, where a machine begins that tracks a reference
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,10 @@ class Drive:
         return np.stack([v, w], axis=1)
 
 
-def drive(world: World) -> Drive | Tracking | Pursuit:
+def drive(world: World) -> Drive | Tracking | Pursuit | Loop:
     """The world's excitation."""
+    if world.excitation in REFERENCES:
+        return loop(world, _push(world))
     if world.excitation == TRACKING:
         push = 0.0 if SYSTEMS[world.system].vehicle else _push(world)
         return track(world, push, _balance(push))
@@ -65,6 +69,8 @@ def drive(world: World) -> Drive | Tracking | Pursuit:
         scale = np.array([rng.uniform(0.5, 1.0), rng.uniform(0.7, 1.5)])
         return Drive(signal, scale, scale, np.zeros((2, 3)), False, world.excitation == "controller")
     push = _push(world)
+    if world.excitation == FREE:
+        return Drive(0.0 * signal, np.zeros(1), np.zeros(1), np.zeros((1, len(system.state))), False, False)
     gains, share = _feedback(world, push)
     scale = np.array([push * share * rng.uniform(0.6, 1.0)])
     return Drive(signal, scale, np.array([push]), gains, world.excitation == "bang_bang", False)
@@ -74,19 +80,22 @@ def starts(world: World) -> FloatArray:
     """(E, S) true states at the episodes' starts, at rest."""
     rng = world.generator(2)
     out = np.zeros((world.episodes, len(SYSTEMS[world.system].state)))
+    swing = world.excitation == FREE
     if world.system == "cartpole":
         out[:, 0] = rng.uniform(-0.3, 0.3, world.episodes)
-        spread = 0.06 if world.posture == "upright" else 0.5
+        spread = 0.06 if world.posture == "upright" else SWING if swing else 0.5
         out[:, 2] = rng.uniform(-spread, spread, world.episodes) + (
             0 if world.posture == "upright" else np.pi
         )
     elif world.system == "slider":
         out[:, 0] = rng.uniform(-0.3, 0.3, world.episodes)
     elif world.system == "pendulum":
-        out[:, 0] = rng.uniform(-1.0, 1.0, world.episodes)
+        out[:, 0] = rng.uniform(-1.0, 1.0, world.episodes) * (SWING if swing else 1.0)
     else:
         out[:, :2] = rng.uniform(-1.0, 1.0, (world.episodes, 2))
         out[:, 2] = rng.uniform(-np.pi, np.pi, world.episodes)
+    if world.excitation in REFERENCES:  # which begin at zero
+        out[:, 0] *= AT_HOME
     return out
 
 
@@ -102,6 +111,8 @@ def sound(world: World, true: FloatArray) -> FloatArray:
 
 def _push(world: World) -> float:
     p: Mapping[str, float] = world.parameters
+    if world.machine is not None and world.system == "pendulum":
+        return machines_push(p)
     if world.system == "cartpole":
         return CARTS_PUSH
     if world.system == "slider":

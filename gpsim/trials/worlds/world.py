@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.trials.worlds.machine import Machine, machine_from_json, machine_json
 from gpsim.trials.worlds.rough import Rough, rough_json
 
 Values = Mapping[str, float]
 """Parameters of an effect: name -> value in SI units."""
-Stratum = Literal["single", "pair", "triple", "none", "unknown", "rough"]
+Stratum = Literal["single", "pair", "triple", "none", "unknown", "rough", "machines"]
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown")
 
 
@@ -40,6 +41,11 @@ class TrueEffect:
             values = state[:, names.index(name)]
             mask = mask * ((values >= low) & (values <= high))
         return np.asarray(mask if self.since is None else mask * (t >= self.since), dtype=np.float64)
+
+    @property
+    def name(self) -> str:
+        """What it is and where it acts."""
+        return f"{self.family} on {self.on}"
 
     @property
     def gated(self) -> bool:
@@ -74,7 +80,9 @@ class World:
     smoothing: str  # of differentiated velocities: central, savgol
     wrapped: bool  # yaw is written modulo 2 pi
     held_out: int | None  # episodes from this number on
-    rough: Rough | None = None  # what is wrong with its log; of the stratum `rough`
+    rough: Rough | None = None  # what is wrong with its log; of the strata `rough` and `machines`
+    machine: Machine | None = None  # of the stratum `machines`
+    session: int = 0  # which of a machine's recordings this is
 
     @property
     def main(self) -> tuple[TrueEffect, ...]:
@@ -88,8 +96,25 @@ class World:
         return tuple(TrueEffect("sensor_delay", on, {"delay": lag}) for on, lag in lags.items())
 
     def generator(self, purpose: int) -> np.random.Generator:
-        """A stream of its own for every purpose."""
-        return np.random.default_rng([self.seed, self.number, self.attempt, purpose])
+        """A stream of its own for every purpose, and for every recording of a machine."""
+        own = [self.session] if self.session else []
+        return np.random.default_rng([self.seed, self.number, self.attempt, purpose, *own])
+
+    def recorded_as(self, session: int) -> World:
+        """A machine's world as one of its recordings has it: driven in its way, with what differs in it."""
+        if self.machine is None or not session:
+            return self
+        own = self.machine.sessions[session]
+        effects = tuple(replace(e, values=own.changes.get(e.name, e.values)) for e in self.effects)
+        return replace(
+            self,
+            session=session,
+            effects=effects,
+            excitation=own.excitation,
+            posture=own.posture,
+            episodes=own.episodes,
+            steps=own.steps,
+        )
 
     @property
     def offsets(self) -> FloatArray:
@@ -117,10 +142,11 @@ def effect_json(effect: TrueEffect) -> dict[str, Any]:
 
 def world_json(world: World) -> dict[str, Any]:
     """Plain data: the world without its effects, which an answer lists apart."""
-    skip = {"effects", "rough"}
+    skip = {"effects", "rough", "machine", "session"}
     plain = {k: v for k, v in vars(world).items() if k not in skip}
     out = {k: dict(v) if isinstance(v, Mapping) else v for k, v in plain.items()}
-    return out if world.rough is None else out | {"rough": rough_json(world.rough)}
+    out |= {} if world.rough is None else {"rough": rough_json(world.rough)}
+    return out if world.machine is None else out | {"machine": machine_json(world.machine)}
 
 
 def world_from_json(data: Mapping[str, Any], effects: list[Mapping[str, Any]]) -> World:
@@ -137,5 +163,7 @@ def world_from_json(data: Mapping[str, Any], effects: list[Mapping[str, Any]]) -
         )
         for e in effects
     )
-    rough = {"rough": Rough(**data["rough"])} if "rough" in data else {}
-    return World(**{**data, **rough}, effects=made)
+    parts: dict[str, Any] = {"rough": Rough(**data["rough"])} if "rough" in data else {}
+    if "machine" in data:
+        parts["machine"] = machine_from_json(data["machine"])
+    return World(**{**data, **parts}, effects=made)

@@ -1,0 +1,100 @@
+"""What could be predicted: the account's held-out rollouts beside those of models that name nothing.
+
+A share of the base's error says little where the base is far off: 99.8 % of it goes with a law that is merely near. A
+Gaussian process alone, one beside the account, and a free curve in the place of a site's laws show how much of the
+error that is left anything could have foreseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.diagnosis.assessment.remainder_gp import TINY, Learnt
+from gpsim.diagnosis.assessment.rollouts import Model
+from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.form import FreeCurve
+from gpsim.diagnosis.report import BlackBox, BoxKind, Share
+from gpsim.diagnosis.settings import BlackBoxSettings
+
+FAR = 1e100  # its square is a number still
+SEED = 2051  # of the draws: the same account is judged alike, whoever asks
+
+
+@dataclass(frozen=True)
+class Box:
+    """A model that names nothing. of: where it is a curve, of what that is."""
+
+    kind: BoxKind
+    model: Model
+    of: str = ""
+    on: tuple[str, ...] = ()
+
+
+def boxes_of(
+    base: Hypothesis,
+    after: Hypothesis,
+    alone: Learnt | None,
+    beside: Learnt | None,
+    curves: Sequence[FreeCurve],
+) -> dict[str, Box]:
+    """Name -> box. alone, beside: Gaussian processes on what the base and the account leave; curves: one a site."""
+    found = {}
+    if alone is not None:
+        found["box_gp"] = Box("gp", Model(base, alone.rates))
+    if beside is not None:
+        found["box_after_gp"] = Box("after_gp", Model(after, beside.rates))
+    for i, curve in enumerate(curves):
+        shown = curve.curve
+        on = (shown.input, *([curve.further] if curve.further else []))
+        found[f"box_curve_{i}"] = Box("curve", Model(curve.hypothesis, like=after), shown.quantity, on)
+    return found
+
+
+def black_box(
+    boxes: Mapping[str, Box], errors: Mapping[str, FloatArray], seen: BoolArray, settings: BlackBoxSettings
+) -> tuple[str, BlackBox] | None:
+    """The box that takes most off the account's error, and how much; None where that error does not stand out.
+
+    errors: (W, S) at the ends of held-out rollouts, of `before`, `after`, `noise_floor` and every box; seen: (S,)
+    channels that were measured.
+    """
+    if not boxes or not len(errors["after"]):
+        return None
+    squares = {kind: _squared(e) for kind, e in errors.items()}
+    counts = seen & _stands_out(squares, settings)
+    if not counts.any():
+        return None
+    rows = len(squares["after"])
+    rng = np.random.default_rng(SEED)
+    weights = np.vstack([np.ones(rows), rng.multinomial(rows, np.full(rows, 1.0 / rows), settings.draws)])
+    means = {kind: weights @ square[:, counts] / rows for kind, square in squares.items()}
+    taken = {name: _taken_off(means, name, settings) for name in boxes}
+    best = max(taken, key=lambda name: float(taken[name][0]))
+    low, high = np.quantile(taken[best][1:], [settings.low, settings.high])
+    known = rows >= settings.fewest
+    share = Share(float(taken[best][0]), float(low) if known else None, float(high) if known else None)
+    box = boxes[best]
+    return best, BlackBox(box.kind, share, box.of, box.on)
+
+
+def _squared(errors: FloatArray) -> FloatArray:
+    """Of a simulation that ran away a number still."""
+    return np.asarray(np.minimum(np.nan_to_num(np.abs(errors), nan=FAR), FAR) ** 2)
+
+
+def _stands_out(squares: Mapping[str, FloatArray], settings: BlackBoxSettings) -> BoolArray:
+    """(S,) in which channels the account's error is more than noise, and than a trifle of the base's."""
+    after, floor, before = (squares[kind].mean(axis=0) for kind in ("after", "noise_floor", "before"))
+    return np.asarray((after > settings.stands_out**2 * floor) & (after > settings.trifle**2 * before))
+
+
+def _taken_off(means: Mapping[str, FloatArray], name: str, settings: BlackBoxSettings) -> FloatArray:
+    """(1 + D,) how much less a box's error beyond noise is than the account's, channels by their geometric mean."""
+    floor = means["noise_floor"]
+    left, own = (np.maximum(means[kind] - floor, TINY) for kind in (name, "after"))
+    ratios = np.clip(np.sqrt(left / own), settings.least_ratio, 1.0 / settings.least_ratio)
+    return np.asarray(1.0 - np.exp(np.log(ratios).mean(axis=1)))

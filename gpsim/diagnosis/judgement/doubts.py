@@ -1,0 +1,79 @@
+"""Doubts: what keeps an account that explains nearly all of the mismatch from being named."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.judgement.judgement import Judgement
+from gpsim.diagnosis.judgement.odds import odds_against
+from gpsim.diagnosis.judgement.verdict import misses
+from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, no_size, sized
+from gpsim.diagnosis.settings import Settings
+
+
+def claimed(
+    judgement: Judgement, attribution: Attribution, sizes: Sequence[Mapping[str, Estimate]]
+) -> Attribution:
+    """The attribution in which an effect of whose size nothing is known is no claim: another could stand for it."""
+    terms = judgement.leader.hypothesis.terms
+    roles = tuple(
+        "slight" if no_size(term.family, own) else role
+        for term, own, role in zip(terms, sizes, attribution.roles, strict=True)
+    )
+    return replace(attribution, roles=roles)
+
+
+def without_claims(attribution: Attribution) -> Attribution:
+    """The attribution of an account that is too little to be told: it claims nothing."""
+    return replace(attribution, roles=tuple("slight" for _ in attribution.roles))
+
+
+def doubts_of(
+    judgement: Judgement,
+    attribution: Attribution,
+    forms: Iterable[Form],
+    sizes: Sequence[Mapping[str, Estimate]],
+    box: BlackBox | None,
+    settings: Settings,
+) -> tuple[Doubt, ...]:
+    """Of an account with effects; none where it may be named. attribution: with the roles that it claims."""
+    return tuple(_doubts(judgement, attribution, forms, sizes, box, settings))
+
+
+def _doubts(
+    judgement: Judgement,
+    attribution: Attribution,
+    forms: Iterable[Form],
+    sizes: Sequence[Mapping[str, Estimate]],
+    box: BlackBox | None,
+    settings: Settings,
+) -> Iterator[Doubt]:
+    leader = judgement.leader.hypothesis
+    claims = [i for i, role in enumerate(attribution.roles) if role == "headline"]
+    told = list(forms)
+    if not leader.terms:
+        return
+    if misses(judgement, attribution, settings.verdict.nearly_all):
+        yield "left"
+    if any(told[i] == "approximate" for i in claims):
+        yield "form"
+    if box is not None and foresees_more(box, settings):
+        yield "black box"
+    if any(estimate.at_bound for i in claims for estimate in sizes[i].values()):
+        yield "bound"
+    if not all(sized(leader.terms[i].family, sizes[i]) for i in claims):
+        yield "size"
+    if not claims:
+        yield "no claim"
+    odds = [odds_against(judgement.ranking, leader, leader.terms[i].identity).nats for i in claims]
+    if any(nats is not None and nats < math.log(settings.verdict.odds) for nats in odds):
+        yield "odds"
+
+
+def foresees_more(box: BlackBox, settings: Settings) -> bool:
+    """Whether a model that names nothing surely takes a good part off the account's error."""
+    share = box.takes_off
+    return (share.share if share.low is None else share.low) > settings.black_box.more

@@ -1,0 +1,53 @@
+"""Sizes that machines have: nothing is paid within a range, and more the further outside."""
+
+import pytest
+
+from gpsim.effects import FAMILIES, Place, declared, implausibility, times_beyond
+
+
+def parameter(family, name, **place):
+    found = declared(FAMILIES[family], Place("q", "N", **place))
+    return next(p for p in found if p.name == name)
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0, 3.5])
+def test_what_is_usual_costs_nothing(size):
+    assert implausibility(parameter("parameter_offset", "ratio"), size, 5.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("family", "name", "size"),
+    [("parameter_offset", "ratio", 20.0), ("understeer", "gradient", 29.0), ("actuator_gain", "gain", 0.02)],
+)
+def test_what_no_machine_has_costs_odds_that_only_much_better_fits_outweigh(family, name, size):
+    assert implausibility(parameter(family, name), size, 5.0) > 20.0
+
+
+def test_a_range_goes_with_the_machine():
+    """An armature of 226 kg m^2 is none of an arm that moves 11 kg m^2; of one that moves 200 it is."""
+    small, large = (parameter("armature", "inertia", span=span) for span in (11.0, 200.0))
+    assert times_beyond(small, 226.0) == pytest.approx(226.0 / 33.0)
+    assert times_beyond(large, 226.0) == 1.0
+    assert times_beyond(parameter("armature", "inertia", span=0.005), 0.5) == 1.0  # a rotor behind a gear
+
+
+def test_a_payload_of_178_kg_is_none_of_a_small_arm():
+    assert implausibility(parameter("payload", "mass", span=9.0), 178.0, 5.0) > 15.0
+
+
+def test_direction_does_not_matter_and_the_cost_has_no_kink():
+    force = parameter("constant_force", "force", span=10.0)
+    assert times_beyond(force, -60.0) == times_beyond(force, 60.0) == pytest.approx(2.0)
+    assert implausibility(force, 60.0, 5.0) == pytest.approx(5.0)
+    assert implausibility(force, 30.0 * 1.001, 5.0) < 1e-4
+
+
+def test_every_range_is_of_a_parameter_and_within_what_is_searched():
+    place = Place("q", "U", loaded=True, length="L")
+    for family, effect in FAMILIES.items():
+        found = {p.name: p for v in effect.variants for p in declared(effect, place, v)}
+        assert set(effect.plausible) <= set(found), family
+        for name, usual in effect.plausible.items():
+            low, high = usual.at(place)
+            assert low < min(high, found[name].high), (family, name)
+            assert usual.source

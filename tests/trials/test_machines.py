@@ -1,0 +1,290 @@
+"""Whole machines: what is drawn, what truly moves against equations written down by hand, and what is written."""
+
+import json
+
+import numpy as np
+import pytest
+from gpsim.cli.main import app
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+from gpsim.errors import UsageError
+from gpsim.recordings import read_recording
+from gpsim.stages import prove
+from gpsim.trials.blinding import ANSWER, PRIVATE, PUBLIC, recording_folders, write_trial
+from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
+from gpsim.trials.drawing.machine_draws import _sessions
+from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
+from gpsim.trials.robots import arms_places, layout_of
+from gpsim.trials.robots.arms import ARMS
+from gpsim.trials.truth import run
+from gpsim.trials.worlds import (
+    FREE,
+    SYSTEMS,
+    Machine,
+    Session,
+    TrueEffect,
+    drive,
+    starts,
+    world_from_json,
+    world_json,
+)
+from gpsim.trials.worlds.machine_drives import _trapezoid
+
+from .outside_worlds import BOB, CART, world_of
+
+SEED, CAR = 77, MACHINES_FROM + 4
+NOMINAL = {"slider": {"mass": 2.0}, "cartpole": CART, "pendulum": BOB, "unicycle": {}}
+
+# What is drawn
+
+
+@pytest.mark.parametrize("kind", PARTS)
+def test_a_machine_has_four_to_eight_effects_that_do_not_exclude_each_other(kind):
+    system, parts = PARTS[kind]
+    groups = {(p.family, p.on): p.group for p in parts}
+    known = {*SYSTEMS[system].names, *SYSTEMS[system].action, *SYSTEMS[system].parameters, "vehicle", "pose"}
+    for seed in range(30):
+        made = parts_of(kind, Sizes(np.random.default_rng(seed), NOMINAL[system], 0.01))
+        assert FEWEST <= len(made) <= MOST
+        taken = [groups[e.family, e.on] for e in made if groups[e.family, e.on]]
+        assert len(taken) == len(set(taken))
+        assert {e.on for e in made} <= known
+        assert all(np.isfinite(list(e.values.values())).all() for e in made)
+
+
+def test_every_family_of_a_class_is_drawn():
+    for kind, (system, parts) in PARTS.items():
+        rng = np.random.default_rng(1)
+        made = {e.name for _ in range(120) for e in parts_of(kind, Sizes(rng, NOMINAL[system], 0.01))}
+        assert made == {f"{p.family} on {p.on}" for p in parts}
+
+
+def test_several_recordings_are_driven_in_other_ways_and_zeros_differ():
+    effects = (TrueEffect("sensor_bias", "theta", {"offset": 0.02}),)
+    rng = np.random.default_rng(5)
+    found = [_sessions("servo", 0.01, effects, True, False, rng) for _ in range(20)]
+    assert {len(s) for s in found} == {2, 3}
+    for sessions in found:
+        assert len({s.excitation for s in sessions}) == len(sessions)
+        assert sessions[0].excitation != FREE  # it says nothing of the motor
+        assert sessions[0].changes == {}
+        assert all(s.changes["sensor_bias on theta"]["offset"] != 0.02 for s in sessions[1:])
+        assert len({s.clock for s in sessions}) == len(sessions)
+    (alone,) = _sessions("servo", 0.01, effects, False, False, rng)
+    assert alone.clock == 0.0
+
+
+@pytest.mark.parametrize(
+    ("found", "kinds"),
+    [
+        (object(), ["axis", "rig", "servo", "car", "arm", "axis"]),
+        (None, ["axis", "rig", "servo", "car", "axis", "rig"]),
+    ],
+)
+def test_numbers_of_machines_follow_the_others_and_have_arms_where_there_is_mujoco(found, kinds, monkeypatch):
+    monkeypatch.setattr(prove.importlib.util, "find_spec", lambda name: found)
+    numbers = prove.numbers_of(2, rough=1, machines=6)
+    assert numbers[:3] == [1, 2, 100_001]
+    assert [kind_of(n) for n in numbers[3:]] == kinds
+    assert (KINDS[-1], MACHINES_FROM + 1) == (ARM, numbers[3])
+    assert [machine_rank(n) for n in (2, 100_001, MACHINES_FROM + 1)] == [None, None, 0]
+
+
+def test_machines_are_counted_by_themselves():
+    with pytest.raises(UsageError, match="--machines 20"):
+        prove.numbers_of(1, ["machines"])
+    with pytest.raises(UsageError, match="--machines for machines"):
+        prove.numbers_of(0)
+
+
+def test_robots_and_machines_are_asked_for_apart(tmp_path):
+    words = ["prove", "conceal", "--system", "mjcf", "--machines", "2", "--out", str(tmp_path / "proof")]
+    result = CliRunner().invoke(app, words)
+    assert "leave --rough, --machines" in (str(result.exception) + result.output)
+    assert not (tmp_path / "proof").exists()
+
+
+# How it is driven
+
+
+def test_a_trapezoid_of_velocity_goes_all_the_way_and_keeps_its_limits():
+    dt, way, speed, ramp = 1e-3, 0.3, 0.2, 1.0
+    path = np.concatenate([[0.0], _trapezoid(way, speed, ramp, dt)])
+    v = np.diff(path) / dt
+    assert path[-1] == pytest.approx(way, abs=1e-6)
+    assert v.max() == pytest.approx(speed, rel=1e-6)
+    assert np.abs(np.diff(v) / dt).max() == pytest.approx(ramp, rel=1e-6)
+    short = _trapezoid(0.01, speed, ramp, dt)  # too short for the full speed
+    assert short[-1] == pytest.approx(0.01, abs=1e-6)
+    assert (np.diff(short) / dt).max() < 0.11
+
+
+@pytest.mark.parametrize("shape", ["trapezoid", "triangle", "multisine"])
+@pytest.mark.parametrize("system", ["slider", "pendulum", "cartpole"])
+def test_the_controller_follows_its_reference(system, shape):
+    posture = {"posture": "hanging"} if system == "cartpole" else {}
+    machine = {"machine": Machine("servo", False, ())} if system == "pendulum" else {}
+    world = world_of(
+        system, excitation=shape, dt=0.01, steps=400, parameters=NOMINAL[system], **posture, **machine
+    )
+    ran = run(world, ())
+    loop = drive(world)
+    error = ran.sampled[:-1, :, 0] - loop._reference[..., 0]
+    assert np.sqrt(np.mean(error**2)) < 0.35 * loop._reference[..., 0].std()
+    assert np.abs(ran.commands).max() <= loop._limit
+
+
+def test_a_free_swing_commands_nothing():
+    world = world_of("pendulum", excitation=FREE, dt=0.01)
+    ran = run(world, ())
+    assert not ran.commands.any()
+    assert np.abs(starts(world)[:, 0]).max() > 0.2
+
+
+# What truly moves
+
+
+def test_a_servo_moves_as_its_equation_says():
+    """m' l^2 a = g u - b v + F - m' G l sin(q), with a lag before it; m' = 1.3 m, the command held for a sample."""
+    k = {"gain": 0.8, "ratio": 1.3, "damping": 0.15, "force": 0.2, "lag": 0.02}
+    effects = (
+        TrueEffect("actuator_gain", "torque", {"gain": k["gain"]}),
+        TrueEffect("parameter_offset", "mass", {"ratio": k["ratio"]}),
+        TrueEffect("viscous_friction", "theta", {"damping": k["damping"]}),
+        TrueEffect("constant_force", "theta", {"force": k["force"]}),
+        TrueEffect("actuator_lag", "torque", {"time_constant": k["lag"]}),
+    )
+    world = world_of(
+        "pendulum", effects, excitation="multisine", dt=0.01, steps=200, episodes=1, parameters=BOB,
+        machine=Machine("servo", False, ()),
+    )  # fmt: skip
+    ran = run(world, effects)
+    mass, length = k["ratio"] * BOB["mass"], BOB["length"]
+
+    def rates(_, y, u):
+        q, v, acting = y
+        torque = acting - k["damping"] * v + k["force"] - mass * BOB["gravity"] * length * np.sin(q)
+        return [v, torque / (mass * length**2), (k["gain"] * u - acting) / k["lag"]]
+
+    y, seen = np.array([*ran.fine[0, 0], 0.0]), []
+    for u in ran.commands[:, 0, 0]:
+        y = solve_ivp(rates, (0, world.dt), y, args=(u,), rtol=1e-9, atol=1e-11).y[:, -1]
+        seen.append(y[:2])
+    seen = np.array(seen)
+    assert np.abs(ran.sampled[1:, 0] - seen).max() < 1e-5 * np.abs(seen).max()
+
+
+def test_a_rig_that_swings_freely_loses_what_its_frictions_take():
+    cart, viscous, pivot = 0.4, 0.8, 0.01
+    effects = (
+        TrueEffect("coulomb_friction", "x", {"force": cart}),
+        TrueEffect("viscous_friction", "x", {"damping": viscous}),
+        TrueEffect("viscous_friction", "theta", {"damping": pivot}),
+    )
+    world = world_of(
+        "cartpole", effects, excitation=FREE, posture="hanging", dt=0.01, steps=300, parameters=CART
+    )
+    ran = run(world, effects)
+    _, v, q, w = np.moveaxis(ran.fine, 2, 0)
+    m, half, total = CART["pole_mass"], CART["pole_half_length"], CART["cart_mass"] + CART["pole_mass"]
+    energy = 0.5 * total * v**2 + m * half * v * w * np.cos(q) + 2 / 3 * m * half**2 * w**2
+    energy = energy + m * CART["gravity"] * half * np.cos(q)
+    taken = cart * np.abs(v) + viscous * v**2 + pivot * w**2
+    lost = np.trapezoid(taken, dx=ran.h, axis=0)
+    assert lost.max() > 0.2
+    np.testing.assert_allclose(energy[0] - energy[-1], lost, rtol=2e-3, atol=1e-5)
+    assert np.diff(energy, axis=0).max() < 1e-9
+
+
+def test_another_recording_is_the_same_machine_driven_otherwise():
+    effects = (
+        TrueEffect("viscous_friction", "q", {"damping": 1.0}),
+        TrueEffect("coulomb_friction", "q", {"force": 0.5}),
+    )
+    second = Session("triangle", "", 3, 80, 12.5, {"q": 0.1}, {"coulomb_friction on q": {"force": 0.7}})
+    machine = Machine("axis", False, (Session("multisine", "", 4, 60), second))
+    world = world_of("slider", effects, excitation="multisine", machine=machine)
+    other = world.recorded_as(1)
+    assert world.recorded_as(0) is world
+    assert (other.excitation, other.episodes, other.steps) == ("triangle", 3, 80)
+    assert [dict(e.values) for e in other.effects] == [{"damping": 1.0}, {"force": 0.7}]
+    assert not np.array_equal(world.generator(3).random(4), other.generator(3).random(4))
+    plain = json.loads(json.dumps(world_json(world)))
+    effects_json = [
+        {"family": e.family, "on": e.on, "parameters": dict(e.values), "region": {}, "since": None,
+         "outside": False, "strength": ""}
+        for e in effects
+    ]  # fmt: skip
+    assert world_from_json(plain, effects_json).recorded_as(1) == other
+
+
+# What is written
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    out = tmp_path_factory.mktemp("proof")
+    name = write_trial(out, SEED, CAR) and str(CAR)
+    return out / PUBLIC / name, json.loads((out / PRIVATE / name / ANSWER).read_text())
+
+
+def test_a_machine_is_published_in_folders_of_recordings(written):
+    public, answer = written
+    sessions = answer["world"]["machine"]["sessions"]
+    folders = recording_folders(public)
+    assert [f.name for f in folders] == [str(i) for i in range(1, len(sessions) + 1)]
+    assert {p.name for p in public.iterdir()} == {f.name for f in folders}
+    recordings = [read_recording(f) for f in folders]
+    assert sum(r.transition_count for r in recordings) == answer["transitions"]
+    assert all(r.system == "unicycle" for r in recordings)
+
+
+def test_the_answer_has_effects_that_count_and_small_nuisances(written):
+    _, answer = written
+    own = [e for e in answer["effects"] if not e["outside"]]
+    assert FEWEST <= len(own) <= MOST
+    assert sum(e["share"] >= 0.05 for e in own) >= 2
+    assert sum(e["share"] >= 0.01 or e["beyond"] >= 1.0 for e in own) >= 4
+    assert all(0.005 <= e["share"] <= 0.08 for e in answer["effects"] if e["outside"])
+    assert answer["machine"]["explained"] > 0.8
+    assert answer["stratum"] == "machines"
+
+
+def test_the_same_number_draws_the_same_machine(written):
+    _, answer = written
+    again = draw_machine(SEED, CAR, answer["world"]["attempt"])
+    assert json.loads(json.dumps(world_json(again))) == answer["world"]
+    assert [e.name for e in again.effects] == [f"{e['family']} on {e['on']}" for e in answer["effects"]]
+
+
+def test_one_recording_lies_in_the_folder_itself(tmp_path):
+    assert recording_folders(tmp_path) == [tmp_path]
+
+
+# Arms
+
+
+@pytest.mark.parametrize("robot", ARMS)
+def test_an_arm_has_friction_of_both_kinds_a_payload_and_four_to_eight_effects(robot):
+    pytest.importorskip("mujoco")
+    if robot == "ur5":
+        pytest.importorskip("example_robot_data")
+    for seed in range(20):
+        places = arms_places(robot, np.random.default_rng(seed))
+        families = [family for family, _ in places]
+        assert FEWEST <= len(places) <= MOST
+        assert len(set(places)) == len(places)
+        assert {"coulomb_friction", "viscous_friction", "payload"} <= set(families)
+        assert len(layout_of(robot).joints) in range(4, 8)
+
+
+@pytest.mark.slow
+def test_an_arm_is_published_with_its_model(tmp_path):
+    pytest.importorskip("mujoco")
+    name = write_trial(tmp_path, SEED, CAR + 1) and str(CAR + 1)
+    (folder,) = recording_folders(tmp_path / PUBLIC / name)
+    assert (folder / "robot.xml").is_file()
+    answer = json.loads((tmp_path / PRIVATE / name / ANSWER).read_text())
+    assert sum(e["beyond"] >= 4.0 for e in answer["effects"]) >= 4
+    assert read_recording(folder).model == "robot.xml"
