@@ -20,7 +20,7 @@ class ActuatorGain(ActuatorEffect):
     """A gain of the actuator: the simulator gets g u."""
 
     family: ClassVar[str] = "actuator_gain"
-    usual: ClassVar[int] = 6
+    usual: ClassVar[int] = 5
     function_of: ClassVar[FunctionOf] = "command"
     needs: ClassVar[Needs] = "command"
     order: ClassVar[int] = 40

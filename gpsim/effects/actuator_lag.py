@@ -22,7 +22,7 @@ class ActuatorLag(ActuatorEffect):
     """A first-order lag: T u_a' = u - u_a, exact for a command held over the substep."""
 
     family: ClassVar[str] = "actuator_lag"
-    usual: ClassVar[int] = 5
+    usual: ClassVar[int] = 7
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 95
     holds: ClassVar[bool] = False

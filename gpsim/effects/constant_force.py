@@ -17,7 +17,7 @@ class ConstantForce(ForceEffect):
     """A constant force: F0, as a tilted track or a steady wind makes it."""
 
     family: ClassVar[str] = "constant_force"
-    usual: ClassVar[int] = 6
+    usual: ClassVar[int] = 8
     function_of: ClassVar[FunctionOf] = "position"
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "force": Plausible(

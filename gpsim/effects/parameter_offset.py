@@ -19,7 +19,7 @@ class ParameterOffset(ParameterEffect):
     """p = ratio * p_believed."""
 
     family: ClassVar[str] = "parameter_offset"
-    usual: ClassVar[int] = 7
+    usual: ClassVar[int] = 6
     function_of: ClassVar[FunctionOf] = "nothing"
     plausible: ClassVar[Mapping[str, Plausible]] = {
         "ratio": Plausible(

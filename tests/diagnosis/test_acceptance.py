@@ -32,6 +32,7 @@ def test_a_richer_law_needs_less_than_one_more_term_where_noise_is_heavy(
         fit.residuals, fit.variance = np.array([left]), np.array([left])
     monkeypatch.setattr(acceptance, "on_its_grid", lambda problem, less, more: less)
     monkeypatch.setattr(acceptance, "_in_one_window", lambda *_: False)
+    monkeypatch.setattr(acceptance, "_held", lambda *_: [0.5])
     monkeypatch.setattr(acceptance, "gain", lambda *_: won)
     monkeypatch.setattr(acceptance, "price", lambda *_: 1.0)
     monkeypatch.setattr(acceptance, "mean_squares", lambda problem, residuals: residuals)

@@ -27,7 +27,7 @@ def found(objective, *families, scheme="fine", region=False, numbers=0, on="q"):
 
 @pytest.fixture(autouse=True)
 def ranked_by_objective(monkeypatch):
-    monkeypatch.setattr(search, "_ranked", lambda problem, fits: sorted(fits, key=lambda f: f.objective))
+    monkeypatch.setattr(search, "ranked", lambda problem, fits: sorted(fits, key=lambda f: f.objective))
 
 
 def test_the_beam_holds_different_claims_and_one_gate():

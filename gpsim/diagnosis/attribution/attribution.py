@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.attribution.importance import importances
+from gpsim.diagnosis.attribution.importance import importances, players
 from gpsim.diagnosis.attribution.judges import Judge, rollout_judge, window_judge
 from gpsim.diagnosis.attribution.less import fits_without
 from gpsim.diagnosis.attribution.roles import deciding, role_of
@@ -71,14 +71,16 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     explained = _explained(mismatch, squares, problem.simulator.state.names, judge.judged_on, counts)
     without = judge.squares([[f.hypothesis] for f in fits_without(problem, leader, null)])
     lost = all_of_it - mismatch.overall(without)
-    importance = tuple(
-        mismatch.share(values) for values in importances(judge, leader.hypothesis, all_of_it, overall)
-    )
+    parts = importances(judge, leader.hypothesis, all_of_it, overall, lost[:, 0])
+    importance = tuple(mismatch.share(values) for values in parts)
     needed = tuple(mismatch.share(values) for values in lost)
     settings, left = problem.run.settings.attribution, 1.0 - float(overall[0])
+    played = [mismatch.share(parts[list(g)].sum(axis=0)) for g in players(leader.hypothesis) for _ in g]
+    order = [i for g in players(leader.hypothesis) for i in g]
+    together = dict(zip(order, played, strict=True))
     roles = tuple(
-        role_of(part, need, left, deciding(mismatch, whole, less), settings)
-        for part, need, less in zip(importance, needed, without, strict=True)
+        role_of(together[i], need, left, deciding(mismatch, whole, less), settings)
+        for i, (need, less) in enumerate(zip(needed, without, strict=True))
     )
     return Attribution(explained, importance, needed, roles, judge, noise, squares)
 

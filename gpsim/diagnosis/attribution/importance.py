@@ -18,47 +18,44 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.judges import Judge
 from gpsim.diagnosis.fitting import Hypothesis
 
-MOST = 6  # terms of which every subset is asked, 64; of more, random orders
-ORDERS = 6  # drawn, each taken forwards and backwards
-SEED = 2009  # of the orders: the same account is judged alike, whoever asks
+MOST = 6  # players at most: 64 subsets
 
 
-def importances(judge: Judge, account: Hypothesis, whole: FloatArray, explained: FloatArray) -> FloatArray:
+def importances(
+    judge: Judge, account: Hypothesis, whole: FloatArray, explained: FloatArray, needed: FloatArray
+) -> FloatArray:
     """(T, 1 + D) the Shapley values of the account's T terms, on all blocks and on each draw.
 
     whole: (1 + D,) the worth of all terms; explained: (1 + D,) what they are to add up to: a little less where the
-    account is judged in parts of the recording that its parameters have not seen.
+    account is judged in parts of the recording that its parameters have not seen. Of a large account the families are
+    the players, and what a family is worth its terms share as they are needed, (T,).
     """
-    count = len(account.terms)
-    if count > MOST:
-        return _sampled(judge, account, whole) * (explained / np.where(whole > 0.0, whole, 1.0))
-    subsets = list(chain.from_iterable(combinations(range(count), n) for n in range(1, count)))
-    worth: dict[frozenset[int], FloatArray] = {frozenset(): np.zeros_like(whole)}
+    groups = players(account)
+    count, worth = len(groups), {frozenset[int](): np.zeros_like(whole)}
     worth[frozenset(range(count))] = whole
+    subsets = list(chain.from_iterable(combinations(range(count), n) for n in range(1, count)))
     if subsets:
-        found = judge.mismatch.overall(judge.squares([[_only(account, subset)] for subset in subsets]))
+        kept = [[term for i in subset for term in groups[i]] for subset in subsets]
+        found = judge.mismatch.overall(judge.squares([[_only(account, terms)] for terms in kept]))
         worth |= dict(zip(map(frozenset, subsets), found, strict=True))
     adds_up = explained / np.where(whole > 0.0, whole, 1.0)
-    return np.array([_shapley(i, count, worth) * adds_up for i in range(count)])
+    out = np.empty((len(account.terms), *whole.shape))
+    for i, group in enumerate(groups):
+        weights = np.maximum(needed[list(group)], LEAST_WEIGHT)
+        out[list(group)] = np.outer(weights / weights.sum(), _shapley(i, count, worth) * adds_up)
+    return out
 
 
-def _sampled(judge: Judge, account: Hypothesis, whole: FloatArray) -> FloatArray:
-    """(T, 1 + D) the same from random orders, each and its reverse (Castro, Gomez and Tejada 2009)."""
-    count, rng = len(account.terms), np.random.default_rng(SEED)
-    orders = [order for _ in range(ORDERS) for order in _both_ways(rng.permutation(count).tolist())]
-    subsets = sorted({tuple(sorted(order[:n])) for order in orders for n in range(1, count)})
-    found = judge.mismatch.overall(judge.squares([[_only(account, subset)] for subset in subsets]))
-    worth = dict(zip(subsets, found, strict=True)) | {(): np.zeros_like(whole), tuple(range(count)): whole}
-    total = np.zeros((count, *whole.shape))
-    for order in orders:
-        for n, player in enumerate(order):
-            without, with_it = tuple(sorted(order[:n])), tuple(sorted(order[: n + 1]))
-            total[player] += worth[with_it] - worth[without]
-    return total / len(orders)
+LEAST_WEIGHT = 1e-9  # of a term that nothing needs: a family's parts add up all the same
 
 
-def _both_ways(order: list[int]) -> tuple[list[int], list[int]]:
-    return order, order[::-1]
+def players(account: Hypothesis) -> list[tuple[int, ...]]:
+    """The terms of each player: every term by itself, or those of a family, or of a site, so that few play."""
+    terms = account.terms
+    keys: list[list[str]] = [[str(i) for i in range(len(terms))], [t.family for t in terms]]
+    keys.append([t.effect.site for t in terms])
+    names = next((names for names in keys if len(set(names)) <= MOST), keys[-1])
+    return [tuple(i for i, n in enumerate(names) if n == name) for name in dict.fromkeys(names)]
 
 
 def _shapley(player: int, count: int, worth: dict[frozenset[int], FloatArray]) -> FloatArray:

@@ -18,8 +18,10 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.run import kept
+from gpsim.effects import EffectParameter
 
 OPEN = 1e-9  # of a parameter's information: what no window tells apart stays open, and costs nothing to leave out
+RATIO_MOVES = 2.0  # scales, the standard deviation of a ratio where others are left out
 TINY = 1e-150  # guards divisions: the root of the least information of a parameter
 
 
@@ -69,13 +71,18 @@ class Quadratic:
         return np.asarray(self.covariance[np.ix_(at, at)] + TINY * np.eye(len(at)))
 
 
+def _held(parameter: EffectParameter) -> float:
+    """A little information on a ratio: all forces, the mass and the gain at nothing would move as all of them do."""
+    return 0.0 if parameter.none == 0.0 else 1.0 / (RATIO_MOVES * parameter.scale) ** 2
+
+
 @kept
 def quadratic(problem: Problem, found: Fit) -> Quadratic:
     """The quadratic around a fit to the problem's windows."""
     hypothesis, count = found.hypothesis, len(found.starts)
     by_state, by_theta = jacobians(problem, hypothesis, hypothesis.theta, found.starts, found.residuals)
     by_window, _ = projected(problem, found.residuals, by_state, by_theta, found.variance, np.zeros(count))
-    information = by_window.sum(axis=0)
+    information = by_window.sum(axis=0) + np.diag([_held(p) for p in hypothesis.parameters])
     size = np.sqrt(np.maximum(np.diag(information), TINY))
     inverse = np.linalg.inv(information / np.outer(size, size) + OPEN * np.eye(len(size)))
     ends = np.cumsum([0, *(len(group) for group in hypothesis.declared)])

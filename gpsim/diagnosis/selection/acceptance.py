@@ -138,9 +138,11 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
 
 def _held(problem: Problem, richer: Fit, poorer: Fit) -> list[float]:
     """The share of the samples that each gate of the richer hypothesis holds which the poorer one lacks."""
-    windows, channels = problem.windows, problem.simulator.state + problem.simulator.action
     known = {(t.identity, t.gate.looks_at) for t in poorer.hypothesis.terms if t.gate}
     new = [t for t in richer.hypothesis.terms if t.gate and (t.identity, t.gate.looks_at) not in known]
+    if not new:
+        return []
+    windows, channels = problem.windows, problem.simulator.state + problem.simulator.action
     valid, path = windows.valid[:, 1:], (windows.measured[:, :-1], windows.measured[:, 1:])
     shares = []
     for term in new:

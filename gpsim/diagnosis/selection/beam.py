@@ -1,7 +1,7 @@
 """The search: singles first, then pairs and triples as long as the data pay for them.
 
 A beam of the best hypotheses grows by one term at a time. Every term of the catalogue is screened, the most promising
-are fitted; the best of them are tried with a gate. At the end terms that no longer pay are taken out again.
+are fitted. At the end terms that no longer pay are taken out again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ from gpsim.diagnosis.fitting import (
     whiteness,
 )
 from gpsim.diagnosis.selection.elimination import doubtful
-from gpsim.diagnosis.selection.gates import gated_children, with_edges
 from gpsim.diagnosis.selection.required import with_required
 from gpsim.diagnosis.settings import SearchSettings
 from gpsim.effects import Scheme, closed
@@ -88,9 +87,7 @@ def _grown_beam(
     fits, beam = [*nulls, *seeds, *begun], seeds or list(nulls)
     counts = _fitted_per_depth(settings)
     dear = problem.run.settings.closed_step if closed(problem.simulator) is not None else None
-    width, gated_depths = (
-        (settings.beam, settings.gated_depths) if dear is None else (dear.beam, dear.gated_depths)
-    )
+    width = settings.beam if dear is None else dear.beam
     total = 2 * sum(counts[:1]) + width * sum(counts[1:])
     done, most = 0, problem.run.budget.spent + settings.budget
     if dear is not None and _outdone(problem, nulls, begun):
@@ -107,9 +104,6 @@ def _grown_beam(
                 problem = settled(problem, ranked(problem, [*fits, *plain])[0])
                 fits, plain = ([rescored(problem, f) for f in group] for group in (fits, plain))
             children += plain
-            if parent is beam[0] and depth < gated_depths and _structured(problem, [*fits, *plain]):
-                gated = gated_children(problem, directions, plain, offers)
-                children += with_edges(problem, gated)
             done += count
             best = min((*children, *fits), key=lambda f: f.objective)
             note(min(done, total), total, f"best so far: {best.hypothesis.label}")

@@ -296,11 +296,6 @@ class ClosedStepSettings:
         "by hand: as many more are as dear",
         least=1,
     )
-    gated_depths: int = setting(
-        0,
-        "1",
-        "depths of the search at which gates are looked for; later ones are left to the stepwise search",
-    )
     completed: float = setting(
         0.05,
         "nats a window",

@@ -86,7 +86,6 @@ class SearchSettings:
         "1",
         "terms that are fitted of those screened, depth by depth; deeper, as many as at the last",
     )
-    gated_depths: int = setting(0, "1", "depths at which the best parent is given terms behind a gate, too")
     least_gain: float = setting(1.0, "nats", "linear gain that a term must promise, for it to be fitted")
     least_promise: float = setting(
         0.01, "1", "share of the most promising term's linear gain that another must promise, to be fitted"

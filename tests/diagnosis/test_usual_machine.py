@@ -1,0 +1,123 @@
+"""The usual machine: several large effects at once are found by taking away from the full model."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gpsim.diagnosis.attribution.importance import importances, players
+from gpsim.diagnosis.fitting import Hypothesis, child_of, fit, quadratic, scores
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.selection import usual_machine
+from gpsim.diagnosis.selection.acceptance import _held
+from gpsim.diagnosis.selection.elimination import doubtful
+from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.effects import Gate, Term
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+TRUTH = {"coulomb_friction": 1.2, "viscous_friction": 1.5, "constant_force": -0.6}
+AXIS = World(
+    "slider",
+    parameters={"mass": 2.6},
+    forces={0: lambda q, v, t: -1.5 * v - 0.6},
+    grips={0: lambda q, v, normal: 1.2 + 0.0 * q},
+)
+
+
+@pytest.fixture(scope="module")
+def asked():
+    recording = record(AXIS, seed=5, episodes=6, steps=200)
+    question = prepare(recording, make_simulator("slider"), recording.parameters, Run())
+    return question, offers_of(question)
+
+
+@pytest.fixture(scope="module")
+def path(asked):
+    question, offers = asked
+    return usual_machine(question.searched, offers)
+
+
+@pytest.fixture(scope="module")
+def best(asked, path):
+    return path[int(np.argmax(scores(asked[0].searched, path)))]
+
+
+def test_four_large_effects_at_once_are_found_with_their_sizes(best):
+    found = {t.family: t.values for t in best.hypothesis.terms}
+    assert set(TRUTH) <= set(found)
+    pair = found.keys() & {"parameter_offset", "actuator_gain"}
+    assert len(pair) == 1  # of mass and gain only the ratio shows: one of them is told
+    scale = found["actuator_gain"]["gain"] if "actuator_gain" in pair else 1.0
+    for family, size in TRUTH.items():
+        (value,) = found[family].values()
+        assert value / scale == pytest.approx(size, rel=0.05), family
+
+
+def test_the_path_is_one_of_ever_fewer_terms(path):
+    counts = [len(f.hypothesis.terms) for f in path]
+    assert counts == sorted(set(counts), reverse=True)
+
+
+def test_the_quadratic_foretells_what_leaving_a_term_out_costs(asked, best):
+    """The fits themselves are the oracle: squares in the noise of the account, all other parameters fitted anew."""
+    problem = asked[0].searched
+    around = quadratic(problem, best)
+    for index in range(len(best.hypothesis.terms)):
+        refitted = fit(problem, best.hypothesis.without(index), best.starts, near=True)
+        gone = (refitted.residuals**2 - best.residuals**2).sum(axis=(0, 1)) / best.variance / 2
+        lost = float(gone[problem.observed].sum())
+        assert 0.5 * lost < around.cost([index]) < 3.0 * lost  # far from nothing, friction is no line
+        quick = around.refitted(problem, [index], 8)
+        assert refitted.objective <= quick.objective + 1.0
+        assert quick.objective < refitted.objective + 0.2 * (refitted.objective - best.objective)
+
+
+def test_what_is_surely_needed_is_not_in_doubt_of_a_large_account(asked, best):
+    question, offers = asked
+    problem, idle = question.searched, best.hypothesis
+    for candidate in offers:
+        if candidate.family == "sensor_bias":
+            idle = child_of(idle, candidate, [p.none for p in candidate.declared])
+    large = fit(problem, idle, best.starts, near=True)
+    assert len(idle.terms) > problem.run.settings.elimination.small
+    names = [idle.terms[i].family for i in doubtful(problem, large)]
+    assert not {"viscous_friction", "coulomb_friction", "constant_force"} & set(names)
+    assert set(names) == {"sensor_bias"}
+
+
+def test_a_gate_holds_the_share_of_the_samples_that_lies_in_it(asked, best):
+    problem, hypothesis = asked[0].searched, best.hypothesis
+    moved = problem.windows.measured[:, :-1, 0][problem.windows.valid[:, 1:]]
+    middle = float(np.median(moved))
+    gated = hypothesis.gated(0, Gate(region={"q": (middle, np.inf)}))
+    (held,) = _held(problem, fit(problem, gated, best.starts, iterations=0), best)
+    assert held == pytest.approx(0.5, abs=0.05)
+    assert _held(problem, best, best) == []
+
+
+class AddsUp:
+    """A judge by whom every term is worth its own value."""
+
+    mismatch = SimpleNamespace(overall=lambda squares: squares)
+
+    def __init__(self, worth):
+        self.worth = worth
+
+    def squares(self, accounts):
+        names = [[t.on for t in account[0].terms] for account in accounts]
+        return np.array([[sum(self.worth[n] for n in some), 0.0] for some in names])
+
+
+def test_of_a_large_account_families_play_and_their_terms_share_by_need():
+    joints = [f"j{i}" for i in range(5)]
+    terms = tuple(Term(f, f"{f[0]}{j}", {}) for f in ("coulomb_friction", "viscous_friction") for j in joints)
+    account = Hypothesis(terms, ((),) * len(terms))
+    assert players(account) == [tuple(range(5)), tuple(range(5, 10))]
+    worth = {t.on: 0.01 * (i + 1) for i, t in enumerate(terms)}
+    whole = np.array([sum(worth.values()), 0.0])
+    needed = np.array(list(worth.values()))
+    parts = importances(AddsUp(worth), account, whole, whole, needed)
+    assert parts[:, 0] == pytest.approx(needed)
+    assert parts[:, 0].sum() == pytest.approx(whole[0])
