@@ -8,7 +8,7 @@ ARGS ?=
 STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow test-cluster lint format types docs bench wheel clean
+.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow test-attacks test-cluster lint format types docs bench wheel clean
 
 help:            ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
@@ -50,6 +50,9 @@ test: install lint types  ## Tests, ruff and strict types
 
 test-slow: install  ## The heavy tests, minutes each
 	$(BIN)/python -m pytest -m slow -n auto --dist load
+
+test-attacks: install  ## Hostile files, hundreds of them, the slow ones among them
+	$(BIN)/python -m pytest -m "not cluster" -n auto --dist load tests/attacks
 
 test-cluster: install  ## A real SLURM on this machine: jobs, workers and schedulers killed (Debian: slurm-wlm, munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster

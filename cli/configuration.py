@@ -16,6 +16,7 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import DictConfig, OmegaConf
 
 from gpsim.errors import UsageError
+from gpsim.recordings import check_bounded
 from gpsim.trust import consent
 
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
@@ -58,6 +59,8 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
             f"--config-dir {config_dir}: its config.yaml would replace all of gpsim's settings; "
             "keep choices in folders, as gp/mine.yaml, and words for the rest"
         )
+    for choice in _choices(config_dir):
+        check_bounded(choice)
     for word in words:
         if word.startswith("=") or ("=" not in word and not word.startswith("~")):
             raise UsageError(f"'{word}' is not a setting: write key=value, as gp.n_train=500")
@@ -73,6 +76,13 @@ def resolve(words: Sequence[str], config_dir: Path | None) -> dict[str, Any]:
     for section, name in NAMING:
         consent(checked[section].get(name))
     return checked
+
+
+def _choices(config_dir: Path | None) -> Iterator[Path]:
+    """The files of a user's choices, as gp/mine.yaml."""
+    if config_dir is not None:
+        yield from config_dir.glob("*/*.yaml")
+        yield from config_dir.glob("*/*/*.yaml")
 
 
 def _refuse_strangers(words: Sequence[str], config_dir: Path | None) -> None:

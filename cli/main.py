@@ -1,4 +1,4 @@
-"""The command line: `gpsim --help`."""
+"""The command line: `gpsim --help`; cli/entry.py starts it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import os
 # One thread a process: the networks and matrices here are too small for more, and policies train side by side.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Pictures are files: whatever stands there for windows, a name that nobody knows among it, is not looked for.
+os.environ["MPLBACKEND"] = "agg"
 
 import sys
 from contextlib import suppress
@@ -142,9 +144,11 @@ def main() -> None:
         with ends_when_asked(), trusting(False):  # --trust ends with its command
             _called()
     except Terminated as ended:
-        with suppress(OSError):
-            print(INTERRUPTED, file=sys.stderr)
+        _say_interrupted()
         _end(int(str(ended.code)), INTERRUPTED)
+    except KeyboardInterrupt:  # outside of the commands: Typer makes an exit code of it
+        _say_interrupted()
+        _end(answers.INTERRUPTED_CODE, INTERRUPTED)
     except UsageError as error:
         print(f"error: {printable(error)}", file=sys.stderr)
         _end(NO_DIAGNOSIS if isinstance(error, NoDiagnosis) else BAD_INPUT, printable(error))
@@ -175,8 +179,15 @@ def _called() -> None:
         raise
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else 0
+        if code == answers.INTERRUPTED_CODE:
+            _say_interrupted()
         answers.finish(code, INTERRUPTED if code == answers.INTERRUPTED_CODE else "")
         raise
+
+
+def _say_interrupted() -> None:
+    with suppress(OSError):
+        print(INTERRUPTED, file=sys.stderr)
 
 
 def _end(code: int, message: str) -> NoReturn:

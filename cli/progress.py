@@ -63,11 +63,9 @@ class Board:
                 self._all = self._bars.add_task("all jobs", total=self._jobs, note="")
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._live:
             self._bars.stop()
-        if kind is not None and issubclass(kind, KeyboardInterrupt):  # Typer then ends with exit code 130
-            _say(INTERRUPTED)
 
     def update(self, job: str, done: int, total: int, note: str) -> None:
         """Job `job` has done `done` of `total`; of no total: what it waits for, said at once."""

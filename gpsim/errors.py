@@ -6,8 +6,13 @@ import signal
 class UsageError(Exception):
     """Bad input: the message is one line that says what is wrong, where, and what to do.
 
-    The command line turns it into `error: <message>` and exit code 2, without a traceback.
+    The command line turns it into `error: <message>` and exit code 2, without a traceback. Names in it are from files:
+    line breaks in them become blanks, other control characters `?`.
     """
+
+    def __str__(self) -> str:
+        line = " ".join(super().__str__().splitlines())
+        return line if line.isprintable() else "".join(c if c.isprintable() else "?" for c in line)
 
 
 class NoDiagnosis(UsageError):  # noqa: N818  # what happened is no error of the recording's

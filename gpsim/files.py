@@ -8,6 +8,7 @@ import json
 import math
 import os
 import shutil
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +18,16 @@ from gpsim.errors import UsageError
 
 Json = dict[str, Any]
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-REFUSED = (errno.EACCES, errno.EROFS, errno.EPERM, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG)
+REFUSED = (
+    errno.ELOOP,
+    errno.EACCES,
+    errno.EROFS,
+    errno.EPERM,
+    errno.ENOTDIR,
+    errno.EEXIST,
+    errno.ENAMETOOLONG,
+)
+MOST_JSON = 64 << 20  # bytes of a JSON file; a diagnosis takes 1 MiB
 NO_SPACE = "no space left on the device"
 
 
@@ -65,8 +75,52 @@ def _remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
+def regular_bytes(path: Path, most: int) -> bytes:
+    """A file's bytes; raises OSError, and UsageError for what is no regular file or larger than `most` bytes.
+
+    A pipe or a device is not waited for: it is refused.
+    """
+    with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:
+        facts = os.fstat(stream.fileno())
+        if not stat.S_ISREG(facts.st_mode):
+            raise UsageError(f"{path}: no regular file; put the file itself there")
+        if facts.st_size > most:
+            raise UsageError(f"{path}: {facts.st_size} bytes; the limit is {most}")
+        return stream.read(most)
+
+
+def read_json(path: Path) -> Any:
+    """A JSON file's content; raises FileNotFoundError, and UsageError for all else that is wrong with it."""
+    try:
+        return json.loads(regular_bytes(path, MOST_JSON))
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{path}: not readable as JSON ({in_words(error)}); make it again") from error
+
+
+def read_object(path: Path) -> Json:
+    """A JSON file's object, by its keys; raises UsageError."""
+    try:
+        content = read_json(path)
+    except FileNotFoundError as error:
+        raise unreadable(path, error) from error
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: holds a {type(content).__name__} where keys were expected; make it again")
+    return content
+
+
+def in_words(error: Exception) -> str:
+    """What is wrong with a JSON file."""
+    return "nested too deeply" if isinstance(error, RecursionError) else str(error)
+
+
 def file_digest(path: Path) -> str:
     """sha256 of a file, read in chunks; raises UsageError where it cannot be read."""
+    if path.exists() and not path.is_file():  # a pipe is waited for, a device read, for ever
+        raise UsageError(f"{path}: is no ordinary file; name the file itself")
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -79,6 +133,19 @@ def files_below(folder: Path) -> Iterator[Path]:
     try:
         for root, _, names in os.walk(folder, onerror=_raise):
             yield from (path for name in names if (path := Path(root, name)).is_file())
+    except OSError as error:
+        raise unreadable(folder, error) from error
+
+
+def everything_below(folder: Path) -> Iterator[Path]:
+    """Whatever lies below a folder and is no folder: files, and also links, pipes and sockets; no link is followed.
+
+    Raises UsageError where one of its folders cannot be read.
+    """
+    try:
+        for root, folders, names in os.walk(folder, onerror=_raise):
+            yield from (Path(root, name) for name in names)
+            yield from (path for name in folders if (path := Path(root, name)).is_symlink())
     except OSError as error:
         raise unreadable(folder, error) from error
 

@@ -24,39 +24,64 @@ PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when it
 OURS = (None, CODE, -signal.SIGTERM)  # exit codes of workers that run on, or that the pool itself ended
 GRACE = 10.0  # s in which a worker that is asked to end may clean up
 AT_ONCE = 5.0  # s within which a process that was asked to end is not asked again
+A_MOMENT = 1.0  # s within which one Ctrl-C reaches a process by every way it has
+LEAKED = "ignore:resource_tracker:UserWarning"
 PATIENCE = 20  # looks at the exit codes, a twentieth of a second apart
 
 
 class Asked:
-    """A handler of SIGTERM that raises Terminated.
+    """A handler of a signal that raises an exception, Terminated for SIGTERM.
 
     Asked again at once it does not, so that what cleans up is not interrupted: a worker is asked by whoever asks all of
     the processes, and by its parent.
     """
 
-    def __init__(self) -> None:
-        self._last = -math.inf
+    def __init__(self, kind: type[BaseException] = Terminated, at_once: float = AT_ONCE) -> None:
+        self._kind, self._at_once, self._last = kind, at_once, -math.inf
 
     def __call__(self, number: int, frame: object) -> None:
         """Raise, unless it has done so within the last seconds."""
         now = time.monotonic()
-        if now - self._last > AT_ONCE:  # later it is asked by somebody who sees that nothing happens
+        if now - self._last > self._at_once:  # later it is asked by somebody who sees that nothing happens
             self._last = now
-            raise Terminated
+            raise self._kind
 
 
 @contextmanager
 def ends_when_asked() -> Iterator[None]:
-    """Within it SIGTERM raises Terminated."""
+    """Within it SIGTERM, and SIGHUP of a terminal that is closed, raise Terminated."""
     if threading.current_thread() is not threading.main_thread():  # whose process it is minds its signals
         yield
         return
-
-    before = signal.signal(signal.SIGTERM, Asked())
+    if isinstance(signal.getsignal(signal.SIGTERM), Asked):  # it is so already
+        yield
+        return
+    asked = Asked()
+    before = {
+        number: signal.signal(number, asked)
+        for number in (signal.SIGTERM, signal.SIGHUP)
+        if signal.getsignal(number) is not signal.SIG_IGN or number == signal.SIGTERM  # as nohup has it
+    }
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+def asked_once() -> None:
+    """From now on Ctrl-C raises KeyboardInterrupt, SIGTERM and SIGHUP Terminated: once, though several tell of it.
+
+    A terminal, or whoever asks the whole group, tells this process and the one that passes signals on to it.
+    """
+    terminated = Asked()
+    for number, handler in (
+        (signal.SIGINT, Asked(KeyboardInterrupt, A_MOMENT)),
+        (signal.SIGTERM, terminated),
+        (signal.SIGHUP, terminated),
+    ):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @contextmanager
@@ -122,6 +147,8 @@ def worker_pool(count: int, begin: Callable[..., None], *arguments: Any) -> Iter
     """
     others = multiprocessing.active_children()  # of a program that uses this one as a library
     context = multiprocessing.get_context("spawn")
+    if LEAKED not in sys.warnoptions:  # what a killed parent left, the tracker removes, and need not tell
+        sys.warnoptions.append(LEAKED)
     pool = WorkerPool(count, context, initializer=_begin, initargs=(lent(), begin, arguments))
     try:
         yield pool
@@ -165,34 +192,37 @@ def _died(pool: WorkerPool) -> WorkerDiedError:
 def _told(code: int) -> WorkerDiedError:
     if code == -signal.SIGKILL:  # what Linux does to whoever takes too much
         return WorkerDiedError("was killed (out of memory?)", killed=True)
+    if code == -signal.SIGVTALRM:
+        return WorkerDiedError("did not come back from a call", killed=False)
     if code < 0:
         return WorkerDiedError(f"crashed ({signal.Signals(-code).name})", killed=False)
     return WorkerDiedError(f"ended by itself (exit code {code})", killed=False)
 
 
 def begin_worker(parent: int) -> None:
-    """Ctrl-C reaches the whole group and the parent ends its workers; without the parent (kill -9) they leave.
+    """Ctrl-C and SIGHUP reach the whole group and the parent ends its workers; without the parent (kill -9) they leave.
 
     Who is ended by the parent leaves as after an exception, so that temporary folders go with it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, Asked())
     leave_with(parent)
 
 
-def leave_with(parent: int) -> None:
-    """From now on this process ends when its parent does: nobody waits for the result.
+def leave_with(parent: int, number: signal.Signals = signal.SIGKILL) -> None:
+    """From now on this process ends, by this signal, when its parent does: nobody waits for the result.
 
     Linux's kernel sees to it at once; elsewhere, and where it will not, a thread looks every second. The next run
     sweeps what is half-made.
     """
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # a C library without it
-            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, number, 0, 0, 0)
+    threading.Thread(target=_watch, args=(parent, number), daemon=True).start()
 
 
-def _watch(parent: int) -> None:
+def _watch(parent: int, number: signal.Signals) -> None:
     while os.getppid() == parent:
         time.sleep(1.0)
-    os._exit(1)
+    os.kill(os.getpid(), number)

@@ -42,8 +42,8 @@ LEVELS = [
     {"simulators", "artifacts"},
     {"channels", "settings", "workers"},
     {"trust"},
-    {"files", "private"},
-    {"errors"},
+    {"files", "limits", "private"},
+    {"errors", "supervision"},
 ]
 LEVEL = {name: level for level, names in enumerate(LEVELS) for name in names}
 FILES = sorted([*ROOT.glob("gpsim/**/*.py"), *ROOT.glob("cli/**/*.py")])

@@ -109,11 +109,20 @@ def test_progress_and_notes_are_what_is_left_out(quiet, monkeypatch, capsys):
     )
 
 
-def test_an_interruption_is_said_though_quiet(capsys):
-    token = progress.QUIET.set(True)
-    try:
-        with pytest.raises(KeyboardInterrupt), progress.Board():
-            raise KeyboardInterrupt
-    finally:
-        progress.QUIET.reset(token)
-    assert capsys.readouterr().err.startswith("interrupted: ")
+@pytest.mark.parametrize("where", ["gpsim.cli.diagnose._split", "gpsim.cli.main.app"])
+def test_an_interruption_is_said_though_quiet(monkeypatch, capsys, where):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(where, interrupted)
+    code, _, err = said(monkeypatch, capsys, "diagnose", "x", "--quiet")
+    assert (code, err) == (130, f"{progress.INTERRUPTED}\n")
+
+
+def test_little_is_loaded_before_an_interruption_is_heard():
+    """Until then Ctrl-C is a traceback: the package and the file that starts a command import next to nothing."""
+    code = "import sys; before = set(sys.modules); import gpsim.cli.entry; print(*sorted(set(sys.modules) - before))"
+    loaded = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True, text=True, check=False)
+    if "gpsim" not in loaded.stdout.split():  # installed in a way that needs `site`
+        loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"tempfile", "urllib", "subprocess", "importlib.resources"} & set(loaded.stdout.split())

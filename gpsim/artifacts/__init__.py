@@ -1,6 +1,14 @@
 """Artifacts: versioned folders with a manifest, written whole or not at all, verified when read."""
 
-from gpsim.artifacts.artifact import MANIFEST, TIMINGS, Artifact, Recipe, read_artifact, read_manifest
+from gpsim.artifacts.artifact import (
+    MANIFEST,
+    TIMINGS,
+    Artifact,
+    Recipe,
+    read_artifact,
+    read_manifest,
+    read_timings,
+)
 from gpsim.artifacts.keys import VERSION, listed_once
 from gpsim.artifacts.leftovers import Leftover, erase, leftovers, sweep_all
 from gpsim.artifacts.locks import held
@@ -28,6 +36,7 @@ __all__ = [
     "package_versions",
     "read_artifact",
     "read_manifest",
+    "read_timings",
     "read_warnings",
     "sweep_all",
     "unneeded",

@@ -13,7 +13,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gpsim.errors import UsageError
-from gpsim.files import Json, canonical, file_digest, files_below, unreadable
+from gpsim.files import (
+    MOST_JSON,
+    Json,
+    canonical,
+    everything_below,
+    file_digest,
+    read_json,
+    regular_bytes,
+    unreadable,
+)
 
 MANIFEST, TIMINGS = "manifest.json", "timings.json"
 
@@ -80,13 +89,22 @@ class Recipe:
             ) from error
 
 
-def folder_digests(folder: Path) -> dict[str, str]:
-    """POSIX path to sha256 for every file below `folder` but the manifest and the timings, sorted.
+NO_FILE = "no file"
+"""Stands for the sha256 of what is none: a link to a folder or to nothing, a pipe, a socket."""
 
-    Raises UsageError for a file or a folder that cannot be read: what it holds would pass for missing.
+
+def folder_digests(folder: Path) -> dict[str, str]:
+    """POSIX path to sha256 for everything below `folder` but the manifest and the timings, sorted.
+
+    What is no file is never opened. Raises UsageError for a file or a folder that cannot be read: what it holds would
+    pass for missing.
     """
-    relative = {p.relative_to(folder).as_posix(): p for p in files_below(folder)}
-    return {name: file_digest(p) for name, p in sorted(relative.items()) if name not in (MANIFEST, TIMINGS)}
+    relative = {p.relative_to(folder).as_posix(): p for p in everything_below(folder)}
+    return {
+        name: file_digest(p) if p.is_file() else NO_FILE
+        for name, p in sorted(relative.items())
+        if name not in (MANIFEST, TIMINGS)
+    }
 
 
 def read_artifact(path: Path, stage: str | None = None) -> Artifact:
@@ -107,24 +125,58 @@ def read_artifact(path: Path, stage: str | None = None) -> Artifact:
 def read_manifest(path: Path) -> Artifact:
     """An artifact whose manifest is whole, else UsageError; its files are not looked at."""
     try:
-        manifest = json.loads((path / MANIFEST).read_bytes())
+        manifest = json.loads(regular_bytes(path / MANIFEST, MOST_JSON))
         recorded = manifest.pop("sha256", None)
         whole = recorded == hashlib.sha256(canonical(manifest)).hexdigest()
     except (FileNotFoundError, NotADirectoryError) as error:
         raise UsageError(f"{path}: not an artifact (no {MANIFEST})") from error
     except OSError as error:
         raise unreadable(path / MANIFEST, error) from error
-    except (ValueError, TypeError, AttributeError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError) as error:
         raise UsageError(
             f"{path / MANIFEST}: damaged ({type(error).__name__}); delete the folder and make it again"
         ) from error
-    if not whole or not {"files", "stage", "key"} <= set(manifest):
+    if not whole or not _sound(manifest):
         raise UsageError(
             f"{path / MANIFEST}: changed after it was written; delete the folder and make it again"
         )
     return Artifact(path, manifest, identity(manifest))
 
 
+def _sound(manifest: Json) -> bool:
+    """Whether the parts of a manifest that are read are there, and of their kinds."""
+    words = all(isinstance(manifest.get(name), str) for name in ("stage", "key"))
+    maps = all(
+        isinstance(manifest.get(name, {}), dict)
+        for name in ("config", "seeds", "parents", "packages", "files")
+    )
+    return (
+        words
+        and maps
+        and "files" in manifest
+        and all(isinstance(digest, str) for digest in manifest["files"].values())
+        and all(isinstance(parent, dict) for parent in manifest.get("parents", {}).values())
+    )
+
+
+def read_timings(folder: Path) -> Json:
+    """Facts of the clock; they are no part of the artifact, and what is lost or of another kind is left out."""
+    try:
+        found = read_json(folder / TIMINGS)
+    except (OSError, UsageError):
+        return {}
+    if not isinstance(found, dict):
+        return {}
+    parents = found.get("parents")
+    lineage = {r: p for r, p in parents.items() if isinstance(p, str)} if isinstance(parents, dict) else {}
+    sound = {
+        name: found[name] for name, kind in KINDS.items() if name in found and isinstance(found[name], kind)
+    }
+    return {k: v for k, v in found.items() if k not in KINDS} | sound | {"parents": lineage}
+
+
+KINDS = {"finished": str, "seconds": int | float}
+"""Of the facts of the clock that every artifact has."""
 IDENTITY = ("stage", "config", "seeds", "parents", "files")
 """What an artifact is, of what its manifest says: commit and packages are where it comes from."""
 

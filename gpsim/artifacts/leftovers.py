@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import IO, Literal
 
 from gpsim.errors import UsageError
 
@@ -85,15 +86,20 @@ def erase(path: Path) -> None:
 @contextmanager
 def _free(lock: Path) -> Iterator[None]:
     """Hold a lock file; raises OSError where another process does."""
-    with lock.open("rb+") as stream:
+    with _opened(lock, os.O_RDWR) as stream:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield
+
+
+def _opened(lock: Path, how: int) -> IO[bytes]:
+    """A lock file, and no link's target; what is a pipe is not waited for."""
+    return os.fdopen(os.open(lock, how | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC), "rb", buffering=0)
 
 
 def _locked(lock: Path) -> bool:
     """Whether a process holds a lock file; nothing is written. On a disk that knows no locks, whether it is there."""
     try:
-        with lock.open("rb") as stream:
+        with _opened(lock, os.O_RDONLY) as stream:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except FileNotFoundError:
         return False

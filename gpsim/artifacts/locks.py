@@ -54,7 +54,10 @@ def _locked(path: Path, waiting: Callable[[str], None]) -> Iterator[IO[bytes]]:
 def _opened(path: Path) -> IO[bytes]:
     try:
         with disk_errors(path.parent):
-            return path.open("a+b")
+            descriptor = os.open(
+                path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666
+            )
+            return os.fdopen(descriptor, "r+b", buffering=0)
     except FileNotFoundError as error:
         raise UsageError(f"{path.parent}: removed while something was written there; run again") from error
 

@@ -11,14 +11,18 @@ import os
 import uuid
 from pathlib import Path
 
+from gpsim.errors import UsageError
+from gpsim.files import regular_bytes
+
 FOLDER = ".keys"
+MOST_BYTES = 256  # of a marker: the name of a folder
 
 
 def marked(shelf: Path, key: str) -> Path | None:
     """The version that the key's marker names, if it is there."""
     try:
-        name = (_folder(shelf) / key).read_text(encoding="ascii")
-    except (OSError, ValueError):
+        name = _said(_folder(shelf) / key)
+    except (OSError, ValueError, UsageError):
         return None
     return shelf / name if os.sep not in name and (shelf / name).is_dir() else None
 
@@ -37,10 +41,14 @@ def all_marked(shelf: Path, names: list[str]) -> bool:
     if not names:
         return True
     try:
-        found = {path.read_text(encoding="ascii") for path in _folder(shelf).iterdir()}
-    except (OSError, ValueError):
+        found = {_said(path) for path in _folder(shelf).iterdir()}
+    except (OSError, ValueError, UsageError):
         return False
     return found.issuperset(names)
+
+
+def _said(marker: Path) -> str:
+    return regular_bytes(marker, MOST_BYTES).decode("ascii")
 
 
 def _folder(shelf: Path) -> Path:

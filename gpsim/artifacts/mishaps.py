@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from gpsim.errors import UsageError
-from gpsim.files import FULL, REFUSED, tells_of_full_disk, write_json
+from gpsim.files import FULL, REFUSED, read_json, tells_of_full_disk, write_json
 
 WARNINGS = "warnings.json"
 """A file of an artifact, there only where something went wrong: a list of lines."""
@@ -46,7 +45,10 @@ class Mishaps:
 def read_warnings(folder: Path) -> list[str]:
     """What went wrong when a finished artifact was made."""
     path = folder / WARNINGS
-    return [str(line) for line in json.loads(path.read_bytes())] if path.is_file() else []
+    if not path.is_file():
+        return []
+    lines = read_json(path)
+    return [str(line) for line in lines] if isinstance(lines, list) else []
 
 
 def in_short(error: BaseException) -> str:

@@ -15,6 +15,7 @@ from gpsim.diagnosis.attribution import Attribution, attribute, supported
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.judgement import (
     Judgement,
+    as_far_as_asked,
     beats_the_base,
     claimed,
     doubts_of,
@@ -166,6 +167,7 @@ def _answer(
     attribution = claimed(judgement, attribution, sizes)
     doubts = doubts_of(judgement, attribution, laws.forms, sizes, comparison.black_box, settings)
     verdict = verdict_of(judgement, attribution, doubts, settings)
+    verdict = as_far_as_asked(verdict, attribution, question.run.known)
     if verdict == "unknown":
         attribution, doubts = without_claims(attribution), ()
     return Answer(verdict, judgement, attribution, comparison, laws, sizes, doubts)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader
 
 LIBRARY = "gymnasium"
 ENVIRONMENTS = {
@@ -39,8 +41,11 @@ def _register() -> None:
             registration.register(id=name, entry_point=entry)
 
 
-class _OnImport(MetaPathFinder):
-    """Waits for the one import, then steps aside."""
+class _OnImport:
+    """Waits for the one import, then steps aside.
+
+    It is a finder without importlib.abc's word for it: that takes longer to import than all the rest of `gpsim`.
+    """
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -51,11 +56,11 @@ class _OnImport(MetaPathFinder):
         sys.meta_path.remove(self)
         spec = find_spec(fullname)
         if spec is not None and spec.loader is not None:
-            spec.loader = _Registering(spec.loader)
+            spec.loader = _Registering(spec.loader)  # type: ignore[assignment]
         return spec
 
 
-class _Registering(Loader):
+class _Registering:
     """Another loader, and the registration after it."""
 
     def __init__(self, inner: Loader) -> None:

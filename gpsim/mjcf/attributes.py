@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -29,6 +30,7 @@ JOINT = {
 INERTIAL = {"pos": "body_ipos", "quat": "body_iquat", "mass": "body_mass", "diaginertia": "body_inertia"}
 SPELT = {"solreffriction": "solref_friction", "solimpfriction": "solimp_friction"}
 """What MjSpec calls otherwise than MJCF."""
+_DASHES = re.compile("-(?=-)")  # no two may follow each other in a comment
 
 
 @dataclass
@@ -256,4 +258,4 @@ def _comment(parents: Mapping[Any, Any], element: Any, lines: Sequence[str]) -> 
         return
     for line in lines:
         at = list(parent).index(element)
-        parent.insert(at, ElementTree.Comment(f" {line.replace('--', '- -')} "))
+        parent.insert(at, ElementTree.Comment(f" {_DASHES.sub('- ', line)} "))

@@ -15,7 +15,7 @@ from gpsim.errors import Terminated, UsageError
 from gpsim.files import disk_errors, write_json
 from gpsim.mjcf.attributes import Change, apply, changes_of, named, written
 from gpsim.mjcf.naming import names_of
-from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.mjcf.patching import Correction, Patch, patch_of
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.mjcf.specs import asset_places, spec_of
@@ -156,6 +156,7 @@ def _called(simulator: MjcfSimulator, change: Change) -> str:
     return f"{change.kind} {name or f'{change.kind}{change.index}'}"
 
 
+@quiet()
 def _compiled(spec: Any, name: str) -> Any:
     try:
         return spec.compile()
@@ -167,6 +168,7 @@ def _compiled(spec: Any, name: str) -> Any:
         ) from error
 
 
+@quiet()
 def _read_back(text: str, out: Path) -> Any:
     """The model as whoever opens the file gets it, meshes looked for from where it will lie."""
     mj = mujoco()

@@ -101,7 +101,8 @@ def _energy_drift(simulator: MjcfSimulator) -> float | None:
     data = mj.MjData(model)
     model.opt.enableflags |= int(mj.mjtEnableBit.mjENBL_ENERGY)
     data.qvel[:] = 1.0
-    mj.mj_forward(model, data)
+    with quiet():
+        mj.mj_forward(model, data)
     first, moving, most = float(data.energy.sum()), float(data.energy[1]), 0.0
     if moving <= 0.0:
         return None

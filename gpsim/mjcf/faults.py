@@ -24,9 +24,10 @@ def compile_fault(path: Path, error: BaseException) -> UsageError:
     return UsageError(f"{at}: does not compile: {_reason(said)}")
 
 
-def one_line(error: BaseException) -> str:
-    """One line of what MuJoCo or somebody's code says, which may be several."""
-    return " ".join(str(error).split())[:MOST]
+def one_line(said: object) -> str:
+    """One printable line of what MuJoCo, a file or somebody's code says, which may be several."""
+    flat = " ".join(str(said).split())[:MOST]
+    return "".join(c if c.isprintable() else "?" for c in flat)
 
 
 def _reason(said: str) -> str:

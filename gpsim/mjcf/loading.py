@@ -14,19 +14,20 @@ from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from xml.etree import ElementTree
 
+from gpsim import supervision
 from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest, unreadable
+from gpsim.mjcf.compiled import check_model
 from gpsim.mjcf.faults import compile_fault, one_line
-from gpsim.mjcf.optional import mujoco
-from gpsim.mjcf.urdf import apart, completed, is_urdf, mesh_file
+from gpsim.mjcf.model_files import MODEL_FILES, files_of_model
+from gpsim.mjcf.optional import mujoco, quiet
+from gpsim.mjcf.urdf import apart, completed, is_urdf
+from gpsim.simulators import asked
 from gpsim.trust import GYM, check_file, check_module
 
 FILMS = "imageio"
 ENDLESS = 1000  # steps of an episode where an environment names none
-MODEL_FILES = (".xml", ".mjcf", ".urdf")
-DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ def load(reference: str) -> Loaded:
 
 
 @lru_cache(maxsize=8)
+@quiet()
 def _loaded(reference: str, digest: str) -> Loaded:
     step: float | None = None
     notes: tuple[str, ...] = ()
@@ -81,6 +83,7 @@ def _loaded(reference: str, digest: str) -> Loaded:
     else:
         spec, notes = _opened(Path(reference))
         model = _compiled(spec, Path(reference))
+    check_model(model, reference)
     return Loaded(model, source_of(reference), step, notes)
 
 
@@ -104,39 +107,13 @@ def source_of(reference: str) -> Source:
 
 
 def _digests(path: Path) -> dict[str, str]:
-    """Of a model's file and all that it names, as far as they are there."""
-    found = dict.fromkeys(_named(path.resolve()))
+    """Of a model's file and all that it names, as far as they are there; raises UsageError, see `files_of_model`."""
     base = path.resolve().parent
-    return {_relative(p, base): file_digest(p) for p in sorted(found)}
+    return {_relative(p, base): file_digest(p) for p in sorted(files_of_model(path))}
 
 
 def _relative(path: Path, base: Path) -> str:
     return Path(os.path.relpath(path, base)).as_posix()
-
-
-def _named(path: Path, seen: set[Path] | None = None) -> Iterator[Path]:
-    """A file, and every file that its `file` and `filename` attributes name."""
-    seen = set() if seen is None else seen
-    if path in seen:
-        return
-    seen.add(path)
-    yield path
-    if path.suffix.lower() not in MODEL_FILES:
-        return
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (ElementTree.ParseError, OSError):
-        return  # the compiler says why
-    places = [path.parent]
-    for compiler in root.iter("compiler"):
-        places += [path.parent / compiler.get(d, "") for d in DIRECTORIES if compiler.get(d)]
-    for element in root.iter():
-        name = element.get("file") or element.get("filename")
-        if not name:
-            continue
-        there = next((f for p in places if (f := mesh_file(name, p)) is not None), None)
-        if there is not None:
-            yield from _named(there, seen)
 
 
 def spec_of_file(path: Path) -> Any:
@@ -201,13 +178,13 @@ def made_by(reference: str) -> Any:
     module = ModuleType(f"user_model_{Path(file).stem}")
     module.__file__ = str(Path(file).resolve())
     sys.modules[module.__name__] = module  # dataclasses look there
-    try:
+
+    def made() -> Any:
         exec(compile(content, file, "exec"), vars(module))
         return getattr(module, name)()
-    except Terminated:
-        raise
-    except (Exception, SystemExit) as error:  # a user's code may raise anything
-        raise UsageError(f"{reference}: {name}() raised {type(error).__name__}: {one_line(error)}") from error
+
+    supervision.calls(file)
+    return asked(made, f"{name}()", reference)
 
 
 def _of_environment(reference: str) -> tuple[Any, float]:
@@ -235,14 +212,13 @@ def new_environment(reference: str) -> tuple[Any, int]:
     check_module(reference)
     import gymnasium
 
-    try:
+    def made() -> tuple[Any, int]:
         with _without_pictures():
-            made = gymnasium.make(reference.removeprefix(GYM))
-            return made.unwrapped, int(getattr(made.spec, "max_episode_steps", None) or ENDLESS)
-    except Terminated:
-        raise
-    except Exception as error:  # an unknown id, or an environment whose packages are missing
-        raise UsageError(f"--simulator {reference}: gymnasium cannot make it: {one_line(error)}") from error
+            found = gymnasium.make(reference.removeprefix(GYM))
+            return found.unwrapped, int(getattr(found.spec, "max_episode_steps", None) or ENDLESS)
+
+    supervision.calls(reference)
+    return asked(made, "gymnasium", f"--simulator {reference}", failed="cannot make it:")
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.layout import Layout
-from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.optional import mujoco, quiet
 
 
 def dense(model: Any, packed: FloatArray) -> FloatArray:
@@ -24,6 +24,7 @@ def dense(model: Any, packed: FloatArray) -> FloatArray:
     return out
 
 
+@quiet()
 def penetration(body: Body, layout: Layout, state: FloatArray) -> tuple[FloatArray, list[str]]:
     """(B,) m: the least distance of what touches, negative inside, 0 where nothing does; and which bodies."""
     mj, model = mujoco(), body.base
@@ -39,6 +40,7 @@ def penetration(body: Body, layout: Layout, state: FloatArray) -> tuple[FloatArr
     return deepest, pairs
 
 
+@quiet()
 def comes_near(body: Body, layout: Layout, state: FloatArray, margin: float) -> bool:
     """Whether in any of these states (B, S) two bodies that may touch are nearer to each other than margin [m]."""
     mj, model = mujoco(), copy.copy(body.base)

@@ -14,6 +14,7 @@ from typing import Any
 from gpsim.channels import Channel, Channels
 from gpsim.errors import UsageError
 from gpsim.mjcf.optional import mujoco
+from gpsim.recordings import check_channels, check_name
 from gpsim.simulators import Coordinate
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -47,6 +48,7 @@ class Names:
 def names_of(model: Any, where: str) -> Names:
     """The names of a compiled model; raises UsageError for what gpsim cannot diagnose."""
     mj = mujoco()
+    _check_names(model, where)
     state: list[tuple[Channel, int, int]] = []
     rate: list[Channel] = []
     coordinates, dofs, joints, free = [], [], [], []
@@ -119,6 +121,15 @@ def _drives(model: Any, actions: Sequence[str]) -> dict[str, str]:
 def _called(model: Any, kind: str, index: int) -> str:
     name = getattr(model, kind)(index).name
     return str(name) or f"{kind}{index}"
+
+
+def _check_names(model: Any, where: str) -> None:
+    """Names become columns and lines of text: refuse one that breaks them, as of a log's columns."""
+    for index in range(model.nbody):
+        check_name(_called(model, "body", index), f"{where}: body number {index}")
+    for kind, count in (("joint", model.njnt), ("actuator", model.nu)):
+        for index in range(count):
+            check_channels([_called(model, kind, index)], f"{where}: {kind} number {index}")
 
 
 def _turns(model: Any, joint: int, hinge: bool) -> bool:

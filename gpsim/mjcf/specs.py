@@ -9,12 +9,13 @@ from typing import Any
 
 from gpsim.errors import Terminated, UsageError
 from gpsim.mjcf.loading import file_of_environment, made_by, spec_of_file
-from gpsim.mjcf.optional import mujoco
+from gpsim.mjcf.optional import mujoco, quiet
 from gpsim.trust import GYM
 
 ASSETS = ("meshdir", "texturedir")
 
 
+@quiet()
 def spec_of(reference: str) -> Any:
     """A new MjSpec of a simulator's model, compiled once. Raises UsageError."""
     mj = mujoco()

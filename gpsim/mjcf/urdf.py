@@ -25,6 +25,7 @@ LEAST = 1e-3  # of a body's largest second moment: the least along its other axe
 SMALLEST = 1e-3  # m, the least extent of a body
 NEXT_TO_NONE = 1e-12  # kg m^2, above what MuJoCo takes for none
 DENSITY = 1000  # kg/m^3, MuJoCo's where nothing is said
+MANIFEST = 1 << 20  # bytes of a package.xml, at most
 SOME = 4  # names that a line tells
 
 
@@ -35,13 +36,18 @@ def is_urdf(path: Path) -> bool:
 
 def mesh_file(name: str, folder: Path) -> Path | None:
     """The file that a URDF in this folder means by `name`, a path, file:// or package://NAME/PATH; None: not there."""
+    return next((p.resolve() for p in mesh_places(name, folder) if p.is_file()), None)
+
+
+def mesh_places(name: str, folder: Path) -> Iterator[Path]:
+    """Where the file that is called so may lie, in the order in which it is looked for."""
     if name.startswith(PACKAGE):
         package, _, rest = name.removeprefix(PACKAGE).partition("/")
-        places = [place / rest for place in _package(package, folder)]
-        places += [place / rest for place in (folder, folder.parent)]
+        yield from (place / rest for place in _package(package, folder))
+        yield from (place / rest for place in (folder, folder.parent))
     else:
-        places = [folder / name.removeprefix(FILE)]
-    return next((p.resolve() for p in (*places, folder / Path(name).name) if p.is_file()), None)
+        yield folder / name.removeprefix(FILE)
+    yield folder / Path(name).name
 
 
 def completed(spec: Any, path: Path) -> list[str]:
@@ -98,6 +104,8 @@ def _paths(variable: str) -> list[Path]:
 def _called(manifest: Path) -> str | None:
     """What a package.xml calls its package."""
     try:
+        if not manifest.is_file() or manifest.stat().st_size > MANIFEST:
+            return None
         return ElementTree.parse(manifest).getroot().findtext("name", "").strip()
     except (OSError, ElementTree.ParseError):
         return None

@@ -82,7 +82,7 @@ class Policy:
             metadata.get("format") != FORMAT
             or "scale" not in arrays
             or activation not in ("tanh", "relu")
-            or len(named) != 2 * int(metadata.get("layers", 0))
+            or metadata.get("layers") != len(named) / 2
         ):
             raise UsageError(
                 f"not a policy of format {FORMAT}: {metadata.get('format')!r}, {len(arrays)} arrays"

@@ -16,7 +16,7 @@ from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.mapping_changes import changes_of_words, merged
 from gpsim.recordings.mapping_files import TOP_KEYS, parse_mapping
-from gpsim.recordings.names import one_line
+from gpsim.recordings.names import check_channels, check_name, one_line
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
@@ -24,7 +24,7 @@ from gpsim.recordings.recording import Episode, HeldOut, Recording, Source, Tran
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, Opener, find_logs, is_bag_folder
 from gpsim.recordings.subsample import evenly
-from gpsim.recordings.yaml_data import parse_yaml, read_yaml
+from gpsim.recordings.yaml_data import check_bounded, parse_yaml, read_yaml
 
 __all__ = [
     "FACTORS",
@@ -57,6 +57,9 @@ __all__ = [
     "bag_writing",
     "bare_mapping",
     "changes_of_words",
+    "check_bounded",
+    "check_channels",
+    "check_name",
     "evenly",
     "find_bad_rows",
     "find_logs",

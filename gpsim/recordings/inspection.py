@@ -16,6 +16,7 @@ from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
 
+READINGS = 64  # of a log, to find out which of its topics cannot be read
 GAP = 5.0  # a step of this many usual steps is a gap
 System = tuple[Channels, Channels]
 """The state and action channels of a simulator."""
@@ -63,7 +64,7 @@ def inspect_log(named: NamedLog, count: int = 1, ready: tuple[str, ...] = ()) ->
     """
     topics = tuple(named.log.topics())
     wanted = {topic.name: [_telling(topic)] for topic in topics if topic.fields and topic.count}
-    series, found = _read(named.log, wanted)
+    series, found = _read(named.log, wanted, [READINGS])
     faults = {topic.name: topic.fault for topic in topics if topic.fault} | found
     paces: dict[str, Statistics] = {}
     for name, one in series.items():
@@ -78,18 +79,24 @@ def inspect_log(named: NamedLog, count: int = 1, ready: tuple[str, ...] = ()) ->
     return Inspection(named.name, topics, paces, text, count - 1, faults, ready)
 
 
-def _read(log: RawLog, wanted: Mapping[str, Sequence[str]]) -> tuple[dict[str, Series], dict[str, str]]:
-    """(what can be read, why the rest cannot): all at once, else half by half, down to the topic that is at fault."""
+def _read(
+    log: RawLog, wanted: Mapping[str, Sequence[str]], left: list[int]
+) -> tuple[dict[str, Series], dict[str, str]]:
+    """(what can be read, why the rest cannot): all at once, else half by half, down to the topic that is at fault.
+
+    left: how many more readings of the file there may be; behind them, what is asked for together has one reason.
+    """
     if not wanted:
         return {}, {}
+    left[0] -= 1
     try:
         return dict(log.series(wanted)), {}
     except UsageError as error:
         names = list(wanted)
-        if len(names) == 1:
-            return {}, {names[0]: str(error)}
+        if len(names) == 1 or left[0] <= 0:
+            return {}, dict.fromkeys(names, str(error))
         halves = names[: len(names) // 2], names[len(names) // 2 :]
-        (first, lost), (second, more) = (_read(log, {n: wanted[n] for n in half}) for half in halves)
+        (first, lost), (second, more) = (_read(log, {n: wanted[n] for n in half}, left) for half in halves)
         return first | second, lost | more
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from gpsim.errors import UsageError
 
 LONGEST = 200  # characters
+LONGEST_LINE = 1 << 18  # bytes of a line of a text table
 RESERVED = ("episode", "t")  # columns of every recording
 
 

@@ -13,7 +13,8 @@ import pyarrow.parquet as pq
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.names import check_columns, one_line
+from gpsim.recordings.names import LONGEST_LINE, check_columns, one_line
+from gpsim.recordings.parquet import PARQUET, check_parquet, check_width, is_plain, is_text
 from gpsim.recordings.values import LARGEST
 
 
@@ -23,11 +24,13 @@ def read_frame(path: Path, precision: Literal["round_trip"] | None = None) -> pd
     Episodes are called letter by letter what the table says: NA and 007 are names, too. precision: pandas'
     float_precision, for CSV.
     """
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path}: is no ordinary file; name a CSV or Parquet table")
     try:
         names = _parquet_names(path) if path.suffix == ".parquet" else _csv_names(path)
         check_columns(names, str(path))
         if path.suffix == ".parquet":
-            return pd.read_parquet(path)
+            return _parquet(path)
         frame = pd.read_csv(path, dtype={"episode": str}, float_precision=precision)
         if "episode" in frame.columns and frame["episode"].isna().any():
             said = pd.read_csv(path, usecols=["episode"], dtype=str, keep_default_na=False)["episode"]
@@ -40,12 +43,31 @@ def read_frame(path: Path, precision: Literal["round_trip"] | None = None) -> pd
 
 
 def _parquet_names(path: Path) -> list[str]:
-    return [str(name) for name in pq.read_schema(path).names]
+    with pq.ParquetFile(path, **PARQUET) as file:
+        check_parquet(path, file.metadata)
+        return [str(name) for name in file.schema_arrow.names]
+
+
+def _parquet(path: Path) -> pd.DataFrame:
+    """A file's columns of numbers, times and text; a text that is there many times is held once."""
+    with pq.ParquetFile(path, **PARQUET) as file:
+        fields = [field for field in file.schema_arrow if is_plain(field.type)]
+    texts = [field.name for field in fields if is_text(field.type)]
+    frame = pd.read_parquet(path, columns=[field.name for field in fields], read_dictionary=texts)
+    for name in texts:
+        frame[name] = frame[name].astype("category").astype(object)
+    return frame
 
 
 def _csv_names(path: Path) -> list[str]:
+    with path.open("rb") as file:
+        if len(file.readline(LONGEST_LINE + 1)) > LONGEST_LINE:
+            raise UsageError(
+                f"{path}: its first line is longer than {LONGEST_LINE} bytes; write a table with line breaks"
+            )
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
         first = next((row for row in csv.reader(file) if row), [])
+    check_width(path, len(first))
     return [name.strip() or f"column_{number}" for number, name in enumerate(first)]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from gpsim.errors import UsageError
-from gpsim.files import unreadable
+from gpsim.files import regular_bytes, unreadable
 from gpsim.recordings.names import one_line
 
 MOST_BYTES = 16 << 20  # of a file; a recording of 10 000 episodes takes 1 MiB
@@ -39,10 +39,10 @@ def read_yaml(path: Path, where: str = "") -> Any:
 
     where: what the message calls the file, if not by its path.
     """
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{where or path}: is no ordinary file; name a YAML file")
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise UsageError(f"{where or path}: {path.stat().st_size} bytes; the limit is {MOST_BYTES}")
-        text = path.read_text(encoding="utf-8")
+        text = regular_bytes(path, MOST_BYTES).decode("utf-8")
     except OSError as error:
         raise unreadable(path, error) from error
     except UnicodeDecodeError as error:
@@ -51,6 +51,42 @@ def read_yaml(path: Path, where: str = "") -> Any:
         return parse_yaml(text)
     except YamlError as error:
         raise UsageError(f"{where or path}: {error}") from error
+
+
+def check_bounded(path: Path) -> None:
+    """Raise UsageError where a file that another parser will read stands for far more than is written in it.
+
+    Its aliases repeat more than 10 000 values, it is nested too deeply, large, or no file. Other faults are that
+    parser's to tell.
+    """
+    try:
+        loader = yaml.SafeLoader(regular_bytes(path, MOST_BYTES))
+        try:
+            node = loader.get_single_node()
+        finally:
+            loader.dispose()
+        sizes: dict[int, int] = {}
+        if node is not None and _standing_for(node, sizes) - len(sizes) > MOST_REPEATED:
+            raise UsageError(
+                f"{path}: aliases (*name) repeat more than {MOST_REPEATED} values; write them out"
+            )
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (RecursionError, MemoryError) as error:
+        raise UsageError(f"{path}: not readable as YAML: it is nested too deeply") from error
+    except (yaml.YAMLError, ValueError):
+        return
+
+
+def _standing_for(node: yaml.Node, sizes: dict[int, int]) -> int:
+    """How many values a node stands for, with what aliases repeat; inside itself it repeats without end."""
+    if id(node) not in sizes:
+        sizes[id(node)] = MOST_REPEATED**2  # met again before it is through
+        pairs = isinstance(node, yaml.MappingNode)
+        inside = (part for pair in node.value for part in pair) if pairs else node.value
+        parts = () if isinstance(node, yaml.ScalarNode) else inside
+        sizes[id(node)] = 1 + sum(_standing_for(part, sizes) for part in parts)
+    return sizes[id(node)]
 
 
 def parse_yaml(text: str) -> Any:

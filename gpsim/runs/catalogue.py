@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,16 +12,16 @@ from pathlib import Path
 from gpsim.artifacts import (
     MANIFEST,
     SCHEMA,
-    TIMINGS,
     VERSION,
     Artifact,
     Leftover,
     leftovers,
     read_artifact,
     read_manifest,
+    read_timings,
 )
 from gpsim.errors import UsageError
-from gpsim.files import Json, files_below, unreadable
+from gpsim.files import MOST_JSON, Json, files_below, regular_bytes, unreadable
 
 PARTS = 3
 """<experiment>/<stage>/<version>"""
@@ -85,8 +84,7 @@ class Entry:
     @cached_property
     def needs(self) -> tuple[Need, ...]:
         """What it was made from, as its manifest says."""
-        lineage = self.timings.get("parents")
-        paths = lineage if isinstance(lineage, dict) else {}
+        paths = self.timings.get("parents", {})
         found = [
             Need(role, parent.get("stage"), parent.get("sha256"), path=paths.get(role))
             for role, parent in self.manifest.get("parents", {}).items()
@@ -186,37 +184,48 @@ def entry_at(path: Path, root: Path, verify: bool = False) -> Entry:
         bytes=size_of(path),
         artifact=artifact,
         damage=damage,
-        timings=_timings(path),
+        timings=read_timings(path),
     )
 
 
 def size_of(path: Path) -> int:
-    """Bytes of a file, or of all files below a folder; of what goes away meanwhile none."""
+    """Bytes of a file, or of all files below a folder; of what goes away meanwhile none, of a link its own."""
     total = 0
-    for file in files_below(path) if path.is_dir() else [path]:
+    for file in files_below(path) if path.is_dir() and not path.is_symlink() else [path]:
         try:
-            total += file.stat().st_size
+            total += file.lstat().st_size
         except FileNotFoundError:
             continue
     return total
 
 
 def _artifacts_below(
-    folder: Path, root: Path, shelves: list[Path], seen: set[tuple[int, int]]
+    place: Path, root: Path, shelves: list[Path], seen: set[tuple[int, int]]
 ) -> Iterator[Path]:
-    """Folders of artifacts, and version folders that are none any more; other folders are noted as shelves."""
-    if _seen(folder, seen):
-        return
-    if _is_artifact(folder) or _is_version(folder, root):
-        yield folder
-        return
-    shelves.append(folder)
+    """Folders of artifacts, and version folders that are none any more; other folders are noted as shelves.
+
+    What a link leads to comes last, under its own name elsewhere, and its shelves are nobody's to sweep.
+    """
+    ahead, links = [place], list[Path]()
+    while ahead or links:
+        linked = not ahead
+        folder = links.pop().resolve() if linked else ahead.pop()
+        if _seen(folder, seen):
+            continue
+        if _is_artifact(folder) or (not linked and _is_version(folder, root)):
+            yield folder
+            continue
+        shelves += [] if linked else [folder]
+        for path in _folders(folder):
+            (links if linked or path.is_symlink() else ahead).append(path)
+
+
+def _folders(folder: Path) -> list[Path]:
+    """Folders below a folder, and links to folders; hidden ones are left out. Raises UsageError."""
     try:
-        below = sorted(entry.path for entry in os.scandir(folder) if entry.is_dir() and entry.name[0] != ".")
+        return sorted(Path(entry) for entry in os.scandir(folder) if entry.is_dir() and entry.name[0] != ".")
     except OSError as error:
         raise unreadable(folder, error) from error
-    for path in below:
-        yield from _artifacts_below(Path(path), root, shelves, seen)
 
 
 def _seen(folder: Path, seen: set[tuple[int, int]]) -> bool:
@@ -233,10 +242,10 @@ def _seen(folder: Path, seen: set[tuple[int, int]]) -> bool:
 def _is_artifact(folder: Path) -> bool:
     """Whether a manifest there says that it is one: other programs have files of that name, too."""
     try:
-        return SCHEMA.partition("/")[0].encode() in (folder / MANIFEST).read_bytes()
+        return SCHEMA.partition("/")[0].encode() in regular_bytes(folder / MANIFEST, MOST_JSON)
     except (FileNotFoundError, NotADirectoryError):
         return False
-    except OSError:  # it is there, and cannot be read: `entry_at` says so
+    except (OSError, UsageError):  # it is there, and cannot be read: `entry_at` says so
         return True
 
 
@@ -250,15 +259,6 @@ def _missing(artifact: Artifact) -> str | None:
     """What is not there of the files that a manifest names, in words."""
     lost = [name for name in artifact.manifest["files"] if not (artifact.path / name).is_file()]
     return f"{artifact.path / lost[0]}: missing" if lost else None
-
-
-def _timings(path: Path) -> Json:
-    """Facts of the clock; they are no part of the artifact, and may be lost."""
-    try:
-        found = json.loads((path / TIMINGS).read_bytes())
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _moment(text: str) -> float | None:

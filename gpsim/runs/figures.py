@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from gpsim.errors import UsageError
+from gpsim.files import read_json
+
 Figures = dict[str, float | int | str | bool]
+UNREADABLE = (UsageError, OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError)
+"""What reading a file raises that is absent, or not as it was written."""
 TOLD = ("value", "low", "high")
 
 
@@ -22,18 +26,18 @@ def figures_of(folder: Path) -> Figures:
     for name, read in READERS.items():
         try:
             found |= read(folder / name)
-        except (OSError, ValueError, TypeError, KeyError, AttributeError):  # absent, or not as it was written
+        except UNREADABLE:
             continue
     return found
 
 
 def _json(path: Path) -> Figures:
-    return dict(_numbers(json.loads(path.read_bytes()), ()))
+    return dict(_numbers(read_json(path), ()))
 
 
 def _diagnosis(path: Path) -> Figures:
     """The verdict, what it explains, every effect's parameters, and the fit."""
-    content = json.loads(path.read_bytes())
+    content = read_json(path)
     found: Figures = {"verdict": str(content["verdict"])}
     share = ((content.get("explained") or {}).get("rollout") or {}).get("share")
     if share is not None:

@@ -1,6 +1,7 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
 from gpsim.simulators.ackermann import Ackermann
+from gpsim.simulators.calls import asked
 from gpsim.simulators.cartpole import CartPole
 from gpsim.simulators.own import lives_here, own_simulator
 from gpsim.simulators.pendulum import Pendulum
@@ -41,6 +42,7 @@ __all__ = [
     "Slider",
     "Unicycle",
     "Whole",
+    "asked",
     "lives_here",
     "make_simulator",
     "own_simulator",

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from functools import lru_cache
 from tempfile import TemporaryFile
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
+from gpsim.simulators.calls import NoAnswerError, no_answer
 from gpsim.simulators.simulator import Simulator
 from gpsim.workers import leave_with
 
@@ -63,6 +63,8 @@ def _what_happened(reference: str, code: int, words: str) -> str:
             f"{file}: ended the program (exit code {code}) when it was loaded and asked for rates; a simulator only "
             "returns: take exit() out of it"
         )
+    if code == -signal.SIGVTALRM:
+        return no_answer(f"{file}: loaded and asked for rates, it")
     place = re.search(rf'File "{re.escape(file)}", line (\d+) in (\S+)', words)
     where = f" at line {place[1]}, in {place[2]}" if place else ""
     return (
@@ -90,5 +92,10 @@ def _ask(simulator: Simulator) -> None:
         state, action = (
             rng.normal(size=(rows, len(channels))) for channels in (simulator.state, simulator.action)
         )
-        with np.errstate(all="ignore"), suppress(UsageError):
-            simulator.rates(state, action, simulator.defaults())
+        with np.errstate(all="ignore"):
+            try:
+                simulator.rates(state, action, simulator.defaults())
+            except NoAnswerError:
+                raise
+            except UsageError:
+                continue

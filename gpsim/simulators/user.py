@@ -21,7 +21,7 @@ import inspect
 import math
 import multiprocessing
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -29,8 +29,10 @@ from typing import Any
 
 import numpy as np
 
+from gpsim import supervision
 from gpsim.channels import Channels, FloatArray, difference
-from gpsim.errors import Terminated, UsageError
+from gpsim.errors import UsageError
+from gpsim.simulators.calls import asked, guard, read_only, refuse_complex, said
 from gpsim.simulators.first_contact import try_apart
 from gpsim.simulators.simulator import (
     INTEGRATORS,
@@ -44,9 +46,6 @@ from gpsim.trust import check_file
 
 GUARDED = ("rates", "derivative", "measured_rates", "mobility", "normal_force")
 """What a class that derives from Simulator may write; `integrate` and `step` ask these."""
-COPY_FIRST = (
-    "; what it is given is the recording's: copy first (u = u.copy()), or write u = gain * u, not u *= gain"
-)
 
 
 def load_user_simulator(reference: str) -> Simulator:
@@ -58,7 +57,7 @@ def load_user_simulator(reference: str) -> Simulator:
         content = path.read_bytes()
         source = content.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: cannot be read: {_said(error)}") from error
+        raise UsageError(f"{path}: cannot be read: {said(error)}") from error
     check_file(reference, content)
     if multiprocessing.parent_process() is None:  # whoever started a worker has tried it
         try_apart(reference, source)
@@ -76,14 +75,7 @@ def load_source(reference: str, source: str) -> Simulator:
             k for k, v in vars(module).items() if isinstance(v, type) and v.__module__ == module.__name__
         ]
         raise UsageError(f"{file}: no class '{name}'; it has: {', '.join(classes) or 'none'}")
-    try:
-        instance = found()
-    except Terminated:
-        raise
-    except (Exception, SystemExit) as error:  # a user's code may raise anything
-        raise UsageError(
-            f"{reference}: {name}() raised {_said(error)}; it must be made without arguments"
-        ) from error
+    instance = asked(found, f"{name}()", reference, remedy="; it must be made without arguments")
     simulator = adapted(instance, reference)
     vars(simulator)["_source"] = source
     # Copies in other processes come from the source, which is no importable module.
@@ -96,11 +88,11 @@ def adapted(instance: Any, reference: str) -> Simulator:
     if isinstance(instance, Simulator):
         simulator = instance
     else:
-        simulator = _call(lambda: UserSimulator(instance, reference), "its declaration", reference)
+        simulator = asked(lambda: UserSimulator(instance, reference), "its declaration", reference)
     vars(simulator)["name"] = reference  # by that of a class it derives from, the built-in one would be found
     if simulator is instance:
-        _guard(simulator, reference)
-    _call(lambda: _check_declaration(simulator, reference), "its declaration", reference)
+        guard(simulator, GUARDED, reference)
+    asked(lambda: _check_declaration(simulator, reference), "its declaration", reference)
     _try(simulator, reference)
     return simulator
 
@@ -141,13 +133,13 @@ class UserSimulator(Simulator):
         self, state: FloatArray, action: FloatArray, parameters: Parameters, forces: FloatArray | None = None
     ) -> FloatArray:
         """(B, R): what the user's `rates` returns, checked."""
-        states = {name: _read_only(state[:, i]) for i, name in enumerate(self.state.names)}
-        actions = {name: _read_only(action[:, i]) for i, name in enumerate(self.action.names)}
-        arguments: list[Any] = [states, actions, _read_only(parameters)]
+        states = {name: read_only(state[:, i]) for i, name in enumerate(self.state.names)}
+        actions = {name: read_only(action[:, i]) for i, name in enumerate(self.action.names)}
+        arguments: list[Any] = [states, actions, read_only(parameters)]
         if self.coordinates:
             given = np.zeros((len(state), len(self.coordinates))) if forces is None else forces
-            arguments.append({c.name: _read_only(given[:, i]) for i, c in enumerate(self.coordinates)})
-        answer = _call(lambda: self._system.rates(*arguments), "rates", self._reference)
+            arguments.append({c.name: read_only(given[:, i]) for i, c in enumerate(self.coordinates)})
+        answer = asked(lambda: self._system.rates(*arguments), "rates", self._reference)
         return self._checked(answer, len(state))
 
     def derivative(self, state: FloatArray, rates: FloatArray) -> FloatArray:
@@ -171,7 +163,7 @@ class UserSimulator(Simulator):
         out = np.empty((rows, len(self._rated)))
         for i, name in enumerate(self._rated):
             values = np.asarray(answer[name])
-            _refuse_complex(values, f"rates['{name}']", self._reference)
+            refuse_complex(values, f"rates['{name}']", self._reference)
             if values.shape not in ((), (rows,)) or not np.issubdtype(values.dtype, np.number):
                 raise UsageError(
                     f"{self._reference}: rates['{name}'] must be {rows} numbers, one a row of the batch, "
@@ -185,55 +177,14 @@ def _module(path: Path, source: str) -> ModuleType:
     module = ModuleType(f"user_system_{path.stem}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look there
-    try:
-        exec(compile(source, str(path), "exec"), vars(module))
-    except Terminated:
-        raise
-    except (Exception, SystemExit) as error:  # a user's code may raise anything
-        raise UsageError(f"{path}: cannot be loaded: {_said(error)}") from error
+    supervision.calls(str(path))
+    asked(
+        lambda: exec(compile(source, str(path), "exec"), vars(module)),
+        "its code",
+        str(path),
+        failed="cannot be loaded:",
+    )
     return module
-
-
-def _read_only(value: Any) -> Any:
-    """A view that nobody can write through: what a user's code changes in place may be the recording itself.
-
-    Of a mapping, as parameters are, a copy with such values.
-    """
-    if isinstance(value, Mapping):
-        return {key: _read_only(item) for key, item in value.items()}
-    if not isinstance(value, np.ndarray):
-        return value
-    view = value.view()
-    view.flags.writeable = False
-    return view
-
-
-def _guard(simulator: Simulator, reference: str) -> None:
-    """Whatever a derived class raises, whenever it is asked, is one line; what it is given stays as it is."""
-    for name in GUARDED:
-        vars(simulator)[name] = _guarded(getattr(simulator, name), name, reference)
-
-
-def _guarded(method: Callable[..., Any], name: str, reference: str) -> Callable[..., Any]:
-    def call(*given: Any, **named: Any) -> Any:
-        arguments = [_read_only(value) for value in given]
-        keywords = {key: _read_only(value) for key, value in named.items()}
-        answer = _call(lambda: method(*arguments, **keywords), name, reference)
-        for part in answer.values() if isinstance(answer, Mapping) else (answer,):
-            _refuse_complex(part, name, reference)
-        # What it hands on of what it was given, its caller may change.
-        return answer.copy() if isinstance(answer, np.ndarray) and not answer.flags.writeable else answer
-
-    return call
-
-
-def _refuse_complex(values: Any, what: str, reference: str) -> None:
-    """The search would take the real part and say nothing."""
-    if np.iscomplexobj(values):
-        raise UsageError(
-            f"{reference}: {what} is complex, as {np.ravel(values)[0]:.3g}; return real numbers, as np.real(...) of "
-            "what has no imaginary part"
-        )
 
 
 def _check_declaration(simulator: Simulator, reference: str) -> None:
@@ -251,7 +202,7 @@ def _check_declaration(simulator: Simulator, reference: str) -> None:
 
 def _try(simulator: Simulator, reference: str) -> None:
     """One evaluation at a plausible state: shapes and finite values, before any data are touched."""
-    sizes = _call(lambda: (len(simulator.state), len(simulator.action)), "its declaration", reference)
+    sizes = asked(lambda: (len(simulator.state), len(simulator.action)), "its declaration", reference)
     state, action = (np.full((3, size), 0.1) for size in sizes)
     with np.errstate(all="ignore"):
         rates = _tried_rates(simulator, reference, state, action)
@@ -275,7 +226,7 @@ def _tried_rates(
     simulator: Simulator, reference: str, state: FloatArray, action: FloatArray, *forces: FloatArray
 ) -> FloatArray:
     """(3, R): the rates at the default parameters, with or without forces on the coordinates."""
-    defaults, count = _call(lambda: (simulator.defaults(), len(simulator.rate)), "its declaration", reference)
+    defaults, count = asked(lambda: (simulator.defaults(), len(simulator.rate)), "its declaration", reference)
     rates = simulator.rates(state, action, defaults, *forces)
     _check_shape(rates, (3, count), "rates", reference)
     return rates
@@ -284,16 +235,6 @@ def _tried_rates(
 def _check_shape(answer: Any, expected: tuple[int, ...], what: str, reference: str) -> None:
     if not isinstance(answer, np.ndarray) or answer.shape != expected:
         raise UsageError(f"{reference}: {what} must have shape {expected}, got {np.shape(answer)}")
-
-
-def _call(function: Callable[[], Any], what: str, reference: str) -> Any:
-    try:
-        return function()
-    except (UsageError, Terminated):
-        raise
-    except (Exception, SystemExit) as error:  # a user's code may raise anything
-        remedy = COPY_FIRST if isinstance(error, ValueError) and "read-only" in str(error) else ""
-        raise UsageError(f"{reference}: {what} raised {_said(error)}{remedy}") from error
 
 
 def _units(system: Any, attribute: str, reference: str) -> dict[str, str]:
@@ -331,7 +272,3 @@ def _integrator(system: Any, reference: str) -> Integrator:
 
 def _rate_name(channel: str) -> str:
     return f"{channel[:-4]}_acc" if channel.endswith("_dot") else f"{channel}_rate"
-
-
-def _said(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())[:160]}"

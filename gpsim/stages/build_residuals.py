@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +12,7 @@ import pandas as pd
 from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest, write_json
+from gpsim.files import Json, file_digest, read_object, write_json
 from gpsim.recordings import LONGEST_STEP, OverGaps, Recording, read_recording
 from gpsim.residuals import Residuals, build_residuals, check_clock, check_match, from_table, to_table
 from gpsim.settings import number
@@ -108,7 +107,7 @@ def other_settings(
 
 def read_residuals(artifact: Artifact) -> Residuals:
     """The residuals of an artifact of this stage."""
-    meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
+    meta = read_object(artifact.path / "residuals.json")
     table = pd.read_parquet(artifact.path / "residuals.parquet")
     channels = Channels.of(meta["channels"], wraps=meta.get("wraps", ()))
     lost = artifact.path / OVER_GAPS  # neither there without a gap, nor in artifacts of before
@@ -140,7 +139,7 @@ def _summary(residuals: Residuals, recorded: int) -> dict[str, Any]:
 
 def notes(artifact: Artifact) -> list[str]:
     """How much is left, rate by rate."""
-    meta = json.loads((artifact.path / "residuals.json").read_text(encoding="utf-8"))
+    meta = read_object(artifact.path / "residuals.json")
     rows = meta["rows"]
     lost = rows.get("over_a_gap", 0)
     left_out = (

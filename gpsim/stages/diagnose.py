@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.errors import UsageError
-from gpsim.files import Json, file_digest, unreadable
+from gpsim.files import Json, file_digest, read_object
 from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
 from gpsim.recordings import Recording, joined, read_recording
 from gpsim.residuals import holding_out, read_table
@@ -76,13 +75,7 @@ def stage_for(task: Task) -> Stage:
 def read_diagnosis(folder: Path) -> Diagnosis:
     """What a finished diagnosis found; raises UsageError where its diagnosis.json is none."""
     path = read_artifact(folder, "diagnose").path / "diagnosis.json"
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except ValueError as error:
-        raise UsageError(f"{path}: not JSON ({error}); diagnose the recording again") from error
-    return Diagnosis.from_dict(content, str(path))
+    return Diagnosis.from_dict(read_object(path), str(path))
 
 
 def why_no_gp(folder: Path) -> str | None:
@@ -98,7 +91,7 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
     which the folder knows the name; needed only where it lives in a program alone.
     """
     artifact = read_artifact(folder, "diagnose")
-    content: Json = json.loads((artifact.path / "corrected.json").read_text(encoding="utf-8"))
+    content = read_object(artifact.path / "corrected.json")
     name = str(content["simulator"])
     if simulator is None and lives_here(name):
         raise UsageError(

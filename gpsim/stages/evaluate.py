@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ from gpsim.evaluation import (
     success_by_set,
     summarise_all,
 )
-from gpsim.files import Json, plain, write_json
+from gpsim.files import Json, plain, read_object, write_json
 from gpsim.gymtasks import GymTask
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
@@ -279,7 +278,7 @@ def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
 
 def notes(artifact: Artifact) -> list[str]:
     """What was found of recorded deployments; or what was judged or measured on, and where to be wary."""
-    evaluation = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))
+    evaluation = read_object(artifact.path / "evaluation.json")
     if "deployed" in evaluation:
         return evaluate_deployed.notes(artifact)
     if "not_driven" in evaluation:

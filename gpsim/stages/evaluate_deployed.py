@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -15,7 +14,7 @@ from gpsim.artifacts import Artifact, Mishaps, Recipe
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation import path_length
-from gpsim.files import Json, plain, write_json
+from gpsim.files import Json, plain, read_object, write_json
 from gpsim.recordings import Episode, Recording
 from gpsim.reports.canvas import png
 from gpsim.reports.trip_figures import figure_deployed
@@ -149,7 +148,7 @@ def trip(
 def notes(artifact: Artifact) -> list[str]:
     """One line a deployment, and the sum."""
     table = pd.read_csv(artifact.path / TABLE)
-    summary = json.loads((artifact.path / "evaluation.json").read_text(encoding="utf-8"))["deployed"]
+    summary = read_object(artifact.path / "evaluation.json")["deployed"]
     lines = [
         f"{row.episode}: {'reached' if row.reached else f'not reached ({row.ended}), {row.nearest:.3f} m at best'} "
         f"in {row.steps} steps, {row.path:.2f} m"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.artifacts import TIMINGS, Artifact, read_artifact
+from gpsim.artifacts import Artifact, read_artifact, read_timings
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import Alongside, alongside
 from gpsim.diagnosis.run import Run
@@ -107,10 +106,7 @@ def _opened(artifact: Artifact, recording: Path | None) -> Recording:
 
 def _remembered(artifact: Artifact) -> Path | None:
     """Where the recording lay when it was diagnosed; None where nobody wrote it down."""
-    try:
-        told = json.loads((artifact.path / TIMINGS).read_text(encoding="utf-8")).get(diagnose.RECORDING)
-    except (OSError, ValueError, AttributeError):
-        return None
+    told = read_timings(artifact.path).get(diagnose.RECORDING)
     return Path(told) if isinstance(told, str) else None
 
 

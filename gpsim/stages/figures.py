@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pandas as pd
 from gpsim.artifacts import Artifact
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Score
-from gpsim.files import Json
+from gpsim.files import Json, read_object
 from gpsim.recordings import Inspection, Recording, gaps, read_recording
 
 FILES: Mapping[str, Mapping[str, str]] = {
@@ -211,5 +210,4 @@ _READERS: Mapping[str, Callable[[Path], Json]] = {
 
 
 def _json(path: Path) -> Json:
-    content: Json = json.loads(path.read_text(encoding="utf-8"))
-    return content
+    return read_object(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray, IntArray
 from gpsim.corrected import CommandFilter, Features, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
-from gpsim.files import Json, write_json
+from gpsim.files import Json, read_object, write_json
 from gpsim.gp import MOST_ROWS, Bounds, FitSettings, Interval, Predictor, fit_outputs
 from gpsim.residuals import Residuals
 from gpsim.settings import build, number, positive, texts, truth, whole
@@ -153,7 +152,7 @@ def find_filter(
 
 def notes(artifact: Artifact) -> list[str]:
     """Likelihood and noise of each fit, and its warnings."""
-    report = json.loads((artifact.path / "fit.json").read_text(encoding="utf-8"))
+    report = read_object(artifact.path / "fit.json")
     lines = [
         f"{name}: log likelihood {fit['log_marginal_likelihood']:.1f} on {fit['rows']} rows, noise "
         f"{fit['hyper_parameters_original']['noise_std']:.3g}, {fit['outcome'].replace('_', ' ')}"

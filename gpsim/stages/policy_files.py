@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from safetensors.numpy import load_file, save
 from gpsim.channels import Channels
 from gpsim.corrected import CommandFilter, Feature, Features, GpCorrection, Prediction
 from gpsim.errors import UsageError
-from gpsim.files import write_json
+from gpsim.files import read_object, write_json
 from gpsim.gp import Predictor, from_arrays, to_arrays
 from gpsim.policies import Policy
 from gpsim.policies.training.settings import Checkpoints, LearningCurve
@@ -30,7 +29,13 @@ def write_policy(folder: Path, policy: Policy) -> None:
 
 def read_policy(folder: Path) -> Policy:
     """The inverse of `write_policy`."""
-    return Policy.from_arrays(*_read(folder, "policy"))
+    arrays, metadata = _read(folder, "policy")
+    try:
+        return Policy.from_arrays(arrays, metadata)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{folder}: not a policy that this version reads: {type(error).__name__}: {error}"
+        ) from error
 
 
 def write_gp(
@@ -61,8 +66,10 @@ def read_gp(folder: Path, channels: Channels) -> tuple[Predictor, Features]:
     arrays, metadata = _read(folder, "gp")
     try:
         predictor, inputs = from_arrays(arrays, metadata), metadata["inputs"]
-    except (ValueError, KeyError) as error:
-        raise UsageError(f"{folder}: not a Gaussian process that this version reads: {error}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(
+            f"{folder}: not a Gaussian process that this version reads: {type(error).__name__}: {error}"
+        ) from error
     if "features" in metadata:  # earlier versions wrote texts alone
         inputs = [Feature.from_json(item) for item in metadata["features"]]
     return predictor, Features.of(inputs, channels)
@@ -112,7 +119,6 @@ def _write(folder: Path, name: str, arrays: Mapping[str, NDArray[Any]], metadata
 def _read(folder: Path, name: str) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     try:
         arrays = load_file(folder / f"{name}.safetensors")
-        metadata = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
-    except (OSError, SafetensorError, json.JSONDecodeError) as error:
+    except (OSError, SafetensorError) as error:
         raise UsageError(f"{folder}: no readable {name}.safetensors and {name}.json ({error})") from error
-    return arrays, metadata
+    return arrays, read_object(folder / f"{name}.json")

@@ -12,7 +12,7 @@ from typing import Any
 
 from gpsim.artifacts import git_commit, held, package_versions
 from gpsim.errors import UsageError
-from gpsim.files import disk_errors, plain, write_json, written_whole
+from gpsim.files import disk_errors, plain, read_object, write_json, written_whole
 from gpsim.launchers import Launcher
 from gpsim.reports.prove_misses import miss_rows
 from gpsim.reports.prove_page import page
@@ -204,11 +204,7 @@ def _facts(answers: Path, scores: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def _read(path: Path) -> dict[str, Any]:
     """A JSON file; raises UsageError."""
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path}: damaged or not readable: {error}") from error
-    return content
+    return read_object(path)
 
 
 def _remember(out: Path, seed: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +15,7 @@ from gpsim.artifacts import MANIFEST, Artifact, Recipe, read_artifact
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation import start_sets, success_by_set, summarise_seeds
-from gpsim.files import Json, plain, write_json
+from gpsim.files import Json, plain, read_object, write_json
 from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
 from gpsim.reports.page import render
 from gpsim.reports.slices import residual_slices
@@ -263,5 +262,4 @@ def _command(request: Request, seeds: tuple[int, ...]) -> str:
 
 
 def _json(artifact: Artifact, name: str) -> Json:
-    content: Json = json.loads((artifact.path / name).read_text(encoding="utf-8"))
-    return content
+    return read_object(artifact.path / name)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.diagnosis import score
 from gpsim.diagnosis.report import Score
 from gpsim.diagnosis.run import Run, cores
-from gpsim.errors import UsageError
-from gpsim.files import Json, unreadable, write_json
+from gpsim.files import Json, read_object, write_json
 from gpsim.stages import diagnose
 from gpsim.stages.code import SOURCES
 from gpsim.stages.stage import Request, Stage, generator
@@ -34,13 +32,7 @@ def stage_for(diagnosis: Path, recording: Path, simulator: str | None = None) ->
 def read_score(folder: Path) -> Score:
     """What a finished score found; raises UsageError where its score.json is none."""
     path = read_artifact(folder, "score").path / FILE
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except ValueError as error:
-        raise UsageError(f"{path}: not JSON ({error}); score the recording again") from error
-    return Score.from_dict(content, str(path))
+    return Score.from_dict(read_object(path), str(path))
 
 
 def _task(diagnosis: Artifact, recording: Path, simulator: str | None) -> diagnose.Task:

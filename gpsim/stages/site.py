@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from collections.abc import Iterator
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote, urlsplit
 
-from gpsim.artifacts import MANIFEST, TIMINGS, Artifact, read_manifest
+from gpsim.artifacts import MANIFEST, Artifact, read_manifest, read_timings
 from gpsim.errors import UsageError
 from gpsim.files import Json, disk_errors, file_digest, files_below, written_whole
 from gpsim.reports.site import Entry, Experiment, Source, index_page
@@ -68,6 +67,8 @@ class _Found:
 
 
 def _check_place(out: Path) -> None:
+    if out.is_symlink():
+        raise UsageError(f"{out}: is a link, which a site cannot replace; name the folder itself by --out")
     if not out.parent.is_dir():
         raise UsageError(f"{out.parent}: no such folder; make it first")
     if out.is_dir() and not (out / MARK).is_file() and any(out.iterdir()):
@@ -137,7 +138,7 @@ def _entry(item: _Found, known: dict[str, _Found]) -> Entry:
         if (item.folder / PROOF).is_file():
             facts |= {"stage": "prove"} | _safely(proof_facts, item.folder / PROOF)
         return Entry(**facts)
-    manifest, timings = item.artifact.manifest, _timings(item.folder)
+    manifest, timings = item.artifact.manifest, read_timings(item.folder)
     seeds = manifest.get("seeds") or {}
     seed = seeds.get("seed", ", ".join(map(str, seeds.get("seeds", ()))))
     facts |= {
@@ -177,14 +178,6 @@ def _safely(tell: Any, of: Any) -> dict[str, Any]:
         return dict(tell(of))
     except (UsageError, OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         return {"said": f"written otherwise than this version reads ({type(error).__name__})"}
-
-
-def _timings(folder: Path) -> dict[str, Any]:
-    try:
-        content = json.loads((folder / TIMINGS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _duration(seconds: Any) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 
 from gpsim.artifacts import Artifact
 from gpsim.diagnosis import Diagnosis
-from gpsim.files import Json
+from gpsim.files import Json, read_object
 from gpsim.recordings import read_yaml
 from gpsim.reports.account import account_of
 from gpsim.reports.account_effects import told_effects
@@ -39,7 +38,7 @@ def facts_of(artifact: Artifact) -> Facts:
 
 def proof_facts(path: Path) -> Facts:
     """Facts of a prove.json; may raise on one of another shape."""
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = read_object(path)
     parts = {name: part for name, part in content.items() if isinstance(part, dict) and "right" in part}
     told = {name: part for name, part in parts.items() if name not in ("all", "long") and part.get("n")}
     figures = tuple(Figure(name, f"{part['right']} of {part['n']}") for name, part in told.items())
@@ -128,8 +127,7 @@ def _residuals(artifact: Artifact) -> Facts:
 
 
 def _json(artifact: Artifact, name: str) -> Json:
-    content: Json = json.loads((artifact.path / name).read_text(encoding="utf-8"))
-    return content
+    return read_object(artifact.path / name)
 
 
 _TELL: Mapping[str, Callable[[Artifact], Facts]] = {

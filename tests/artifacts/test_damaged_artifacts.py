@@ -85,7 +85,7 @@ def refusing(real, name: str):
     ("where", "name"),
     [
         ((Path, "open"), "a.txt"),
-        ((Path, "open"), MANIFEST),
+        ((os, "open"), MANIFEST),
         ((os, "scandir"), "deep"),
         ((os, "scandir"), "fit-gp"),
     ],

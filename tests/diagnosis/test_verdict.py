@@ -8,9 +8,9 @@ import pytest
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.doubts import claimed, doubts_of, without_claims
 from gpsim.diagnosis.judgement.ranking import Ranked
-from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
+from gpsim.diagnosis.judgement.verdict import as_far_as_asked, beats_the_base, verdict_of
 from gpsim.diagnosis.report import BlackBox, Estimate, Explained, Ratio, Share, StepErrors
-from gpsim.diagnosis.settings import Settings
+from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import EffectParameter, Term
 
 
@@ -208,3 +208,18 @@ def step(after, ratio, floor=0.01):
 )
 def test_an_account_that_does_not_beat_the_base_is_not_told(share, errors, told):
     assert beats_the_base(attribution(share), [errors], Settings()) is told
+
+
+@pytest.mark.parametrize(
+    ("known", "counts", "verdict"),
+    [
+        (Known(), True, "none"),
+        (Known(only=("spring",)), False, "none"),
+        (Known(only=("spring",)), True, "unknown"),
+        (Known(without=("spring",)), True, "unknown"),
+    ],
+)
+def test_what_was_not_asked_for_is_not_ruled_out(known, counts, verdict):
+    worth = attribution(Share(0.0), counts=counts, roles=())
+    assert as_far_as_asked("none", worth, known) == verdict
+    assert as_far_as_asked("named", worth, known) == "named"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gpsim.diagnosis.fitting import Fit, Problem, fit, quadratic
 from gpsim.diagnosis.run import kept
+from gpsim.effects import closed
 
 
 @kept
@@ -11,7 +14,8 @@ def fits_without(problem: Problem, leader: Fit, null: Fit) -> list[Fit]:
     """(T) fits without each term, integrated by the same scheme on as fine a grid. null: without any."""
     count, settings = len(leader.hypothesis.terms), problem.run.settings
     if count > settings.elimination.small:  # of a whole machine: the others go where the quadratic says
-        around, steps = quadratic(problem, leader), settings.schedules.glance
+        dear = closed(problem.simulator) is not None
+        around, steps = quadratic(problem, leader), 2 if dear else settings.schedules.glance
         fits = {i: around.refitted(problem, [i], steps) for i in range(count) if around.smooth[i]}
     else:
         fits = {}
@@ -19,6 +23,12 @@ def fits_without(problem: Problem, leader: Fit, null: Fit) -> list[Fit]:
     refitted = problem.run.side_by_side(_without, [(problem, leader, null, i) for i in others])
     fits |= zip(others, refitted, strict=True)
     return [fits[i] for i in range(count)]
+
+
+def without_all(problem: Problem, leader: Fit, gone: Sequence[int]) -> Fit:
+    """The account without several terms at once, fitted anew."""
+    less, steps = quadratic(problem, leader).without(gone), problem.run.settings.schedules
+    return fit(problem, less, leader.starts, iterations=steps.refit, tolerance=steps.edge, near=True)
 
 
 def _without(problem: Problem, leader: Fit, null: Fit, index: int) -> Fit:

@@ -20,6 +20,7 @@ from gpsim.diagnosis.data import Windows, at, stretches
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.settings import AttributionSettings
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import closed
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
 
@@ -86,7 +87,8 @@ def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -
         before = block[-1] + 1 if block else 0
         starts += [(episode, k) for k in own]
         block += [before + (k - first) // (length - lead) for k in own]
-    rows = evenly(len(starts), settings.most)
+    dear = closed(question.everything.simulator) is not None
+    rows = evenly(len(starts), question.run.settings.closed_step.judged if dear else settings.most)
     _, blocks = np.unique(np.array([block[i] for i in rows], dtype=np.int64), return_inverse=True)
     places = tuple(starts[i] for i in rows)
     return RolloutWindows(

@@ -14,7 +14,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
-from gpsim.diagnosis.attribution.less import fits_without
+from gpsim.diagnosis.attribution.less import fits_without, without_all
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
@@ -43,6 +43,13 @@ def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> F
             continue
         less = fits_without(problem, leader, null)
         free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]
+        unseen = _unseen(problem, leader, found, free)
+        if len(unseen) > 1:
+            fewer = without_all(problem, leader, unseen)
+            names = (leader.hypothesis.names, fewer.hypothesis.names)
+            problem.run.trace.note(*names, False, "no rollout shows them")
+            leader = fewer
+            continue
         said = _unsupported(problem, leader, found, less, free, structured)
         if said is None:
             break
@@ -70,8 +77,7 @@ def _unsupported(
     harm = [i for i in free if needed[i] < -settings.support.harms]
     if harm:
         return least(harm, "held-out rollouts are better without it")
-    own_step = closed(problem.simulator) is not None
-    hidden = [i for i in free if own_step and _hidden(found, i, settings)]
+    hidden = _unseen(problem, leader, found, free)
     if hidden:
         return least(hidden, "no rollout shows it")
     mends = [i for i in free if structured and _mends(leader, found, i, settings)]
@@ -84,6 +90,13 @@ def _unsupported(
     answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
     return least(fails, "one half alone supports it") if fails else None
+
+
+def _unseen(problem: Problem, leader: Fit, found: Attribution, free: Sequence[int]) -> list[int]:
+    """Terms of a simulator that owns its steps that no rollout shows, never all that there are."""
+    own_step = closed(problem.simulator) is not None
+    hidden = [i for i in free if own_step and _hidden(found, i, problem.run.settings)]
+    return hidden if len(hidden) < len(leader.hypothesis.terms) else hidden[:1]
 
 
 def _hidden(found: Attribution, index: int, settings: Settings) -> bool:

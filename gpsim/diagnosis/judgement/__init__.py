@@ -5,11 +5,12 @@ from gpsim.diagnosis.judgement.judgement import Judgement, judge, withheld
 from gpsim.diagnosis.judgement.laws import Laws, laws_of
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.rivals import likeliest
-from gpsim.diagnosis.judgement.verdict import beats_the_base, verdict_of
+from gpsim.diagnosis.judgement.verdict import as_far_as_asked, beats_the_base, verdict_of
 
 __all__ = [
     "Judgement",
     "Laws",
+    "as_far_as_asked",
     "beats_the_base",
     "claimed",
     "doubts_of",

@@ -23,7 +23,7 @@ from gpsim.diagnosis.attribution import Attribution
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.report import Doubt, Share, StepErrors, Verdict
-from gpsim.diagnosis.settings import Settings
+from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import Term
 
 
@@ -39,6 +39,12 @@ def verdict_of(
     if any(doubt != "odds" for doubt in doubts):
         return "partial"
     return "ambiguous" if doubts or contested(judgement, attribution, thresholds.alike) else "named"
+
+
+def as_far_as_asked(verdict: Verdict, attribution: Attribution, known: Known) -> Verdict:
+    """`unknown` for a `none` beside a mismatch that stands out of the noise, where families were left out."""
+    limited = bool(known.only or known.without)
+    return "unknown" if verdict == "none" and limited and attribution.explained.counts else verdict
 
 
 def contested(judgement: Judgement, attribution: Attribution, alike: float) -> bool:

@@ -24,7 +24,7 @@ from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import simplest
 from gpsim.diagnosis.selection.held_out import held_out_fit
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import Scheme
+from gpsim.effects import Scheme, closed
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,8 @@ def null_of(problem: Problem, scheme: Scheme) -> Fit:
 def _near(problem: Problem, found: Found) -> list[Fit]:
     settings, nats = problem.run.settings.refit, scores(problem, found.fits)
     order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < settings.within]
-    return [found.fits[i] for i in order[: settings.most]]
+    dear = closed(problem.simulator) is not None
+    return [found.fits[i] for i in order[: settings.most_of_a_robot if dear else settings.most]]
 
 
 def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -69,21 +70,23 @@ def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """All fitted a little, those that are not far behind the best to the end."""
     steps, measured = problem.run.settings.schedules, problem.windows.measured[:, 0]
-    starts = [_starts(problem, hypothesis, measured) for hypothesis in hypotheses]
+    begun = _begun(problem, hypotheses, measured)
+    small = problem.run.settings.elimination.small
+    starts = [measured if len(h.terms) <= small else begun for h in hypotheses]
     orders = [Order(*one, steps.trial, steps.rough) for one in zip(hypotheses, starts, strict=True)]
     return fit_near(problem, orders, steps.finish, steps.final)
 
 
-def _starts(problem: Problem, hypothesis: Hypothesis, measured: FloatArray) -> FloatArray:
-    """(W, S) where windows start: of a large account, whose values are known from others, fitted to it first.
+def _begun(problem: Problem, hypotheses: Sequence[Hypothesis], measured: FloatArray) -> FloatArray:
+    """(W, S) where windows start by the first large account, whose values are known from other windows.
 
     Speeds that nobody measured are off at first, and many parameters would make good for them.
     """
-    if len(hypothesis.terms) <= problem.run.settings.elimination.small:
+    small, steps = problem.run.settings.elimination.small, problem.run.settings.schedules
+    large = next((h for h in hypotheses if len(h.terms) > small), None)
+    if large is None:
         return measured
-    return fit(
-        problem, hypothesis.frozen(), measured, iterations=problem.run.settings.schedules.settle
-    ).starts
+    return fit(problem, large.frozen(), measured, iterations=steps.settle, tolerance=steps.rough).starts
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:

@@ -37,6 +37,7 @@ from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
 from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
 from gpsim.diagnosis.settings.setup import (
+    AngleSettings,
     CandidateSettings,
     LatentStateSettings,
     PrepareSettings,
@@ -46,6 +47,7 @@ from gpsim.diagnosis.settings.setup import (
 __all__ = [
     "NOTHING_KNOWN",
     "AcceptanceSettings",
+    "AngleSettings",
     "AttributionSettings",
     "BlackBoxSettings",
     "BootstrapSettings",

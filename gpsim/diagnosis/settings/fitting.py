@@ -216,6 +216,7 @@ class ClosedStepSettings:
         least=1,
     )
     searched: int = setting(56, "windows", "that the search looks at, at most", least=1)
+    judged: int = setting(40, "rollouts", "that an account is judged on, evenly spread, at most", least=2)
     screened: int = setting(
         48,
         "windows",

@@ -12,6 +12,7 @@ class RefitSettings:
     """Which hypotheses of the search are fitted again on all training windows."""
 
     most: int = setting(8, "hypotheses", "that are fitted again, the best of the search")
+    most_of_a_robot: int = setting(3, "hypotheses", "the same where every step is dear")
     within: float = setting(12.0, "nats", "behind the best of the search, that a hypothesis may be")
 
 

@@ -54,6 +54,7 @@ from gpsim.diagnosis.settings.selection import (
     SubstitutionSettings,
 )
 from gpsim.diagnosis.settings.setup import (
+    AngleSettings,
     CandidateSettings,
     LatentStateSettings,
     PrepareSettings,
@@ -76,6 +77,7 @@ class Settings:
     log_facts: LogFactSettings = field(default_factory=LogFactSettings)
     heavy_tails: HeavyTailSettings = field(default_factory=HeavyTailSettings)
     prepare: PrepareSettings = field(default_factory=PrepareSettings)
+    angles: AngleSettings = field(default_factory=AngleSettings)
     candidates: CandidateSettings = field(default_factory=CandidateSettings)
     latent_states: LatentStateSettings = field(default_factory=LatentStateSettings)
     velocity_filter: VelocityFilterSettings = field(default_factory=VelocityFilterSettings)

@@ -42,6 +42,27 @@ class PrepareSettings:
 
 
 @dataclass(frozen=True)
+class AngleSettings:
+    """Whether an angle is in degrees under the name of radians, or counted from 180 degrees away."""
+
+    asked: bool = setting(True, "yes or no", "ask, before anything else")
+    rows: int = setting(20, "transitions", "with fewer nothing is asked", least=1)
+    looked_at: int = setting(2000, "transitions", "that the base is compared at, at most", least=1)
+    scatter: float = setting(
+        0.1,
+        "1",
+        "of the ratio of a position's speed and its velocity: a unit is a matter of 57.3, noise of less",
+    )
+    hardly: float = setting(
+        0.6,
+        "1",
+        "of a rate, that the base leaves at least as the angle is said to be",
+        "a missing effect may do that, and none of them is mended by another unit",
+    )
+    well: float = setting(0.25, "1", "of the same rate, that it leaves at most with the angle read otherwise")
+
+
+@dataclass(frozen=True)
 class CandidateSettings:
     """How large things typically are in a recording, which parameters start from."""
 

@@ -23,6 +23,7 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import PrepareSettings, Settings
+from gpsim.diagnosis.setup.angles import check_angles
 from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
 from gpsim.diagnosis.setup.latent_states import smoothed
@@ -98,6 +99,7 @@ def prepare(
     seen, origin = rebased(mended(recording, log.left_out))
     seen, every = thinned(seen, settings.decimation)
     seen = sight.completed(seen)
+    check_angles(seen, simulator, parameters, settings.angles, hidden)
     if (system := closed(simulator)) is not None:
         simulator = system.around(np.concatenate([e.states for e in seen.episodes]))
     observed = _observed(seen, simulator, hidden)

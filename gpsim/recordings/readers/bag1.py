@@ -22,6 +22,7 @@ from gpsim.recordings.readers.bag1_records import (
     stream_of,
     text,
 )
+from gpsim.recordings.readers.budget import Budget
 from gpsim.recordings.readers.catalogue import Catalogue
 from gpsim.recordings.readers.container import Message, Stream
 from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, regular_file, wrong_kind
@@ -62,21 +63,29 @@ class Bag1:
                 ledger.lost(error.reason, "index")
         quiet = ledger.silent()
         found = Catalogue()
-        for chunk, _ in self._chunks(quiet, found.add, None):
-            for connection, stamp, _, _ in messages_in(chunk, quiet, self.where, found.add):
-                found.tally(connection).add(1, stamp, stamp)
+        for connection, stamp, _ in self._walk(quiet, found.add, None):
+            found.tally(connection).add(1, stamp, stamp)
         return found.result()
 
     def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
         """Messages of the wanted connections in file order."""
         chosen = frozenset(wanted)
-        for chunk, own in self._chunks(ledger, None, chosen):
-            for connection, stamp, start, end in messages_in(chunk, own, self.where, None):
-                if connection in chosen:
-                    yield connection, stamp, chunk[start:end]
+        return (message for message in self._walk(ledger, None, chosen) if message[0] in chosen)
+
+    def _walk(
+        self, ledger: Ledger, on_connection: OnConnection, wanted: frozenset[int] | None
+    ) -> Iterator[Message]:
+        """Every message in file order."""
+        budget = Budget(self.path, self.size)
+        chunks = self._chunks(ledger, on_connection, wanted, budget)
+        return budget.messages(
+            (connection, stamp, chunk[start:end])
+            for chunk, own in chunks
+            for connection, stamp, start, end in messages_in(chunk, own, self.where, on_connection, budget)
+        )
 
     def _chunks(
-        self, ledger: Ledger, on_connection: OnConnection, wanted: frozenset[int] | None
+        self, ledger: Ledger, on_connection: OnConnection, wanted: frozenset[int] | None, budget: Budget
     ) -> Iterator[tuple[bytes, Ledger]]:
         """Every chunk in file order, decompressed, with the ledger that its damage belongs in.
 
@@ -94,7 +103,7 @@ class Bag1:
                     record = read_record(source, position)
                     if record.op == CHUNK:
                         chunk, position = self._chunk(source, record, own)
-                        ledger.expanded(len(chunk), self.size)
+                        budget.chunk(len(chunk))
                         yield chunk, own
                         continue
                     if record.op == CONNECTION and on_connection is not None:

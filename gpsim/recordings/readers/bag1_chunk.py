@@ -16,6 +16,7 @@ from gpsim.recordings.readers.bag1_records import (
     stream_of,
     time,
 )
+from gpsim.recordings.readers.budget import Budget
 from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger
 from gpsim.recordings.readers.source import Source
@@ -51,7 +52,7 @@ def _layout_of(record: Record) -> _Layout | None:
 
 
 def messages_in(
-    chunk: bytes, ledger: Ledger, where: str, on_connection: Callable[[Stream], None] | None
+    chunk: bytes, ledger: Ledger, where: str, on_connection: Callable[[Stream], None] | None, budget: Budget
 ) -> Iterator[Place]:
     """Every message of a chunk; what cannot be understood is told to the ledger and skipped."""
     position: int | None = 0
@@ -70,6 +71,7 @@ def messages_in(
                 yield number(record.fields, b"conn"), time(record.fields), record.data, record.end
                 layout = _layout_of(record)
             elif record.op == CONNECTION:
+                budget.record()
                 if on_connection is not None:
                     on_connection(stream_of(source, record))
             else:

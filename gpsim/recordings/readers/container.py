@@ -36,6 +36,10 @@ class Stream:
     fault: str = ""
 
 
+LATEST = 2**62
+"""A receive time [ns] no message can have: in the year 2116."""
+
+
 def topic_name(raw: bytes | str) -> tuple[str, str]:
     """(a topic's name, why it is none): a name that cannot be shown in a line stands between quotes, with a fault."""
     try:
@@ -49,10 +53,12 @@ def topic_name(raw: bytes | str) -> tuple[str, str]:
 class Container(Protocol):
     """A bag file or folder.
 
-    distro: the ROS 2 distribution it says it was recorded with, known once `streams` was asked for.
+    distro: the ROS 2 distribution it says it was recorded with, known once `streams` was asked for; size: of a file, in
+    bytes.
     """
 
     distro: str | None
+    size: int
 
     @property
     def where(self) -> str:

@@ -6,11 +6,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from gpsim.recordings.names import cells_of
+from gpsim.recordings.names import LONGEST_LINE, cells_of
 from gpsim.recordings.readers.damage import DamageError, one_line
 
 HEAD = 1 << 18
-LONGEST_LINE = 1 << 18
 _NUMBER = re.compile(
     r"[+-]?(\d+\.?\d*([eE][+-]?\d+)?|\.\d+([eE][+-]?\d+)?|nan|inf(inity)?|true|false)", re.IGNORECASE
 )

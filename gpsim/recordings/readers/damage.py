@@ -14,10 +14,8 @@ MAX_CHUNK = 256 << 20
 MAX_MESSAGE = 64 << 20
 MAX_DEFINITION = 256 << 10
 MAX_HEADER = 1 << 20
-# Largest effort for a file: damaged places that salvage walks around, bytes that its chunks may make in all.
+# Largest effort for a file: damaged places that salvage walks around.
 MAX_PLACES = 10_000
-MAX_EXPANDED = 1 << 30
-EXPANSION = 300
 
 
 class DamageError(Exception):
@@ -41,7 +39,6 @@ class Ledger:
         self.topics: dict[str, Counter[str]] = {}
         self._readings: list[Ledger] = []
         self._places = 0
-        self._expanded = 0
 
     def lost(self, reason: str, where: str, topic: str | None = None, count: int = 1) -> None:
         """Record that `count` messages of `topic` (None: a piece of the file) are lost."""
@@ -62,14 +59,6 @@ class Ledger:
     def exhausted(self) -> bool:
         """Whether the file is damaged in so many places that the search for more of it is to end."""
         return self._places > MAX_PLACES
-
-    def expanded(self, count: int, size: int) -> None:
-        """Note that a chunk of a file of `size` bytes made `count` bytes; refuses what no recorder would write."""
-        self._expanded += count
-        if self._expanded > MAX_EXPANDED + EXPANSION * size:
-            raise refusal(
-                self.path, "chunks", f"{size} bytes of file make more than {self._expanded} bytes of messages"
-            )
 
     def same(self) -> Ledger:
         """A fresh ledger of the same kind, for one reading of the file."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import lz4.frame
 
+from gpsim.limits import CHUNKS_BYTES, CHUNKS_GROWTH, allowed, more
 from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, one_line
 
 if sys.version_info >= (3, 14):
@@ -76,8 +77,8 @@ def expand_message(data: bytes, limit: int) -> bytes:
 
 
 def expand_file(source: Path, target: Path) -> str | None:
-    """Decompress a zstd file, piece by piece, at most 200 times its size (and 64 MiB); why not all of it, or None."""
-    limit = 200 * source.stat().st_size + (64 << 20)
+    """Decompress a zstd file, piece by piece, into as many bytes as chunks may make; why not all of it, or None."""
+    limit = allowed(CHUNKS_BYTES + CHUNKS_GROWTH * source.stat().st_size)
     written, inside = 0, True
     try:
         with source.open("rb") as packed, target.open("wb") as out:
@@ -89,7 +90,7 @@ def expand_file(source: Path, target: Path) -> str | None:
                     feed = b""
                     written += len(piece)
                     if written > limit:
-                        return f"{source.name} makes more than {limit} bytes"
+                        return f"{source.name} makes more than {limit} bytes ({more()})"
                     out.write(piece)
                     if machine.eof:  # several frames may follow one another
                         feed, machine = machine.unused_data, zstd.ZstdDecompressor()

@@ -13,6 +13,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 from gpsim.errors import UsageError
+from gpsim.recordings.readers.budget import Budget
 from gpsim.recordings.readers.container import Container, Message, Stream, topic_name
 from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.decompress import expand_file, expand_message
@@ -42,6 +43,7 @@ class Folder:
     path: Path
     openers: Mapping[str, Opener]
     distro: str | None = None
+    size: int = 0
     _parts: list[Container] = field(default_factory=list)
     _part: int = 0
     _compressed: bool = False
@@ -78,17 +80,22 @@ class Folder:
                 continue
             found = part.messages(own, ledger)
             if self._compressed:
-                found = self._expanded(found, ledger)
+                found = self._expanded(found, ledger, part.size)
             if base:
                 found = ((base + identity, stamp, data) for identity, stamp, data in found)
             yield from found
 
-    def _expanded(self, messages: Iterator[Message], ledger: Ledger) -> Iterator[Message]:
+    def _expanded(self, messages: Iterator[Message], ledger: Ledger, size: int) -> Iterator[Message]:
+        """The messages of a storage file of `size` bytes, decompressed."""
+        budget = Budget(self.path, size)
         for identity, stamp, data in messages:
             try:
-                yield identity, stamp, expand_message(data, MAX_MESSAGE)
+                expanded = expand_message(data, MAX_MESSAGE)
             except DamageError as error:
                 ledger.lost(error.reason, self.where)
+                continue
+            budget.chunk(len(expanded))
+            yield identity, stamp, expanded
 
     def _streams_of(self, part: Container, name: str, ledger: Ledger) -> Sequence[Stream]:
         """A storage file's streams; one that cannot be read at all does not keep salvage from the others."""

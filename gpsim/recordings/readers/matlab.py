@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
 import warnings
-import zlib
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,13 +14,10 @@ import scipy.io
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings.names import check_columns
-from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
+from gpsim.recordings.readers.damage import Ledger, one_line, refusal, regular_file
+from gpsim.recordings.readers.matlab_size import check_matlab
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
 
-_MAX_BYTES = 256 << 20
-_HEADER = 128
-_COMPRESSED = 15
-_STEP = 1 << 20
 _MAX_COLUMNS = 64
 _MAX_DEPTH = 8
 
@@ -31,7 +26,7 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
     """The largest table, named after the file, others as name.length; scalars only if there is nothing else."""
     size = regular_file(path)
     try:
-        _check_size(path, size)
+        check_matlab(path, size)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             raw = scipy.io.loadmat(path, simplify_cells=True)
@@ -61,34 +56,6 @@ def open_matlab(path: Path, salvage: bool) -> TableLog:
 
 def _read(table: Mapping[str, FloatArray], columns: Sequence[str], ledger: Ledger) -> Rows:
     return Rows({name: table[name] for name in columns})
-
-
-def _check_size(path: Path, size: int) -> None:
-    """Refuse a file whose compressed variables make more than 1 GiB (a few bytes can stand for gigabytes)."""
-    with path.open("rb") as file:
-        head = file.read(_HEADER)
-        if not head.startswith(b"MATLAB 5.0") or head[126:128] not in (b"IM", b"MI"):
-            return
-        order = "<" if head[126:128] == b"IM" else ">"
-        position, total = _HEADER, 0
-        while position + 8 <= size:
-            file.seek(position)
-            kind, length = struct.unpack(f"{order}II", file.read(8))
-            if position + 8 + length > size:
-                raise DamageError(f"byte {position}: a variable of {length} bytes reaches beyond the file")
-            total += _expanded(file.read(length), _MAX_BYTES - total) if kind == _COMPRESSED else length
-            if total > _MAX_BYTES:
-                raise DamageError(f"its variables take more than {_MAX_BYTES} bytes")
-            position += 8 + length
-
-
-def _expanded(data: bytes, limit: int) -> int:
-    machine = zlib.decompressobj()
-    total, feed = 0, data
-    while feed and not machine.eof and total <= limit:
-        total += len(machine.decompress(feed, _STEP))
-        feed = machine.unconsumed_tail
-    return total
 
 
 def _columns(raw: Mapping[str, Any], prefix: str = "", depth: int = 0) -> list[tuple[str, FloatArray]]:

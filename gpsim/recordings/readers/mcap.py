@@ -11,8 +11,9 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gpsim.recordings.readers.budget import Budget
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import Message, Stream
+from gpsim.recordings.readers.container import LATEST, Message, Stream
 from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, regular_file, wrong_kind
 from gpsim.recordings.readers.decompress import expand
 from gpsim.recordings.readers.mcap_records import (
@@ -97,6 +98,12 @@ class Mcap:
 
     def _walk(self, walk: _Walk, ledger: Ledger, wanted: frozenset[int] | None = None) -> Iterator[Message]:
         """Damage of a chunk that holds nothing wanted, as the summary says, is nobody's loss."""
+        budget = Budget(self.path, self.size)
+        return budget.messages(self._steps(walk, ledger, wanted, budget))
+
+    def _steps(
+        self, walk: _Walk, ledger: Ledger, wanted: frozenset[int] | None, budget: Budget
+    ) -> Iterator[Message]:
         quiet = ledger.silent()
         with self.path.open("rb") as file:
             source = Source(file, self.size)
@@ -111,8 +118,8 @@ class Mcap:
                         return
                     if record.op == CHUNK:
                         chunk, position = self._chunk(source, record, walk, own)
-                        ledger.expanded(len(chunk), self.size)
-                        yield from self._in_chunk(chunk, walk, own)
+                        budget.chunk(len(chunk))
+                        yield from self._in_chunk(chunk, walk, own, budget)
                         continue
                     if record.end > self.size:
                         raise DamageError(
@@ -122,6 +129,8 @@ class Mcap:
                         yield _message(content(source, record))
                     elif record.op in (SCHEMA, CHANNEL):
                         walk.take(record.op, content(source, record))
+                    elif not record.size:
+                        budget.empty()
                     position = record.end
                 except DamageError as error:
                     own.lost(error.reason, self.where)
@@ -150,17 +159,18 @@ class Mcap:
             ledger.lost(reason, self.where)
         return data, end
 
-    def _in_chunk(self, chunk: bytes, walk: _Walk, ledger: Ledger) -> Iterator[Message]:
+    def _in_chunk(self, chunk: bytes, walk: _Walk, ledger: Ledger, budget: Budget) -> Iterator[Message]:
         position: int | None = 0
         unpack, front, end = _FAST.unpack_from, _FAST.size, len(chunk)
         while position is not None and position < end and not ledger.exhausted:
             if position + front <= end:
                 op, size, channel, _, stamp, _ = unpack(chunk, position)
                 after = position + _HEAD + size
-                if op == MESSAGE and size >= MESSAGE_HEAD.size and after <= end and stamp < 2**63:
+                if op == MESSAGE and size >= MESSAGE_HEAD.size and after <= end and stamp < LATEST:
                     yield channel, stamp, chunk[position + front : after]
                     position = after
                     continue
+            budget.record()
             position = self._other(chunk, position, walk, ledger)
 
     def _other(self, chunk: bytes, position: int, walk: _Walk, ledger: Ledger) -> int | None:
@@ -181,6 +191,6 @@ class Mcap:
 
 def _message(parts: Content) -> Message:
     channel, _, stamp, _ = MESSAGE_HEAD.unpack(parts.take(MESSAGE_HEAD.size))
-    if stamp >= 2**63:
+    if stamp >= LATEST:
         raise DamageError(f"a message's time is {stamp} ns")
     return channel, stamp, parts.data[parts.position :]

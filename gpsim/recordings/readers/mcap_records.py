@@ -7,7 +7,7 @@ import struct
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from gpsim.recordings.readers.container import DefinitionFormat, Stream, topic_name
+from gpsim.recordings.readers.container import LATEST, DefinitionFormat, Stream, topic_name
 from gpsim.recordings.readers.damage import MAX_DEFINITION, MAX_MESSAGE, DamageError, one_line
 from gpsim.recordings.readers.source import Source
 
@@ -160,7 +160,7 @@ def _believable(source: Source, position: int, channels: Collection[int], *, chu
             return False
         channel, _, stamp, _ = MESSAGE_HEAD.unpack(source.read(record.start, MESSAGE_HEAD.size))
         after = source.read(record.end, 1)[0] if record.end < source.size else MESSAGE
-        return stamp < 2**63 and 0 < after <= LAST_OP and (channel in channels or not channels)
+        return stamp < LATEST and 0 < after <= LAST_OP and (channel in channels or not channels)
     except DamageError:
         return False
 
@@ -171,4 +171,4 @@ def _is_chunk(source: Source, record: Record) -> bool:
     )
     start, end, _, _ = CHUNK_HEAD.unpack(parts.take(CHUNK_HEAD.size))
     method, size = parts.text(), parts.u64()
-    return start <= end < 2**63 and method in COMPRESSIONS and parts.position + size == record.size
+    return start <= end < LATEST and method in COMPRESSIONS and parts.position + size == record.size

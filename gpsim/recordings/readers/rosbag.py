@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
+from gpsim.limits import TOPICS, allowed, more
 from gpsim.recordings.raw import Series, Topic
-from gpsim.recordings.readers.container import Container, Stream
+from gpsim.recordings.readers.container import LATEST, Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
 from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, decoder
 from gpsim.recordings.readers.extract import NO_STAMP, Columns, Row, Rows, row_maker, seconds
@@ -44,6 +45,11 @@ class BagLog:
         self._container = container
         self._ledger = Ledger(path, salvage=salvage)
         self._streams = tuple(container.streams(self._ledger))
+        if len(self._streams) > allowed(TOPICS):
+            raise UsageError(
+                f"{path}: it has {len(self._streams)} topics, the limit is {allowed(TOPICS)}; "
+                f"{more(len(self._streams), TOPICS)}"
+            )
         said = container.distro if container.distro in DISTROS else None
         self.distro = distro or said or DEFAULT_DISTRO
         self._decoders: dict[int, Decoder] = {}
@@ -202,6 +208,7 @@ def _types(streams: Sequence[Stream]) -> str:
 
 def _epoch(starts: Sequence[int]) -> int:
     """The whole second before the first message; stamps more than a year from the others do not count."""
+    starts = [start for start in starts if 0 <= start < LATEST]
     if not starts:
         return 0
     middle = sorted(starts)[len(starts) // 2]

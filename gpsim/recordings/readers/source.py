@@ -9,6 +9,7 @@ from gpsim.recordings.readers.damage import DamageError
 
 _FIRST = 1 << 12
 _SEARCH = 1 << 20
+_WINDOW = 1 << 16  # bytes that are fetched at once: records are short and follow each other
 
 
 class Source:
@@ -16,6 +17,7 @@ class Source:
 
     def __init__(self, data: bytes | BinaryIO, size: int) -> None:
         self._data = data
+        self._start, self._held = 0, b""
         self.size = size
 
     def read(self, offset: int, count: int) -> bytes:
@@ -24,8 +26,11 @@ class Source:
             raise DamageError(f"the file ends at byte {self.size}, {count} bytes are declared at {offset}")
         if isinstance(self._data, bytes):
             return self._data[offset : offset + count]
-        self._data.seek(offset)
-        found = self._data.read(count)
+        at = offset - self._start
+        if not 0 <= at <= len(self._held) - count:
+            self._data.seek(offset)
+            self._start, self._held, at = offset, self._data.read(max(count, _WINDOW)), 0
+        found = self._held[at : at + count]
         if len(found) != count:
             raise DamageError(f"{count} bytes are declared at {offset}, {len(found)} can be read")
         return found

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import DefinitionFormat, Message, Stream, topic_name
+from gpsim.recordings.readers.container import LATEST, DefinitionFormat, Message, Stream, topic_name
 from gpsim.recordings.readers.damage import (
     MAX_MESSAGE,
     DamageError,
@@ -112,7 +112,7 @@ class Sqlite:
             with self._open(salvage=ledger.salvage) as base:
                 query = "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages GROUP BY +topic_id"
                 for topic, count, start, end in base.execute(query).fetchall():
-                    found.tally(topic).add(count, _integer(start), _integer(end))
+                    found.tally(topic).add(count, _time(start), _time(end))
         except (sqlite3.Error, DamageError, OverflowError, MemoryError) as error:
             ledger.lost(f"messages cannot be counted: {one_line(error)}", "table messages")
             found.tallies.clear()
@@ -143,10 +143,10 @@ class Sqlite:
                             raise sqlite3.DatabaseError(f"row {row} comes behind row {last}")
                         self._row = last = row
                         failures = 0
-                        if isinstance(data, bytes) and isinstance(stamp, int):
+                        if isinstance(data, bytes) and isinstance(stamp, int) and 0 <= stamp < LATEST:
                             yield topic, stamp, data
                         else:
-                            ledger.lost("a message's time or data are of the wrong kind", self.where)
+                            ledger.lost("a message's time or data are no time or no data", self.where)
                     return
                 except (sqlite3.Error, OverflowError, MemoryError) as error:
                     if failures == 0:
@@ -204,7 +204,8 @@ def _text(value: object) -> str:
         raise DamageError(f"text expected, found {one_line(value[:40])}") from error
 
 
-def _integer(value: object) -> int:
-    if not isinstance(value, int):
+def _time(value: object) -> int:
+    """A receive time [ns since 1970]."""
+    if not isinstance(value, int) or not 0 <= value < LATEST:
         raise DamageError(f"a message's time is {one_line(value, 40)!r}")
     return value

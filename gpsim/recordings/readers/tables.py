@@ -15,7 +15,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gpsim.channels import BoolArray, FloatArray
+from gpsim.errors import UsageError
 from gpsim.recordings.names import check_columns
+from gpsim.recordings.parquet import PARQUET, check_parquet, check_width, is_text
 from gpsim.recordings.readers.csv_layout import Layout, cells, is_number, read_layout
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
 from gpsim.recordings.readers.table_log import Rows, Table, TableLog
@@ -23,7 +25,6 @@ from gpsim.recordings.readers.texts import Codes
 
 _PIECE = 65_536
 _LOOK = 2_000
-_MAX_GROUP = 2 << 30
 
 
 def open_csv(path: Path, salvage: bool) -> TableLog:
@@ -31,6 +32,7 @@ def open_csv(path: Path, salvage: bool) -> TableLog:
     regular_file(path)
     try:
         layout = read_layout(path)
+        check_width(path, len(layout.names))
         check_columns(layout.names, str(path))
         columns, texts = _kinds_of_columns(path, layout)
     except (DamageError, OSError) as error:
@@ -175,23 +177,20 @@ def open_parquet(path: Path, salvage: bool) -> TableLog:
     """A Parquet file's flat numeric, boolean and time columns (times become seconds)."""
     regular_file(path)
     try:
-        with pq.ParquetFile(path, **_LIMITS) as file:
-            groups = [file.metadata.row_group(i) for i in range(file.metadata.num_row_groups)]
-            if any(group.total_byte_size > _MAX_GROUP for group in groups):
-                raise DamageError(f"a row group declares more than {_MAX_GROUP} bytes")
+        with pq.ParquetFile(path, **PARQUET) as file:
+            check_parquet(path, file.metadata)
             names = file.schema_arrow.names
             columns = tuple(f.name for f in file.schema_arrow if _is_numeric(f.type))
-            texts = tuple(f.name for f in file.schema_arrow if _is_text(f.type))
+            texts = tuple(f.name for f in file.schema_arrow if is_text(f.type))
             rows = file.metadata.num_rows
+    except UsageError:
+        raise
     except Exception as error:
         # pyarrow raises ArrowInvalid, OSError, ArrowNotImplementedError, MemoryError ...
         raise refusal(path, "footer", f"not a Parquet file: {one_line(error, 120)}") from error
     check_columns(names, str(path))
     table = Table(path.stem, "table", columns, rows, partial(_read_parquet, path, texts), texts)
     return TableLog(path, [table], salvage=salvage)
-
-
-_LIMITS: dict[str, Any] = {"thrift_string_size_limit": 16 << 20, "thrift_container_size_limit": 1 << 20}
 
 
 def _is_numeric(kind: Any) -> bool:
@@ -204,18 +203,13 @@ def _is_numeric(kind: Any) -> bool:
     )
 
 
-def _is_text(kind: Any) -> bool:
-    held = kind.value_type if pa.types.is_dictionary(kind) else kind  # pandas' categories are a dictionary
-    return str(held) in ("string", "large_string", "string_view")
-
-
 def _read_parquet(path: Path, texts: Sequence[str], columns: Sequence[str], ledger: Ledger) -> Rows:
     kept: dict[str, list[FloatArray]] = {name: [] for name in columns}
     absent = dict.fromkeys(columns, 0)
     codes = {name: Codes() for name in texts if name in columns}
     rows = 0
     try:
-        with pq.ParquetFile(path, **_LIMITS) as file:
+        with pq.ParquetFile(path, read_dictionary=list(codes), **PARQUET) as file:
             for batch in file.iter_batches(batch_size=_PIECE, columns=list(columns), use_threads=False):
                 made = {
                     name: codes[name].of(batch.column(name).to_pandas())[0]

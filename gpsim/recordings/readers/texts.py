@@ -17,7 +17,12 @@ class Codes:
     def of(self, column: pd.Series) -> tuple[FloatArray, BoolArray, BoolArray]:
         """(codes (N,), NaN where empty; empty cells; cells that cannot be read: none)."""
         empty = column.isna().to_numpy(dtype=np.bool_)
-        words = column[~empty].astype(str).str.strip()
+        held = column[~empty].astype("category").cat  # a word is looked at once, however often it is there
+        order = held.codes.drop_duplicates().tolist()
+        code = np.full(len(held.categories), np.nan)
+        for at in order:
+            word = str(held.categories[at]).strip()
+            code[at] = self.known.setdefault(word, len(self.known))
         codes = np.full(len(column), np.nan)
-        codes[~empty] = [self.known.setdefault(word, len(self.known)) for word in words]
+        codes[~empty] = code[held.codes.to_numpy()]
         return codes, empty, np.zeros(len(column), dtype=np.bool_)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.files import file_digest
+from gpsim.files import file_digest, read_object
 from gpsim.trials.blinding.blind_diagnosis import read_outcome
 from gpsim.trials.blinding.concealment import SCHEMA
 from gpsim.trials.blinding.trial_files import ANSWER, PUBLIC, TRUTH, published, recording_digests
@@ -65,7 +64,7 @@ def reveal(out: Path, answers: Path, name: str) -> Answer:
             raise UsageError(
                 f"{path}: does not match the hash {where}; the answer of trial {name} is refused"
             )
-    content = json.loads(path.read_text(encoding="utf-8"))
+    content = read_object(path)
     if content.get("schema") != SCHEMA:
         raise UsageError(f"{path}: expected schema {SCHEMA}, got {content.get('schema')!r}")
     truth = answers / name / TRUTH
