@@ -27,8 +27,8 @@ Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING]... [KEY=VALUE]...",
-        help="A recording's folder or a raw log (the loop's own recording without one), then settings, as seed=1; of a "
-        "raw log also what is what, as theta=deg*angle.",
+        help="A recording's folder or a raw log (the loop's own recording without one), several of one machine to "
+        "judge them together, then settings, as seed=1; of a raw log also what is what, as theta=deg*angle.",
         autocompletion=completion.diagnose_words,
     ),
 ]
@@ -63,7 +63,10 @@ ScoreOf = Annotated[
 ]
 Each = Annotated[
     bool,
-    typer.Option("--each", help="Several RECORDINGs, or folders of them: an account each, a page over all."),
+    typer.Option(
+        "--each",
+        help="Several RECORDINGs, or folders of them, each by itself: an account each, a page over all.",
+    ),
 ]
 Explain = Annotated[
     bool, typer.Option("--explain", help="Print the whole ranking of explanations, and every decision.")
@@ -89,11 +92,12 @@ def diagnose_command(
     recordings, settings = _split(words or [])
     named(simulator, settings)
     if not each:
-        refuse_several(recordings)
+        refuse_several(recordings, score)
     recording = recordings[0] if recordings else None
     log: RawLog | None = None
-    if each:
-        _check_each(recordings, score, explain, dry_run)
+    if each or len(recordings) > 1:
+        if each:
+            _check_each(recordings, score, explain, dry_run)
         settings, of_log = _parted(settings)
         _refuse(settings)
     elif recording is not None:
@@ -105,13 +109,13 @@ def diagnose_command(
     if show_config:
         show(config)
         return
+
+    def read(path: Path) -> Path:
+        found, rest = _raw(path, of_log, simulator, mapping, None)
+        _refuse(rest)  # what says nothing of a log
+        return path if found is None else _imported(found, config)
+
     if each:
-
-        def read(path: Path) -> Path:
-            found, rest = _raw(path, of_log, simulator, mapping, None)
-            _refuse(rest)  # what says nothing of a log
-            return path if found is None else _imported(found, config)
-
         diagnose_each(recordings, simulator, read, out, config, shown_words(settings, config_dir), cores)
         return
     refuse_launcher("diagnose", settings)
@@ -129,6 +133,7 @@ def diagnose_command(
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.diagnosis_files import read_trace
     from gpsim.stages.figures import diagnosis_figures, paths_of
+    from gpsim.stages.fleet import recordings_in
     from gpsim.stages.stage import Request
 
     if recording is None and simulator is not None:
@@ -137,6 +142,9 @@ def diagnose_command(
         recording = _imported(log, config)
         answer({"recording": recording})
     task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
+    if len(recordings) > 1:
+        together = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
+        task = Task.of(together, simulator, config["diagnose"]["episodes"])
     stage = stage_for(task) if task else diagnose_loop.STAGE
     if dry_run:
         show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))

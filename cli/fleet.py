@@ -23,19 +23,18 @@ if TYPE_CHECKING:
     from gpsim.stages.fleet import Fleet
 
 
-def refuse_several(recordings: Sequence[Path]) -> None:
-    """Without `--each` one recording at a time; raises UsageError for several, and for a folder of them."""
-    if len(recordings) > 1:
+def refuse_several(recordings: Sequence[Path], score: Path | None) -> None:
+    """What cannot be judged together: several beside `--score`, and what lies in one folder and is not named."""
+    if len(recordings) > 1 and score is not None:
         named = ", ".join(map(str, recordings))
-        raise UsageError(
-            f"diagnose: one RECORDING at a time, got {named}; --each diagnoses every one by itself"
-        )
-    for folder in recordings:
+        raise UsageError(f"diagnose: --score goes with one RECORDING at a time, got {named}")
+    for folder in recordings if len(recordings) == 1 else ():
         if folder.is_dir() and not (folder / "recording.yaml").is_file():
             below = sorted(path.parent.name for path in folder.glob("*/recording.yaml"))
             if below:
                 raise UsageError(
-                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, or give --each"
+                    f"diagnose: {folder} holds {len(below)} recordings, {below[0]} first: name one, name several to "
+                    "judge them together, or give --each"
                 )
 
 

@@ -20,6 +20,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "how-to/simulator.md",
     "how-to/trust.md",
     "how-to/partial_recordings.md",
+    "how-to/several_recordings.md",
     "how-to/report.md",
     "how-to/effect.md",
     "how-to/export.md",

@@ -12,6 +12,7 @@ from gpsim.diagnosis.assessment import (
     Comparison,
     Sizes,
     acts_in,
+    by_recording,
     combinations,
     depends_on,
     estimates,
@@ -21,6 +22,7 @@ from gpsim.diagnosis.assessment import (
 from gpsim.diagnosis.attribution import Attribution, fits_without
 from gpsim.diagnosis.fitting import Fit, Problem, gain
 from gpsim.diagnosis.judgement import Judgement, Laws, likeliest, odds_against
+from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
     Curve,
@@ -34,9 +36,8 @@ from gpsim.diagnosis.report import (
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
+from gpsim.effects import owner_of
 from gpsim.residuals import held_out_names
-
-AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 
 
 @dataclass(frozen=True)
@@ -61,14 +62,14 @@ def account(question: Question, answer: Answer) -> Diagnosis:
     judgement, comparison, attribution = answer.judgement, answer.comparison, answer.attribution
     leader, rivalled = judgement.leader, answer.verdict in ("ambiguous", "partial")
     remainder = _remainder(problem, answer)
+    names = [source.name for source in question.recording.sources]
+    effects = _weighed(_effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer)
     return Diagnosis(
         verdict=answer.verdict,
         location=locate(question, judgement, comparison, answer.verdict),
         doubts=answer.doubts,
         leads="likeliest" if likeliest(judgement.probabilities) else "simplest",
-        effects=_weighed(
-            _effects(question, answer, leader, judgement.probabilities[0], answer.sizes), answer
-        ),
+        effects=effects,
         alternatives=tuple(_rival(question, answer, i) for i in range(len(judgement.rivals))),
         tell_apart=None,
         discrimination=tell_apart(problem, judgement) if rivalled else None,
@@ -82,9 +83,10 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         explained=replace(attribution.explained, one_step=comparison.shares),
         curves=answer.laws.curves,
         not_asked=not_asked(question),
-        combinations=combinations(problem, leader, judgement.rivals),
+        combinations=by_name(combinations(problem, leader, judgement.rivals), names),
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
         facts=question.facts,
+        recordings=by_recording(question, judgement, attribution, effects),
     ).settled()
 
 
@@ -168,8 +170,11 @@ def _effects(
     problem, judgement = question.everything, answer.judgement
     if not found.hypothesis.terms:
         return ()
+    names = [source.name for source in question.recording.sources]
     lesser, out = fits_without(problem, found, judgement.null), []
-    for term, parameters, without in zip(found.hypothesis.terms, sizes, lesser, strict=True):
+    for term, known, without in zip(found.hypothesis.terms, sizes, lesser, strict=True):
+        parameters, own = parted(known, names)
+        alone = bool(own) and not any(owner_of(name) is None for name in known)
         out.append(
             NamedEffect(
                 family=term.family,
@@ -184,6 +189,8 @@ def _effects(
                 odds=odds_against(judgement.ranking, found.hypothesis, term.identity),
                 evidence_gain=gain(problem, found, without),
                 explains=_share(judgement.noise, found, without, problem.observed),
+                recordings=tuple(own) if alone else None,
+                own=own or None,
             )
         )
     return tuple(out)

@@ -36,6 +36,8 @@ from gpsim.diagnosis.selection import (
     refine_grid,
     refit,
     stepwise,
+    told_apart,
+    told_apart_to_the_end,
     usual_machine,
     without_idle,
     without_tails,
@@ -94,7 +96,10 @@ def diagnose(
     step("refit", 40, "fitting the best on all windows")
     contenders = refit(question, found)
     step("stepwise", 40)
+    contenders = told_apart(question, contenders, offers)
     contenders = stepwise(question, contenders, offers, step.by_budget(40, 90))
+    step("differences", 90)
+    contenders = told_apart_to_the_end(question, contenders, offers, step.by_budget(90, 90))
     step("prune on held-out", 90, "asking held-out windows")
     contenders = prune_on_held_out(question, contenders)
     question = without_idle(question, contenders.leader)
@@ -177,6 +182,8 @@ def _scheme(recording: Recording, simulator: Simulator) -> Scheme:
 def _corrected(question: Question, judgement: Judgement, dt: float) -> EffectsPlant:
     """The simulator with the leading effects, without a Gaussian process."""
     problem, leader = question.everything, judgement.leader.hypothesis
+    if question.recording.sources:  # the machine as it is in the last one
+        leader = leader.in_recording(len(question.recording.sources) - 1)
     substeps = math.ceil(problem.substeps / question.thinned)  # those are of a thinned transition
     if (system := closed(question.whole)) is not None:  # which goes by its own
         substeps = system.steps_of(dt)

@@ -16,6 +16,7 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.own import base_name, own_name, own_values, owner_of
 from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.effects.plausible import declared, implausibility, times_beyond
 from gpsim.effects.registry import FAMILIES, effect_of, has_patch
@@ -48,6 +49,7 @@ __all__ = [
     "Term",
     "Values",
     "VehicleEffect",
+    "base_name",
     "changed",
     "closed",
     "declared",
@@ -56,6 +58,9 @@ __all__ = [
     "from_json",
     "has_patch",
     "implausibility",
+    "own_name",
+    "own_values",
+    "owner_of",
     "times_beyond",
     "to_json",
 ]

@@ -14,6 +14,7 @@ from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.commands import Grid, blended, on_its_way
 from gpsim.effects.effect import ActuatorEffect, ParameterEffect, RateEffect, Values, VehicleEffect
 from gpsim.effects.forces import Forces, Instant
+from gpsim.effects.own import base_name
 from gpsim.effects.place import longest_delay
 from gpsim.effects.sensors import Sensors
 from gpsim.effects.term import Term
@@ -84,7 +85,7 @@ class Chain:
         """The actuators' memory at rest, for a grid of `step` [s]."""
         memory: Memory = {}
         # What was found on a thinned clock may be late by more of this clock's steps.
-        late = (float(t.values.get("delay", 0.0)) for t in self.terms)
+        late = (v for t in self.terms for name, v in t.values.items() if base_name(name) == "delay")
         longest = max(longest_delay(self.dt), *late, 0.0)
         for i, effect, _ in self._actuators:
             part = effect.begin(count, longest, step)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Final
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects.effect import Effect, Values
+from gpsim.effects.own import own_values, owner_of
 from gpsim.effects.registry import effect_of
 from gpsim.errors import UsageError
 
@@ -118,7 +119,10 @@ def _after(moment: FloatArray | float, t: FloatArray, step: FloatArray) -> Float
 
 @dataclass(frozen=True)
 class Term:
-    """One effect on `on` with parameter values; `variant` names the law where a family has several."""
+    """One effect on `on` with parameter values; `variant` names the law where a family has several.
+
+    Some values may be one recording's own, where several are judged together: see `gpsim.effects.own`.
+    """
 
     family: str
     on: str
@@ -135,6 +139,20 @@ class Term:
     def identity(self) -> tuple[str, str]:
         """What it claims, whatever the numbers: family and place."""
         return self.family, self.on
+
+    @property
+    def owners(self) -> tuple[int, ...]:
+        """The recordings that have values of their own."""
+        found = {owner_of(name) for name in self.values}
+        return tuple(sorted(owner for owner in found if owner is not None))
+
+    def in_recording(self, recording: int | None) -> Term:
+        """The term as it acts in one of several recordings; None: in one that has no values of its own."""
+        if not self.owners:
+            return self
+        of = None if recording is None else np.array([recording])
+        values = own_values({name: np.array([value]) for name, value in self.values.items()}, of)
+        return replace(self, values={name: float(value[0]) for name, value in values.items()})
 
 
 def to_json(term: Term) -> dict[str, Any]:

@@ -15,15 +15,14 @@ from gpsim.diagnosis.run import cores as processes
 from gpsim.diagnosis.settings import Settings, read_known, read_settings
 from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
-from gpsim.face.recordings import read_recording
-from gpsim.face.simulators import folder_of, load_simulator, simulator_of
-from gpsim.mjcf import in_its_columns
+from gpsim.face.opening import Recordings, opened, taken_of
+from gpsim.face.simulators import load_simulator
 from gpsim.recordings import Recording
 from gpsim.settings import positive, whole
 from gpsim.simulators import Simulator, lives_here
 from gpsim.stages.diagnosing import Question, answer
 from gpsim.stages.stage import generator, silent
-from gpsim.trust import consent, trusting
+from gpsim.trust import consent
 
 if TYPE_CHECKING:
     from gpsim.face.found import Found
@@ -34,7 +33,7 @@ HERE = "DIR"
 
 
 def diagnose(
-    recording: Recording | str | Path,
+    recording: Recordings,
     simulator: Any = None,
     *,
     progress: Callable[[int, int, str], None] | None = None,
@@ -51,7 +50,8 @@ def diagnose(
     things run at once. The same recording, simulator, settings and seed give the same answer, as on the command line.
 
     Args:
-        recording: a recording, or the path of one as for `read_recording`.
+        recording: a recording, or the path of one as for `read_recording`; several of one machine, in a list or by
+            their names, to judge them together: what they share, and what is each one's own (`result.recordings`).
         simulator: as for `load_simulator`; the recording's own `system` by default.
         progress: called as progress(done, 100, note).
         settings: thresholds, as `{"search": {"beam": 5}}` or a `Settings`: docs/reference/settings.md lists them.
@@ -79,10 +79,7 @@ def diagnose(
         ('named', ['viscous_friction'])
     """
     model = None if simulator is None else load_simulator(simulator)
-    taken = _taken(recording, model)
-    with trusting(trust):
-        model = model or simulator_of(taken, folder_of(recording))
-    taken = in_its_columns(taken, model)
+    taken, model = opened(recording, model, trust)
     if positive(cores, "cores") > 1 and lives_here(model.name):
         raise UsageError(
             f"cores={cores}: {model.name} lives in this process alone; use cores=1, or write it to a file and name it "
@@ -96,17 +93,6 @@ def diagnose(
     from gpsim.face.found import Made
 
     return Diagnosis(Made(outcome, taken, model, question), taken)
-
-
-def _taken(recording: Recording | str | Path, simulator: Simulator | None) -> Recording:
-    if isinstance(recording, str | Path):
-        return read_recording(recording, simulator)
-    if not isinstance(recording, Recording):
-        raise UsageError(
-            f"expected a recording, got {type(recording).__name__}: make one by read_recording or "
-            "recording_from_frame"
-        )
-    return recording
 
 
 def _settings(given: Settings | Mapping[str, Mapping[str, Any]] | None) -> Settings:
@@ -232,7 +218,7 @@ class Diagnosis:
             >>> score.rollout["q"].after < 0.1 * score.rollout["q"].before
             True
         """
-        taken = _taken(recording, self.simulator)
+        taken = taken_of(recording, self.simulator)
         plant = self._found.corrected(False)
         process = self.result.remainder.gp
         with_gp = self._found.corrected(True) if process is None or process.used else None
@@ -286,4 +272,4 @@ class Diagnosis:
         kept = Kept.read(Path(os.fspath(folder)), model)
         if trust:
             consent(kept.name)
-        return cls(kept, None if recording is None else _taken(recording, model or kept.simulator))
+        return cls(kept, None if recording is None else taken_of(recording, model or kept.simulator))

@@ -191,6 +191,11 @@ def content_digest(recording: Recording) -> str:
         "held_out": None if recording.held_out is None else vars(recording.held_out),
         "episodes": [(e.name, len(e.t)) for e in recording.episodes],
     }
+    if recording.sources:
+        said["sources"] = [
+            (s.name, None if s.held_out is None else vars(s.held_out)) for s in recording.sources
+        ]
+        said["of"] = [e.source for e in recording.episodes]
     digest = hashlib.sha256(canonical(said))
     for episode in recording.episodes:
         for values in (episode.t, episode.states, episode.actions):

@@ -11,6 +11,7 @@ from gpsim.recordings.guessing import guess
 from gpsim.recordings.import_report import EpisodeCount, ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
+from gpsim.recordings.joining import apart, joined
 from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.mapping_changes import changes_of_words, merged
@@ -19,7 +20,7 @@ from gpsim.recordings.names import check_channels, check_name, one_line
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
-from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions, Velocities
+from gpsim.recordings.recording import Episode, HeldOut, Recording, Source, Transitions, Velocities
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, Opener, find_logs, is_bag_folder
 from gpsim.recordings.subsample import evenly
@@ -45,12 +46,14 @@ __all__ = [
     "Predictions",
     "RawLog",
     "Recording",
+    "Source",
     "Statistics",
     "System",
     "Topic",
     "TopicCount",
     "Transitions",
     "Velocities",
+    "apart",
     "bag_writing",
     "bare_mapping",
     "changes_of_words",
@@ -66,6 +69,7 @@ __all__ = [
     "import_logs",
     "inspect_log",
     "is_bag_folder",
+    "joined",
     "listed",
     "merged",
     "one_line",

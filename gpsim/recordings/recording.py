@@ -22,7 +22,7 @@ class Episode:
     name: as in the file's `episode` column. t: (K + 1,) s, increasing. states: (K + 1, S).
     actions: (K, A); actions[k] is what was commanded from t[k] to t[k + 1].
     weights: (K + 1, S) what each sample counts where a simulator is compared with it, 0 if nothing; None: all alike. A
-    file does not hold them.
+    file does not hold them. source: of a joined recording, the place in its `sources` of the recording it is from.
     """
 
     name: str
@@ -30,6 +30,7 @@ class Episode:
     states: FloatArray
     actions: FloatArray
     weights: FloatArray | None = None
+    source: int = 0
 
     def __post_init__(self) -> None:
         rows = len(self.t)
@@ -54,6 +55,14 @@ class HeldOut:
     episodes_from: int | None = None
     time_from: float | None = None
     share: float | None = None
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording that was joined with others: its name, and what it holds out."""
+
+    name: str
+    held_out: HeldOut | None = None
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,8 @@ class Recording:
     `system`, `parameters`, `integrator` and `dt` describe the base simulator that the recording is to be
     compared with (`model`: the file of one that is a MuJoCo model); `noise` is the known measurement noise (standard
     deviation by channel), if any; `provenance` is free-form metadata (how it was collected, imported, smoothed) and is
-    kept as it is.
+    kept as it is. sources: the recordings that it was joined from, none of one by itself; each holds out its own part
+    unless `held_out` of the whole says otherwise.
     """
 
     system: str
@@ -109,6 +119,7 @@ class Recording:
     held_out: HeldOut | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     model: str | None = None
+    sources: tuple[Source, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.episodes:

@@ -16,6 +16,7 @@ from gpsim.reports.account_rivals import rivals
 from gpsim.reports.account_verdict import verdict_sentence
 from gpsim.reports.diagnosis_text import where
 from gpsim.reports.quantities import brief
+from gpsim.reports.recordings_text import differences
 from gpsim.reports.sheets import unit
 from gpsim.reports.wording import worded
 
@@ -76,7 +77,7 @@ class Account:
     """The parts of an account. rows: of the headline effects, the most important first; slight: of all others.
 
     A layout may cut any sentence at its end. command: None where there is nothing to train in; command_here: the same
-    with DIR in the folder's place, where a folder's name is too long.
+    with DIR in the folder's place, where a folder's name is too long. differs: between several recordings.
     """
 
     verdict: str
@@ -85,6 +86,7 @@ class Account:
     rows: tuple[Row, ...]
     slight: str
     rivals: tuple[str, ...]
+    differs: tuple[str, ...]
     left: tuple[str, ...]
     fit: tuple[Fit, ...]
     next: tuple[str, ...]
@@ -106,6 +108,7 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
         rows=tuple(row_of(effect, told) for effect in headline),
         slight=slight_text(slight),
         rivals=tuple(rivals(told)),
+        differs=tuple(differences(told)),
         left=tuple(left(told)),
         fit=_fit(told),
         next=tuple(following(told, headline)),

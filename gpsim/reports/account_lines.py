@@ -38,18 +38,31 @@ class Limits:
     where: int
     slight: int
     rival: int
+    differs: int
     left: int
     fit: int
     next: int
 
 
 LIMITS = (
-    Limits(rows=7, sizes=3, gates=True, verdict=2, where=3, slight=2, rival=2, left=5, fit=2, next=3),
-    Limits(rows=7, sizes=3, gates=True, verdict=2, where=2, slight=2, rival=2, left=4, fit=1, next=2),
-    Limits(rows=7, sizes=2, gates=True, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
-    Limits(rows=7, sizes=1, gates=True, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
-    Limits(rows=7, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
-    Limits(rows=5, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, left=3, fit=1, next=2),
+    Limits(
+        rows=7, sizes=3, gates=True, verdict=2, where=3, slight=2, rival=2, differs=5, left=5, fit=2, next=3
+    ),
+    Limits(
+        rows=7, sizes=3, gates=True, verdict=2, where=2, slight=2, rival=2, differs=4, left=4, fit=1, next=2
+    ),
+    Limits(
+        rows=7, sizes=2, gates=True, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+    ),
+    Limits(
+        rows=7, sizes=1, gates=True, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+    ),
+    Limits(
+        rows=7, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+    ),
+    Limits(
+        rows=5, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+    ),
 )
 """The first that fits is taken: the last always does."""
 
@@ -91,6 +104,7 @@ def _parts(account: Account, limits: Limits) -> Iterator[list[str]]:
     yield _part("Verdict", [f"{account.verdict}: {account.sentence}"], limits.verdict)
     yield _part("Where", [account.where], limits.where)
     yield _what(account, limits)
+    yield _part("Differs", account.differs, limits.differs)
     yield _part("Left", account.left, limits.left)
     head = max((cell_len(fit.title) + 1 for fit in account.fit), default=0)
     yield _named("Fit", [line for fit in account.fit for line in _fit(fit, head, limits.fit)])

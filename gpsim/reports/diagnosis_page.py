@@ -19,6 +19,7 @@ from gpsim.reports.html import page_of
 from gpsim.reports.not_asked_text import not_asked_lines
 from gpsim.reports.palette import FAINT, SEGMENTS
 from gpsim.reports.quantities import in_percent, number
+from gpsim.reports.recordings_text import recordings_sheet
 from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics
 from gpsim.reports.trace_text import trace_lines
 
@@ -70,6 +71,7 @@ def page(
         front=[pictures[key] for key in first if key in pictures],
         pictures=[picture for key, picture in pictures.items() if key not in first],
         missing=list(missing),
+        recordings=recordings_sheet(diagnosis),
         sheets=[effects_sheet(diagnosis), parameters_sheet(diagnosis)],
         statistics=statistics(diagnosis),
         model=model,

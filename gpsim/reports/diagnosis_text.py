@@ -54,6 +54,8 @@ def gate_text(effect: NamedEffect, dt: float | None) -> str:
         said.append(f"since t = {_moment(effect.since, dt)} s")
     if effect.since_episode is not None:
         said.append(f"since episode {shortened(effect.since_episode)}")
+    if effect.recordings is not None:
+        said.append(f"only in {listed([shortened(name) for name in effect.recordings])}")
     return ", ".join(said)
 
 

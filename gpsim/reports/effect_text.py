@@ -51,6 +51,12 @@ OFF = "{on} is {offset} off what the simulator believes"
 
 def effect_sentence(effect: NamedEffect) -> str:
     """What a person would say of an effect; where its family has no sentence of its own, its name and its numbers."""
+    where = "" if effect.recordings is None else f" in {', '.join(effect.recordings)}"
+    return f"{_said(effect)}{where}"
+
+
+def _said(effect: NamedEffect) -> str:
+    """The same, wherever it acts."""
     numbers = {name: estimate_text(estimate) for name, estimate in effect.parameters.items()}
     sentence = SENTENCES.get(effect.family, "")
     if effect.family == "parameter_offset" and "offset" in numbers:
@@ -67,9 +73,12 @@ def effect_sentence(effect: NamedEffect) -> str:
 
 def implausible_text(effect: NamedEffect) -> str | None:
     """What is to be said of sizes that no machine of the kind has; None where all are usual."""
+    everywhere = [("", effect.parameters)] if effect.recordings is None else []
+    alone = [(f" in {recording}", sizes) for recording, sizes in (effect.own or {}).items()]
     said = [
-        f"{name.replace('_', ' ')} {estimate_text(size)}, usual {_range(size)}"
-        for name, size in effect.parameters.items()
+        f"{name.replace('_', ' ')} {estimate_text(size)}{where}, usual {_range(size)}"
+        for where, sizes in [*everywhere, *alone]
+        for name, size in sizes.items()
         if size.usual is not None
     ]
     return f"{noun(effect.family)} on {effect.place} is implausible: {'; '.join(said)}" if said else None

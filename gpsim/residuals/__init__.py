@@ -8,7 +8,7 @@ from gpsim.residuals.residuals import (
     from_table,
     to_table,
 )
-from gpsim.residuals.split import SHARE, first_held_out, held_out_names, holding_out
+from gpsim.residuals.split import SHARE, check_each_holds_out, first_held_out, held_out_names, holding_out
 from gpsim.residuals.tables import read_table, table_recording
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Residuals",
     "build_residuals",
     "check_clock",
+    "check_each_holds_out",
     "check_match",
     "check_rates",
     "check_varies",

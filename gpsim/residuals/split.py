@@ -1,7 +1,8 @@
 """What is kept for judging: one boundary in every episode, for residuals, windows, single steps and rollouts alike.
 
 A recording says it itself (`held_out`); else the last fifth of its episodes is held out, or of its samples where there
-are too few episodes for that. Learning never sees a held-out sample.
+are too few episodes for that. Of several recordings that are judged together each holds out a part of its own. Learning
+never sees a held-out sample.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings import HeldOut, Recording, Transitions
+from gpsim.recordings import HeldOut, Recording, Transitions, apart
 
 SHARE = (
     0.2  # of the episodes (or samples, of fewer episodes) where a recording says nothing: part of its format
@@ -22,6 +23,8 @@ ROUNDING = 1e-6  # of an episode or a sample: 0.2 * 15 is a little more than 3, 
 
 def first_held_out(recording: Recording) -> IntArray:
     """(E,) index of the first held-out sample of every episode, its number of samples where none is."""
+    if recording.sources and recording.held_out is None:
+        return _of_each(recording)
     rule, sizes = recording.held_out, np.array([len(e.t) for e in recording.episodes])
     if rule is not None and rule.time_from is not None:
         return np.array([np.searchsorted(e.t, rule.time_from) for e in recording.episodes], dtype=np.int64)
@@ -35,6 +38,25 @@ def first_held_out(recording: Recording) -> IntArray:
     before = np.concatenate([[0], np.cumsum(sizes)[:-1]])
     boundary = int((1.0 - share) * sizes.sum() + ROUNDING)
     return np.asarray(np.clip(boundary - before, 0, sizes), dtype=np.int64)
+
+
+def _of_each(recording: Recording) -> IntArray:
+    """(E,) the same where every one of the joined recordings decides for itself."""
+    of, out = np.array([e.source for e in recording.episodes]), np.zeros(len(recording.episodes), np.int64)
+    for place, part in enumerate(apart(recording)):
+        out[of == place] = first_held_out(part)
+    return out
+
+
+def check_each_holds_out(recording: Recording) -> None:
+    """Of several recordings each must hold something out if it says so itself; raises UsageError."""
+    for source, part in zip(recording.sources, apart(recording), strict=False):
+        said = part.held_out is not None and part.held_out.share != 0.0
+        if said and all(k >= len(e.t) for k, e in zip(first_held_out(part), part.episodes, strict=True)):
+            raise UsageError(
+                f"{source.name}: nothing is held out: its held_out begins after its end; correct it in recording.yaml, "
+                "or take it out to hold out the last fifth"
+            )
 
 
 def holding_out(recording: Recording, share: float) -> Recording:

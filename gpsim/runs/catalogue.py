@@ -92,6 +92,13 @@ class Entry:
         given = self.manifest.get("config", {}).get("recording")
         if isinstance(given, dict) and given:  # a recording that was given by its folder: known by its files
             found.append(Need("recording", files={str(name): str(digest) for name, digest in given.items()}))
+        for one in (
+            self.manifest.get("config", {}).get("recordings") or ()
+        ):  # several that were judged together
+            if isinstance(one, dict) and isinstance(
+                one.get("files"), dict
+            ):  # a fleet names diagnoses instead
+                found.append(Need(f"recording {one.get('name')}", files=one["files"]))
         return tuple(found)
 
     def serves(self, need: Need) -> bool:

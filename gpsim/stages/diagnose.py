@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, re
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, read_object
 from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
-from gpsim.recordings import Recording, read_recording
+from gpsim.recordings import Recording, joined, read_recording
 from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
 from gpsim.stages.code import SOURCES
@@ -24,21 +25,35 @@ from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1
-RECORDING = "recording"
-"""In timings.json: where the recording lay. It is no part of what the diagnosis is, and may have moved since."""
+RECORDING, RECORDINGS = "recording", "recordings"
+"""In timings.json: where the recording lay, or several by their names. It is no part of what the diagnosis is, and may
+have moved since."""
 
 
 @dataclass(frozen=True)
 class Task:
     """What is to be diagnosed; episodes: the first so many of the recording, None for all.
 
-    test_fraction: the share that is held out elsewhere where the recording does not say; None or 0: nowhere.
+    test_fraction: the share that is held out elsewhere where the recording does not say; None or 0: nowhere. together:
+    several recordings by their names that are judged together, `recording` the first of them.
     """
 
     recording: Path
     simulator: str | None
     episodes: int | None = None
     test_fraction: float | None = None
+    together: tuple[tuple[str, Path], ...] = ()
+
+    @classmethod
+    def of(cls, recordings: Mapping[str, Path], simulator: str | None, episodes: int | None) -> Task:
+        """To judge recordings together, by their names; one is judged by itself."""
+        several = tuple(recordings.items()) if len(recordings) > 1 else ()
+        return cls(next(iter(recordings.values())), simulator, episodes, together=several)
+
+    @property
+    def parts(self) -> dict[str, Task]:
+        """Of several recordings that are judged together each by itself; none of one."""
+        return {name: replace(self, recording=path, together=()) for name, path in self.together}
 
 
 def make(request: Request, task: Task) -> tuple[Artifact, bool]:
@@ -106,6 +121,8 @@ def _check_file(artifact: Artifact, simulator: str) -> None:
 
 def open_recording(task: Task) -> tuple[Recording, Simulator]:
     """The recording and the simulator it is compared with; a bare CSV takes the simulator's channels and defaults."""
+    if task.together:
+        return _together(task)
     path = task.recording
     if not path.exists():
         raise UsageError(
@@ -122,6 +139,19 @@ def open_recording(task: Task) -> tuple[Recording, Simulator]:
         raise UsageError(f"{path}: a bare table needs --simulator NAME, which says what its columns are")
     simulator = open_simulator(task.simulator)
     return _first(in_its_columns(read_table(path, simulator), simulator), task.episodes), simulator
+
+
+def _together(task: Task) -> tuple[Recording, Simulator]:
+    """Several recordings as one, and the simulator, which must be the same file for all of them."""
+    opened = {name: open_recording(part) for name, part in task.parts.items()}
+    (first, (_, simulator)), *others = opened.items()
+    for name, (_, other) in others:
+        if files_digest(other.name) != files_digest(simulator.name):
+            raise UsageError(
+                f"{first} and {name} are of different models ({simulator.name} and {other.name}): several recordings "
+                "are judged together against one; name it with --simulator, or judge each with --each"
+            )
+    return joined([recording for recording, _ in opened.values()], list(opened)), simulator
 
 
 def _held_apart(recording: Recording, task: Task) -> Recording:
@@ -152,7 +182,7 @@ def _recipe(request: Request, task: Task) -> Recipe:
     folder = task.recording if task.recording.is_dir() else task.recording.parent
     name = simulator_name(task.simulator, recording, folder)
     config: Json = {
-        "recording": digests_of(task, folder),
+        **_recorded(task, folder),
         "simulator": name,
         "simulator_file": files_digest(name),
         "episodes": task.episodes,
@@ -163,6 +193,19 @@ def _recipe(request: Request, task: Task) -> Recipe:
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
+
+
+def _recorded(task: Task, folder: Path) -> Json:
+    """What was recorded, by the digests of its files."""
+    if not task.together:
+        return {"recording": digests_of(task, folder)}
+    places = {name: part.recording for name, part in task.parts.items()}
+    folders = {name: path if path.is_dir() else path.parent for name, path in places.items()}
+    return {
+        RECORDINGS: [
+            {"name": name, "files": digests_of(part, folders[name])} for name, part in task.parts.items()
+        ]
+    }
 
 
 def digests_of(task: Task, folder: Path) -> dict[str, str]:
@@ -201,4 +244,7 @@ def _write(request: Request, task: Task, folder: Path) -> Json:
     found = answer(recording, simulator, question)
     with blamed(simulator.name):  # what draws it asks the simulator, too
         write_diagnosis(folder, found, simulator, title_of(recording))
-    return {RECORDING: str(task.recording.resolve())}  # for whoever shows it; outside every hash
+    # For whoever shows it; outside every hash.
+    if task.together:
+        return {RECORDINGS: {name: str(path.resolve()) for name, path in task.together}}
+    return {RECORDING: str(task.recording.resolve())}

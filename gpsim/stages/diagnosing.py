@@ -15,7 +15,7 @@ from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.gp import Predictor
 from gpsim.recordings import Recording
-from gpsim.residuals import check_rates
+from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
 from gpsim.stages.stage import Progress, generator, silent
 from gpsim.stages.users_code import blamed
@@ -41,6 +41,7 @@ def answer(recording: Recording, simulator: Simulator, question: Question) -> Ou
         parameters = simulator.defaults(recording.parameters)
         sight = look(recording, simulator)
         _check_names(simulator)
+        check_each_holds_out(recording)
         check_rates(sight.completed(recording), sight.simulator, parameters)
         rng = generator(question.seed, "diagnose")
         with cores(question.cores) as workers:
@@ -58,7 +59,8 @@ def _check_names(simulator: Simulator) -> None:
 
 def title_of(recording: Recording) -> str:
     """What its page is called. Not the folder's name: the same recording elsewhere makes the same page."""
-    return f"{recording.system}, {recording.transition_count} transitions"
+    of = f" of {len(recording.sources)} recordings" if recording.sources else ""
+    return f"{recording.system}, {recording.transition_count} transitions{of}"
 
 
 def described(found: Outcome, diagnosis: Diagnosis, own: Channels) -> Json:

@@ -83,6 +83,10 @@ def _check_place(out: Path, folder: Path) -> None:
 def _opened(artifact: Artifact, recording: Path | None) -> Recording:
     """The recording that was diagnosed, byte for byte."""
     config = artifact.manifest["config"]
+    if diagnose.RECORDINGS in config:
+        raise UsageError(
+            f"{artifact.path}: judges several recordings together, and one is shown at a time: diagnose that one alone"
+        )
     place = recording or _remembered(artifact)
     if place is None:
         raise UsageError(

@@ -158,6 +158,10 @@ def _sources(manifest: Json, known: dict[str, _Found], experiment: str) -> tuple
     if isinstance(recording, dict):
         tables = (digest for name, digest in recording.items() if not name.endswith(".yaml"))
         named |= {"recording": str(next(tables, ""))}
+    for one in manifest["config"].get("recordings") or ():
+        if isinstance(one, dict) and isinstance(one.get("files"), dict):
+            tables = (digest for name, digest in one["files"].items() if not name.endswith(".yaml"))
+            named |= {f"recording {one.get('name')}": str(next(tables, ""))}
     there = {role: known.get(digest) for role, digest in named.items()}
     made = (
         Source(" ".join(found.parts[found.parts[0] == experiment :]), _slug(found.parts))

@@ -90,10 +90,7 @@ def test_what_fails_is_told_and_the_others_are_there(gpsim, instant, logs):
     assert "torn.csv" not in instant
 
 
-def test_several_without_each_and_words_that_count_for_none(gpsim, logs):
-    code, _, err = gpsim("diagnose", logs / "r1.csv", logs / "r2.csv")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "--each" in err
+def test_words_that_count_for_none(gpsim, logs):
     Path("kept").mkdir()
     Path("kept/recording.yaml").write_text("system: slider\n")
     code, _, err = gpsim("diagnose", "kept", "--each", "gp.n_train=3")

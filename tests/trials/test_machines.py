@@ -1,6 +1,7 @@
 """Whole machines: what is drawn, what truly moves against equations written down by hand, and what is written."""
 
 import json
+import subprocess
 
 import numpy as np
 import pytest
@@ -11,7 +12,14 @@ from typer.testing import CliRunner
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
 from gpsim.stages import prove
-from gpsim.trials.blinding import ANSWER, PRIVATE, PUBLIC, diagnosed_folders, recording_folders, write_trial
+from gpsim.trials.blinding import (
+    ANSWER,
+    PRIVATE,
+    PUBLIC,
+    blind_diagnosis,
+    recording_folders,
+    write_trial,
+)
 from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
 from gpsim.trials.drawing.machine_draws import _sessions
 from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
@@ -235,7 +243,6 @@ def test_a_machine_is_published_in_folders_of_recordings(written):
     folders = recording_folders(public)
     assert [f.name for f in folders] == [str(i) for i in range(1, len(sessions) + 1)]
     assert {p.name for p in public.iterdir()} == {f.name for f in folders}
-    assert diagnosed_folders(public) == folders[:1]
     recordings = [read_recording(f) for f in folders]
     assert sum(r.transition_count for r in recordings) == answer["transitions"]
     assert all(r.system == "unicycle" for r in recordings)
@@ -260,7 +267,23 @@ def test_the_same_number_draws_the_same_machine(written):
 
 
 def test_one_recording_lies_in_the_folder_itself(tmp_path):
-    assert recording_folders(tmp_path) == diagnosed_folders(tmp_path) == [tmp_path]
+    assert recording_folders(tmp_path) == [tmp_path]
+
+
+def test_a_diagnosis_gets_all_recordings_of_a_machine(tmp_path, monkeypatch):
+    for name in "12":
+        (tmp_path / "recording" / name).mkdir(parents=True)
+        (tmp_path / "recording" / name / "recording.yaml").touch()
+    called = []
+
+    def run(words, **_):
+        called.append(words)
+        return subprocess.CompletedProcess(words, 0, stderr="")
+
+    monkeypatch.setattr(blind_diagnosis.subprocess, "run", run)
+    assert blind_diagnosis._run(tmp_path, 1.0) == (0, "")
+    (words,) = called
+    assert [w for w in words if w.startswith("recording/")] == ["recording/1", "recording/2"]
 
 
 # Arms

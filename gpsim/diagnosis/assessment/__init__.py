@@ -1,6 +1,7 @@
 """Assessment: what the answer is worth on held-out data, where the mismatch lies, what is left."""
 
 from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
+from gpsim.diagnosis.assessment.by_recording import by_recording
 from gpsim.diagnosis.assessment.combinations import combinations
 from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.estimates import Sizes, estimates
@@ -27,6 +28,7 @@ __all__ = [
     "Traces",
     "acts_in",
     "alongside",
+    "by_recording",
     "combinations",
     "compare",
     "course",

@@ -14,7 +14,15 @@ from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.report import Estimate
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import EffectParameter, ParameterEffect, Term, times_beyond
+from gpsim.effects import (
+    EffectParameter,
+    ParameterEffect,
+    Term,
+    base_name,
+    own_name,
+    owner_of,
+    times_beyond,
+)
 
 AT_BOUND = 1e-3  # of a bound: a value that near it was held back by it
 Sizes = tuple[Mapping[str, Estimate], ...]
@@ -22,13 +30,18 @@ Sizes = tuple[Mapping[str, Estimate], ...]
 
 
 def estimates(question: Question, found: Fit, lack: LackOfFit | None, left: float) -> Sizes:
-    """Of every term of an explanation. lack: the law that is missing beside it; left: of the mismatch what is left."""
+    """Of every term of an explanation. lack: the law that is missing beside it; left: of the mismatch what is left.
+
+    What is one recording's own is told apart by its parameter's name (see `gpsim.effects.own`).
+    """
     bounds = _intervals(question.everything, found, lack, left)
     out, at = [], 0
     for term, declared in zip(found.hypothesis.terms, found.hypothesis.declared, strict=True):
-        own = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
+        sizes = {p.name: _estimate(p, term, bounds[at + i]) for i, p in enumerate(declared)}
         at += len(declared)
-        out.append(own | _in_other_words(question, found, term, own))
+        for owner in dict.fromkeys(map(owner_of, sizes)):
+            sizes |= _in_other_words(question, found, term, owner, sizes)
+        out.append(sizes)
     return tuple(out)
 
 
@@ -55,13 +68,17 @@ def _estimate(parameter: EffectParameter, term: Term, interval: FloatArray) -> E
 
 
 def _in_other_words(
-    question: Question, found: Fit, term: Term, parameters: Mapping[str, Estimate]
+    question: Question, found: Fit, term: Term, owner: int | None, sizes: Mapping[str, Estimate]
 ) -> dict[str, Estimate]:
-    """Coefficient for force and force for coefficient, where the simulator knows the normal force."""
+    """Coefficient for force and force for coefficient, where the simulator knows the normal force.
+
+    owner: the recording whose own these are, None: shared ones.
+    """
     problem = question.everything
+    parameters = {base_name(name): size for name, size in sizes.items() if owner_of(name) == owner}
     if "coefficient" not in term.effect.variants or len(parameters) != 1:
         return {}
-    mean = _mean_load(problem, found.hypothesis, term.on)
+    mean = _mean_load(problem, found.hypothesis, term.on, owner)
     if mean is None:
         return {}
     unit = next((c.force_unit for c in problem.simulator.coordinates if c.name == term.on), "N")
@@ -71,13 +88,19 @@ def _in_other_words(
         return {}
     other, times, unit = others[name]
     low, high = (None if edge is None else edge * times for edge in (given.low, given.high))
-    return {other: Estimate(given.value * times, low, high, unit, given.at_bound)}
+    name = other if owner is None else own_name(other, owner)
+    return {name: Estimate(given.value * times, low, high, unit, given.at_bound)}
 
 
-def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str) -> float | None:
-    """Mean normal force of a coordinate over the recording, by the parameters that the hypothesis corrects."""
+def _mean_load(problem: Problem, hypothesis: Hypothesis, on: str, owner: int | None) -> float | None:
+    """Mean normal force of a coordinate, by the parameters that the hypothesis corrects.
+
+    owner: of several recordings the one over which it is, by what is corrected there; None: over all.
+    """
     windows, parameters = problem.windows, dict(problem.parameters)
-    for term in hypothesis.terms:
+    if owner is not None:
+        windows = windows.take(np.flatnonzero(windows.sources == owner))
+    for term in hypothesis.in_recording(owner).terms:
         if isinstance(term.effect, ParameterEffect) and not term.gate:
             believed = np.array([parameters[term.on]])
             parameters[term.on] = float(term.effect.corrected(believed, _arrays(term.values))[0])

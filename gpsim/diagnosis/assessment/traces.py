@@ -172,7 +172,8 @@ def _slice(recording: Recording, stretch: _Stretch, length: int) -> Episode:
     back = min(int(np.ceil(PRE_ROLL / step)), stretch.first // step) * step
     first, episode = stretch.first - back, recording.episodes[stretch.episode]
     rows = slice(first, stretch.last + 1)
-    return Episode(episode.name, episode.t[rows], episode.states[rows], episode.actions[first : stretch.last])
+    actions = episode.actions[first : stretch.last]
+    return replace(episode, t=episode.t[rows], states=episode.states[rows], actions=actions, weights=None)
 
 
 def _errors(question: Question, windows: Windows, said: FloatArray, count: int) -> FloatArray:

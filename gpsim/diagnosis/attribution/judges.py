@@ -100,17 +100,22 @@ def rollout_judge(
     """
     settings, noise = question.run.settings.attribution, sensor_noise(question, leader)
     if question.everything.observed.all():
-        found = _judge(question, leader, null, noise, rng, 0)
+        found = judge_at(question, leader, null, noise, rng, rollout_windows(question))
         if _well_begun(found.mismatch, settings.begins):
             return found, noise
-    return _judge(question, leader, null, noise, rng, settings.lead), noise
+    return judge_at(question, leader, null, noise, rng, rollout_windows(question, settings.lead)), noise
 
 
-def _judge(
-    question: Question, leader: Fit, null: Fit, noise: FloatArray, rng: np.random.Generator, lead: int
+def judge_at(
+    question: Question,
+    leader: Fit,
+    null: Fit,
+    noise: FloatArray,
+    rng: np.random.Generator,
+    places: RolloutWindows,
 ) -> RolloutJudge:
+    """Rollouts that begin at given places. noise: (S,) of the sensors; null: as `rollout_judge` has it."""
     problem, settings = question.everything, question.run.settings.attribution
-    places = rollout_windows(question, lead)
     windows = places.windows(question.recording)
     scale = np.maximum(windows.measured.reshape(-1, len(noise)).var(axis=0), problem.scale**2)
     worst = settings.worst * np.sqrt(scale)

@@ -69,6 +69,13 @@ def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
     return _in_folds(_cut(question, every, lead), settings)
 
 
+def rollouts_in(question: Question, source: int, lead: int = 0) -> RolloutWindows:
+    """Those of all of one of several recordings, for an account that was learnt from the others."""
+    recording = question.recording
+    parts = [s for s in stretches(recording) if recording.episodes[s[0]].source == source]
+    return _cut(question, parts, lead)
+
+
 def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -> RolloutWindows:
     """Evenly spread rollouts in stretches (episode, first, last sample)."""
     settings = question.everything.run.settings.attribution

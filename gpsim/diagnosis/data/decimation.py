@@ -29,7 +29,13 @@ def thinned(recording: Recording, settings: DecimationSettings) -> tuple[Recordi
 def _blocks(episode: Episode, k: int) -> Episode:
     rows = np.arange(0, len(episode) // k * k + 1, k)
     weights = None if episode.weights is None else episode.weights[rows]
-    return Episode(episode.name, episode.t[rows], episode.states[rows], _means(episode, k), weights)
+    return replace(
+        episode,
+        t=episode.t[rows],
+        states=episode.states[rows],
+        actions=_means(episode, k),
+        weights=weights,
+    )
 
 
 def _means(episode: Episode, k: int) -> FloatArray:

@@ -29,7 +29,7 @@ class Windows:
     where the episode has none, nothing is commanded. What lies before a gap is read on an even clock that runs through
     the gap: what was commanded last is held in it. fresh: (W,) what was commanded before the window is not known: it
     begins its episode, or rows were `lost` (W,) before it (None: nowhere). weights: (W, L + 1, S) what each sample
-    counts, 0 if nothing (a stale packet), None: all alike.
+    counts, 0 if nothing (a stale packet), None: all alike. source: (W,) from which of several recordings.
     """
 
     measured: FloatArray
@@ -43,6 +43,7 @@ class Windows:
     fresh: BoolArray
     lost: BoolArray | None = None
     weights: FloatArray | None = None
+    source: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -51,6 +52,11 @@ class Windows:
     def length(self) -> int:
         """Transitions a window."""
         return int(self.actions.shape[1])
+
+    @property
+    def sources(self) -> IntArray:
+        """(W,) from which of several recordings each is; all of the first where nobody says so."""
+        return np.zeros(len(self), dtype=np.int64) if self.source is None else self.source
 
     @property
     def rested(self) -> BoolArray:
@@ -240,6 +246,7 @@ def _window(
         np.bool_(low == 0 or lost),
         np.bool_(lost),
         weights,
+        np.int64(episode.source),
     )
 
 
@@ -297,4 +304,5 @@ def _none(recording: Recording, length: int) -> Windows:
         np.empty(0, dtype=np.int64),
         np.empty(0, dtype=np.bool_),
         np.empty(0, dtype=np.bool_),
+        source=np.empty(0, dtype=np.int64),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray, IntArray, difference
 from gpsim.diagnosis.data import Windows
-from gpsim.effects import IN_EPISODE, Chain, Values
+from gpsim.effects import IN_EPISODE, Chain, Values, own_values
 from gpsim.kernels import Commands, Program, actuators_of, travelled
 from gpsim.simulators import Memory
 
@@ -42,9 +42,15 @@ class Setting:
 
 
 def values_of(chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray) -> list[Values]:
-    """Of every term, the values of all windows of all copies; where a gate asks for it, their episodes, too."""
+    """Of every term, the values of all windows of all copies; where a gate asks for it, their episodes, too.
+
+    A window has the values that are its recording's own, where there are such.
+    """
     values = list(spread(thetas, len(windows)))
     for i, term in enumerate(chain.terms):
+        if term.owners:
+            of = None if windows.source is None else np.tile(windows.source, len(thetas))
+            values[i] = own_values(values[i], of)
         if term.gate.since_episode is not None:
             values[i] = {**values[i], IN_EPISODE: np.tile(windows.episode, len(thetas)).astype(np.float64)}
     return values

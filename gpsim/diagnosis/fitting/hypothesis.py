@@ -20,7 +20,10 @@ from gpsim.effects import (
     Place,
     Scheme,
     Term,
+    base_name,
     effect_of,
+    own_name,
+    owner_of,
 )
 from gpsim.simulators import Simulator
 
@@ -64,7 +67,7 @@ class Hypothesis:
     @property
     def names(self) -> tuple[str, ...]:
         """What each term claims, and behind which gate."""
-        return tuple(f"{t.family} on {t.on}{_behind(t.gate)}" for t in self.terms)
+        return tuple(f"{t.family} on {t.on}{_behind(t.gate)}{_of_its_own(t)}" for t in self.terms)
 
     @property
     def unusual(self) -> int:
@@ -86,7 +89,9 @@ class Hypothesis:
 
     def says_the_same_as(self, other: Hypothesis) -> bool:
         """Whether the same terms stand behind the same gates, integrated alike, whatever their values."""
-        said = [sorted((t.identity, t.variant, repr(t.gate)) for t in h.terms) for h in (self, other)]
+        said = [
+            sorted((t.identity, t.variant, repr(t.gate), t.owners) for t in h.terms) for h in (self, other)
+        ]
         return self.scheme == other.scheme and said[0] == said[1]
 
     @property
@@ -149,6 +154,52 @@ class Hypothesis:
         terms[index] = replace(terms[index], gate=gate)
         return replace(self, terms=tuple(terms))
 
+    def with_own(self, index: int, recording: int) -> Hypothesis:
+        """One term with values of its own in one of several recordings, which begin as they are there now."""
+        term, declared = self.terms[index], self.declared[index]
+        own = tuple(
+            replace(p, name=own_name(name, recording))
+            for name, p in {base_name(p.name): p for p in declared}.items()
+        )
+        values = {p.name: term.values[base_name(p.name)] for p in own}
+        return self._changed(index, {**term.values, **values}, (*declared, *own))
+
+    def with_shared(self, index: int, start: Sequence[float]) -> Hypothesis:
+        """One term that some recordings have as their own, with values from `start` on in all others, too."""
+        term, declared = self.terms[index], self.declared[index]
+        shared = tuple({base_name(p.name): replace(p, name=base_name(p.name)) for p in declared}.values())
+        values = {p.name: float(value) for p, value in zip(shared, start, strict=True)}
+        return self._changed(index, {**term.values, **values}, (*shared, *declared))
+
+    def without_shared(self, index: int) -> Hypothesis:
+        """One term that does nothing but in the recordings that have values of their own."""
+        term, declared = self.terms[index], self.declared[index]
+        nothing = {p.name: p.none for p in declared if owner_of(p.name) is None}
+        own = tuple(p for p in declared if owner_of(p.name) is not None)
+        return self._changed(index, {**term.values, **nothing}, own)
+
+    def without_own(self, index: int, recording: int) -> Hypothesis:
+        """One term with the values there that it has in other recordings."""
+        term, declared = self.terms[index], self.declared[index]
+        values = {name: v for name, v in term.values.items() if owner_of(name) != recording}
+        return self._changed(index, values, tuple(p for p in declared if owner_of(p.name) != recording))
+
+    def in_recording(self, recording: int | None) -> Hypothesis:
+        """What it says of one of several recordings, without what does nothing there; None: of any other one."""
+        terms = tuple(term.in_recording(recording) for term in self.terms)
+        declared = tuple(
+            tuple({base_name(p.name): replace(p, name=base_name(p.name)) for p in group}.values())
+            for group in self.declared
+        )
+        return replace(self, terms=terms, declared=declared).working
+
+    def _changed(
+        self, index: int, values: Mapping[str, float], declared: tuple[EffectParameter, ...]
+    ) -> Hypothesis:
+        terms, groups = list(self.terms), list(self.declared)
+        terms[index], groups[index] = replace(terms[index], values=values), declared
+        return replace(self, terms=tuple(terms), declared=tuple(groups))
+
     def holding(self, index: int) -> Hypothesis:
         """The same terms, parameter `index` of theta no longer fitted."""
         held, at = [], 0
@@ -184,6 +235,11 @@ def _behind(gate: Gate) -> str:
     if gate.since_episode is not None:
         said.append(f" since episode {gate.since_episode}")
     return "".join(said)
+
+
+def _of_its_own(term: Term) -> str:
+    """In which recordings, the first is 1, its values are their own."""
+    return f" (own in recording {', '.join(str(k + 1) for k in term.owners)})" if term.owners else ""
 
 
 def _same(one: tuple[float, float], other: tuple[float, float], tolerance: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 
@@ -13,7 +14,7 @@ from gpsim.diagnosis.fitting.gauss_newton import jacobians
 from gpsim.diagnosis.fitting.hypothesis import Candidate, Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem
-from gpsim.effects import EffectParameter, Gate
+from gpsim.effects import EffectParameter, Gate, own_name
 
 NO_GATE = Gate()
 LEAST_TIMES = 1e-9  # guards a division: a law that falls with its parameter would do nothing at all
@@ -109,24 +110,27 @@ class Directions:
 
 
 def screened(
-    directions: Directions, offers: Sequence[Candidate], gate: Gate = NO_GATE
+    directions: Directions, offers: Sequence[Candidate], gate: Gate = NO_GATE, owner: int | None = None
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
-    """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test."""
+    """(nats, candidate, start values) of each offer's best start behind a gate, best first: a secant's score test.
+
+    owner: the only one of several recordings in which it acts.
+    """
     run = directions.problem.run
     size = run.settings.sharing.screened_in_a_row
     chunks = [offers[i : i + size] for i in range(0, len(offers), size)]
-    looks = run.side_by_side(_screened, [(directions, chunk, gate) for chunk in chunks])
+    looks = run.side_by_side(_screened, [(directions, chunk, gate, owner) for chunk in chunks])
     return sorted((found for look in looks for found in look), key=lambda item: -item[0])
 
 
 def _screened(
-    directions: Directions, offers: Sequence[Candidate], gate: Gate
+    directions: Directions, offers: Sequence[Candidate], gate: Gate, owner: int | None
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
     parent, small = directions.parent.hypothesis, directions.problem.run.settings.score_test.small_start
     out = []
     for candidate in offers:
         starts = _looked_at(candidate, small)
-        child = child_of(parent, candidate, starts[0]).gated(len(parent.terms), gate)
+        child = child_of(parent, candidate, starts[0], owner).gated(len(parent.terms), gate)
         thetas = np.array([[*parent.theta, *start] for start in starts])
         gains = directions.gains(child, thetas)
         best = int(np.argmax(gains))
@@ -178,6 +182,13 @@ def _looked_at(candidate: Candidate, small: float) -> list[tuple[float, ...]]:
     return [*starts, *((stronger(p, start, small),) for (start,) in starts)]
 
 
-def child_of(parent: Hypothesis, candidate: Candidate, start: Sequence[float]) -> Hypothesis:
-    """The parent with one term more."""
-    return parent.plus(candidate.term(start), candidate.declared)
+def child_of(
+    parent: Hypothesis, candidate: Candidate, start: Sequence[float], owner: int | None = None
+) -> Hypothesis:
+    """The parent with one term more; owner: the only one of several recordings in which it acts."""
+    if owner is None:
+        return parent.plus(candidate.term(start), candidate.declared)
+    idle = candidate.term([p.none for p in candidate.declared])
+    declared = tuple(replace(p, name=own_name(p.name, owner)) for p in candidate.declared)
+    own = {p.name: float(value) for p, value in zip(declared, start, strict=True)}
+    return parent.plus(replace(idle, values={**idle.values, **own}), declared)

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.settings import EvidenceSettings
-from gpsim.effects import implausibility
+from gpsim.effects import EffectParameter, Term, base_name, implausibility
 
 
 def size_prior(hypothesis: Hypothesis, settings: EvidenceSettings) -> float:
-    """Nats that a hypothesis loses by the sizes it needs; none of them where all are usual."""
+    """Nats that a hypothesis loses by the sizes it needs; none of them where all are usual.
+
+    What is as unusual in several recordings of one machine costs once, as much as the least usual of them.
+    """
     terms = zip(hypothesis.terms, hypothesis.declared, strict=True)
-    sizes = ((p, term.values[p.name]) for term, declared in terms for p in declared)
-    return sum(min(implausibility(p, value, settings.doubled), settings.most_unusual) for p, value in sizes)
+    return sum(_of_term(term, declared, settings) for term, declared in terms)
+
+
+def _of_term(term: Term, declared: Sequence[EffectParameter], settings: EvidenceSettings) -> float:
+    costs: dict[str, float] = {}
+    for p in declared:
+        cost = min(implausibility(p, term.values[p.name], settings.doubled), settings.most_unusual)
+        costs[base_name(p.name)] = max(cost, costs.get(base_name(p.name), 0.0))
+    return sum(costs.values())

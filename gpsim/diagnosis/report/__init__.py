@@ -42,6 +42,7 @@ from gpsim.diagnosis.report.fit import (
 )
 from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.report.not_asked import NotAsked
+from gpsim.diagnosis.report.recordings import EndErrors, FromOthers, OneRecording, OwnValues
 from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
 
 __all__ = [
@@ -57,10 +58,12 @@ __all__ = [
     "Diagnosis",
     "Discrimination",
     "Doubt",
+    "EndErrors",
     "Estimate",
     "Excitation",
     "Explained",
     "Form",
+    "FromOthers",
     "HeldOutFit",
     "JudgedOn",
     "Kind",
@@ -73,7 +76,9 @@ __all__ = [
     "NoGp",
     "NotAsked",
     "Odds",
+    "OneRecording",
     "OverBefore",
+    "OwnValues",
     "RankedHypothesis",
     "Ratio",
     "Remainder",

@@ -14,6 +14,7 @@ from gpsim.diagnosis.report.codec import read
 from gpsim.diagnosis.report.effects import Estimate
 from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.settings import BlackBoxSettings, RivalSettings, VerdictSettings
+from gpsim.effects import own_name
 
 Json = Mapping[str, Any]
 FEW, MANY = 0.03, 0.9  # of the samples: a region that holds less, or more, is none
@@ -45,10 +46,10 @@ def _named(diagnosis: Json, claims: Sequence[Json]) -> Iterator[str]:
     if not claims:
         yield "verdict named, without a headline effect"
     for effect in claims:
-        sizes = effect["parameters"]
-        if any(size.get("at_bound") for size in sizes.values()):
+        sizes = _sizes(effect)
+        if any(size.at_bound for size in sizes.values()):
             yield f"verdict named, and {_name(effect)} stopped at its bound"
-        if not sized(effect["family"], _sizes(effect)):
+        if not sized(effect["family"], sizes):
             yield f"verdict named, and the size of {_name(effect)} is not known"
         if effect.get("form") == "approximate":
             yield f"verdict named, and the law of {_name(effect)} holds only approximately"
@@ -123,7 +124,11 @@ def _any_size(effect: Json) -> bool:
 
 
 def _sizes(effect: Json) -> dict[str, Estimate]:
-    return {name: read(Estimate, size, name) for name, size in effect["parameters"].items()}
+    """Those that recordings share, and what is one recording's own of several."""
+    sizes = dict(effect["parameters"])
+    for place, own in enumerate((effect.get("own") or {}).values()):
+        sizes |= {own_name(name, place): size for name, size in own.items()}
+    return {name: read(Estimate, size, name) for name, size in sizes.items()}
 
 
 def _claim(effect: Json) -> tuple[str, str]:

@@ -14,6 +14,7 @@ from gpsim.diagnosis.report.explained import Combination, Curve, Explained, LogF
 from gpsim.diagnosis.report.facts import Discrimination, NoGp
 from gpsim.diagnosis.report.fit import HeldOutFit
 from gpsim.diagnosis.report.not_asked import NotAsked
+from gpsim.diagnosis.report.recordings import OneRecording
 from gpsim.errors import UsageError
 
 SCHEMA = "gpsim.diagnosis/2"
@@ -116,7 +117,7 @@ class Diagnosis:
     hold. integration: the step of the explanation, `fine` or the base's integrator. tuned: ratios by which tuning alone
     changed the base's parameters [1]. dt: the step [s] of what was looked at, every `thinned`-th sample. not_measured:
     states that were estimated; not_asked: what the recording does not show, and families left out for it.
-    ranking: all that was fitted, the best first.
+    ranking: all that was fitted, the best first. recordings: those that were judged together, None of one alone.
     """
 
     verdict: Verdict
@@ -139,6 +140,7 @@ class Diagnosis:
     combinations: tuple[Combination, ...] = ()
     log_facts: tuple[str, ...] = ()
     ranking: tuple[RankedHypothesis, ...]
+    recordings: tuple[OneRecording, ...] | None = field(default=None, metadata=OMITTED)
     discrimination: Discrimination | None = field(default=None, metadata=UNWRITTEN, compare=False)
     facts: tuple[LogFact, ...] = field(default=(), metadata=UNWRITTEN, compare=False)
 

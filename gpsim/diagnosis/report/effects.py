@@ -68,7 +68,9 @@ class NamedEffect:
     explains (Shapley: the parts add up); needed: what the account explains less without it, all others fitted anew;
     role: headline, or a slight correction that is no claim; form: whether its law holds against a free curve of its own
     inputs; sentence: what a person would say; implausible: the same of sizes that no machine of the kind has, None
-    where all are usual.
+    where all are usual. Of several recordings: recordings: the only ones in which it acts; own: recording -> parameters
+    that differ there from `parameters`, which all others share. Where none shares them, `parameters` are those of the
+    first recording in which it acts.
     """
 
     family: str
@@ -89,6 +91,8 @@ class NamedEffect:
     form: Form = "untested"
     sentence: str = ""
     implausible: str | None = None
+    recordings: tuple[str, ...] | None = field(default=None, metadata=OMITTED)
+    own: Mapping[str, Mapping[str, Estimate]] | None = field(default=None, metadata=OMITTED)
 
     @property
     def place(self) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from gpsim.diagnosis.report.effects import Estimate
-from gpsim.effects import FAMILIES, EffectParameter, Place
+from gpsim.effects import FAMILIES, EffectParameter, Place, base_name
 
 WIDEST = 2.0  # times a size: an interval that is wider does not know it
 NOTHING = 3 * WIDEST  # times a size: of one that is as wide nothing is known at all
@@ -27,7 +27,7 @@ def no_size(family: str, parameters: Mapping[str, Estimate]) -> bool:
 
 def _some(family: str, parameters: Mapping[str, Estimate], widest: float) -> bool:
     known = _declared(family)
-    sizes = [(p, known.get(name)) for name, p in parameters.items()]
+    sizes = [(p, known.get(base_name(name))) for name, p in parameters.items()]
     asked = [(p, d.none if d else 0.0) for p, d in sizes if d is None or not d.place]
     return not asked or any(_known(p, none, widest) for p, none in asked)
 

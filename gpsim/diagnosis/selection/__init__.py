@@ -2,6 +2,7 @@
 
 from gpsim.diagnosis.selection.acceptance import Acceptance, Rule, accepts, on_its_grid, pays
 from gpsim.diagnosis.selection.beam import Found, Note, beam_search
+from gpsim.diagnosis.selection.differences import told_apart, told_apart_to_the_end
 from gpsim.diagnosis.selection.elimination import simplest
 from gpsim.diagnosis.selection.grid_check import refine_grid
 from gpsim.diagnosis.selection.heavy_tails import without_tails
@@ -37,6 +38,8 @@ __all__ = [
     "required_in",
     "simplest",
     "stepwise",
+    "told_apart",
+    "told_apart_to_the_end",
     "usual_machine",
     "without_idle",
     "without_tails",

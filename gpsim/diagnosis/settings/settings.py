@@ -28,6 +28,7 @@ from gpsim.diagnosis.settings.data import (
     WindowSettings,
 )
 from gpsim.diagnosis.settings.declare import too_small
+from gpsim.diagnosis.settings.differences import DifferenceSettings
 from gpsim.diagnosis.settings.fitting import (
     ClosedStepSettings,
     DiscretisationSettings,
@@ -98,6 +99,7 @@ class Settings:
     elimination: EliminationSettings = field(default_factory=EliminationSettings)
     lack_of_fit: LackOfFitSettings = field(default_factory=LackOfFitSettings)
     grid_check: GridCheckSettings = field(default_factory=GridCheckSettings)
+    differences: DifferenceSettings = field(default_factory=DifferenceSettings)
     refit: RefitSettings = field(default_factory=RefitSettings)
     pruning: PruningSettings = field(default_factory=PruningSettings)
     attribution: AttributionSettings = field(default_factory=AttributionSettings)

@@ -15,7 +15,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
 )
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
 from gpsim.trials.blinding.even_recordings import even_recording
-from gpsim.trials.blinding.recording_folders import diagnosed_folders, recording_folders
+from gpsim.trials.blinding.recording_folders import recording_folders
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
     HASHES,
@@ -41,7 +41,6 @@ __all__ = [
     "answer_of",
     "conceal",
     "diagnose_blind",
-    "diagnosed_folders",
     "diagnosis_digest",
     "even_recording",
     "publish_hashes",

@@ -19,7 +19,7 @@ from typing import Any
 from gpsim.artifacts import git_commit
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, tells_of_full_disk, written_whole
-from gpsim.trials.blinding.recording_folders import diagnosed_folders
+from gpsim.trials.blinding.recording_folders import recording_folders
 from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests
 from gpsim.trials.robots import robot_rank
 
@@ -141,7 +141,7 @@ def read_report(out: Path, name: str) -> dict[str, Any] | None:
 
 def _run(room: Path, limit: float) -> tuple[int, str]:
     """Exit code and what was said on stderr; 124 when it took too long."""
-    shown = [path.relative_to(room).as_posix() for path in diagnosed_folders(room / RECORDING)]
+    shown = [path.relative_to(room).as_posix() for path in recording_folders(room / RECORDING)]
     words = ["diagnose", *shown, "--out", DIAGNOSIS, "--cores", "1"]  # other trials have the others
     try:
         done = subprocess.run(

@@ -11,8 +11,3 @@ def recording_folders(public: Path) -> list[Path]:
     """The trial's own folder, or those of a machine's recordings in their order."""
     inner = sorted(path.parent for path in public.glob(f"*/{RECORDING_FILE}"))
     return inner or [public]
-
-
-def diagnosed_folders(public: Path) -> list[Path]:
-    """Those that one call of `gpsim diagnose` gets: of several the first."""
-    return recording_folders(public)[:1]

@@ -15,7 +15,7 @@ from gpsim.files import plain, write_json, written_whole
 from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording, read_recording
 from gpsim.simulators import Simulator, make_simulator
-from gpsim.trials.blinding import PUBLIC, Answer, diagnosed_folders, even_recording
+from gpsim.trials.blinding import PUBLIC, Answer, even_recording, recording_folders
 from gpsim.trials.rivals.cache import EQUIVALENTS
 from gpsim.trials.rivals.held_out_rollouts import rollouts_over_truth
 from gpsim.trials.rivals.machine_judge import Identity, MachineJudge, Seen
@@ -78,7 +78,7 @@ def machine_listing(
 def _made(
     public: Path, answer: Answer, report: Json | None, said: Sequence[Sequence[Json]]
 ) -> dict[str, Any]:
-    world, folder = answer.world, diagnosed_folders(public)[0]
+    world, folder = answer.world, recording_folders(public)[0]
     clean, recording, simulator = _opened(answer, folder)
     judge = MachineJudge(clean, simulator, world.main, _sensors(world))
     explanations = [list(map(_as_true, effects)) for effects in said]

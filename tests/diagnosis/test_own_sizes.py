@@ -1,0 +1,88 @@
+"""Sizes that are one recording's own are judged by the rules of those that all recordings share."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from rich_diagnoses import friction, named, size
+
+from gpsim.diagnosis.assessment.estimates import estimates
+from gpsim.diagnosis.fitting import Fit
+from gpsim.diagnosis.fitting.hypothesis import Hypothesis
+from gpsim.diagnosis.fitting.size_prior import size_prior
+from gpsim.diagnosis.report import Odds, contradictions, no_size, sized
+from gpsim.diagnosis.settings import EvidenceSettings
+from gpsim.diagnosis.setup.prepare import prepare
+from gpsim.effects import EffectParameter, Term, own_name
+from gpsim.recordings import joined
+from gpsim.reports.effect_text import implausible_text
+from gpsim.simulators import make_simulator
+
+from .worlds import World, record
+
+RATIO = EffectParameter("ratio", "1", 0.1, 50.0, (1.3,), 0.1, none=1.0, plausible=(0.25, 4.0))
+OWN_RATIO = replace(RATIO, name=own_name("ratio", 1))
+PRIOR = EvidenceSettings()
+
+
+def test_an_own_size_counts_from_the_value_that_does_nothing():
+    near_nothing = size(1.0, 0.1, "1")
+    assert not sized("parameter_offset", {"ratio@1": near_nothing})
+    assert sized("parameter_offset", {"ratio": near_nothing, "ratio@1": size(1.45, 0.05, "1")})
+    assert no_size("parameter_offset", {"ratio@1": size(1.5, 2.0, "1")})
+
+
+def test_where_an_effect_acts_is_no_size_in_one_recording_either():
+    """A spring's rest position may be known, its stiffness is what counts."""
+    assert not sized("spring", {"stiffness@0": size(0.1, 1.1, "N/m"), "rest_position@0": size(1.0, 0.1, "m")})
+
+
+def test_what_is_unusual_in_two_recordings_costs_once():
+    def cost(declared, **values):
+        return size_prior(Hypothesis((Term("parameter_offset", "mass", values),), (declared,)), PRIOR)
+
+    shared = cost((RATIO,), ratio=8.0)
+    assert shared > 0.0
+    assert cost((RATIO, OWN_RATIO), **{"ratio": 8.0, "ratio@1": 7.0}) == shared
+    assert cost((RATIO, OWN_RATIO), **{"ratio": 1.2, "ratio@1": 8.0}) == shared
+
+
+def test_a_file_is_held_to_what_it_says_of_each_recording():
+    vague, known = size(0.02, 0.03, "N"), size(0.2, 0.01, "N")
+
+    def found(**changes):
+        effect = friction(probability=0.999, odds=Odds(7.0, ()), parameters={"force": vague}, **changes)
+        diagnosis = replace(named(), effects=(effect,), alternatives=())
+        return contradictions(json.loads(json.dumps(diagnosis.to_dict())))
+
+    assert any("size of coulomb_friction on x is not known" in line for line in found())
+    assert found(own={"friday": {"force": known}}) == []
+    held = replace(known, at_bound=True)
+    assert any("stopped at its bound" in line for line in found(own={"friday": {"force": held}}))
+
+
+def test_a_size_that_no_machine_has_is_told_with_its_recording():
+    unusual = replace(size(9.0, 0.1, "N"), usual=(0.0, 3.0))
+    both = friction(own={"friday": {"force": unusual}})
+    assert implausible_text(both).endswith("is implausible: force 9 N in friday, usual up to 3 N")
+    alone = friction(
+        parameters={"force": unusual}, recordings=("friday",), own={"friday": {"force": unusual}}
+    )
+    assert implausible_text(alone) == implausible_text(both)
+
+
+def test_a_coefficient_is_told_beside_each_recordings_own_force():
+    parts = [record(World("cartpole"), seed=seed, episodes=3, steps=80) for seed in (1, 2)]
+    simulator = make_simulator("cartpole")
+    parts = [replace(part, held_out=None) for part in parts]
+    question = prepare(joined(parts, ["a", "b"]), simulator, simulator.defaults(parts[0].parameters))
+    force = EffectParameter("force", "N", 0.0, 10.0, (1.0,), 0.2)
+    term = Term("coulomb_friction", "x", {"force": 1.0, "force@1": 2.0})
+    hypothesis = Hypothesis((term,), ((force, replace(force, name="force@1")),))
+    problem = question.everything
+    starts = problem.windows.measured[:, 0]
+    residuals = problem.residuals(hypothesis, hypothesis.theta[None], starts[None])[0]
+    variance = (residuals**2).mean(axis=(0, 1))
+    (sizes,) = estimates(question, Fit(hypothesis, starts, residuals, variance, 0.0, True), None, 0.0)
+    assert set(sizes) == {"force", "force@1", "coefficient", "coefficient@1"}
+    assert sizes["coefficient@1"].value == pytest.approx(2.0 * sizes["coefficient"].value, rel=0.05)
