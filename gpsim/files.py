@@ -83,7 +83,7 @@ def regular_bytes(path: Path, most: int) -> bytes:
     with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:
         facts = os.fstat(stream.fileno())
         if not stat.S_ISREG(facts.st_mode):
-            raise UsageError(f"{path}: no regular file; put the file itself there")
+            raise UsageError(f"{path}: is no ordinary file; put the file itself there")
         if facts.st_size > most:
             raise UsageError(f"{path}: {facts.st_size} bytes; the limit is {most}")
         return stream.read(most)

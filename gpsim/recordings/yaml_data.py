@@ -39,8 +39,6 @@ def read_yaml(path: Path, where: str = "") -> Any:
 
     where: what the message calls the file, if not by its path.
     """
-    if path.exists() and not path.is_file():
-        raise UsageError(f"{where or path}: is no ordinary file; name a YAML file")
     try:
         text = regular_bytes(path, MOST_BYTES).decode("utf-8")
     except OSError as error:

@@ -38,7 +38,7 @@ def test_a_bomb_is_one_line(tmp_path, name, read):
 @pytest.mark.parametrize("read", [check_bounded, read_yaml])
 def test_what_is_no_file_or_large_is_not_read(tmp_path, read):
     os.mkfifo(tmp_path / "pipe.yaml")
-    with pytest.raises(UsageError, match=r"pipe\.yaml: no regular file"):
+    with pytest.raises(UsageError, match=r"pipe\.yaml: is no ordinary file"):
         read(tmp_path / "pipe.yaml")
     with (tmp_path / "big.yaml").open("wb") as stream:
         stream.truncate(1 << 34)

@@ -209,7 +209,8 @@ def test_what_is_no_object_is_no_diagnosis(content):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"), [("{", "diagnosis.json: not JSON"), ("{}", "diagnosis.json: not a diagnosis")]
+    ("text", "said"),
+    [("{", "diagnosis.json: not readable as JSON"), ("{}", "diagnosis.json: not a diagnosis")],
 )
 def test_a_finished_diagnosis_with_a_wrong_file_is_told_in_one_line(tmp_path, text, said):
     def write(folder):

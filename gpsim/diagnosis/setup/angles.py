@@ -19,7 +19,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Recording, Transitions, evenly
 from gpsim.simulators import Coordinate, Parameters, Simulator
 
-DEGREES = math.degrees(1.0)
+DEGREES = math.degrees(1.0)  # of a radian: the factor between the two units
 REMEDY = "multiply by pi/180, or import the log with NAME=deg*COLUMN"
 SURE = "if it is right, say diagnose.angles.asked=false"
 
