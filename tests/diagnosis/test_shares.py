@@ -111,6 +111,14 @@ def test_effects_that_explain_the_same_share_it():
         ),  # a limit that is seldom met
         (Share(0.019, 0.01, 0.03), Share(0.060, 0.005, 0.07), 0.040, 15, "slight"),  # as much is left
         (Share(0.40, 0.3, 0.5), Share(0.0200, -0.001, 0.05), 0.001, 9, "slight"),  # perhaps not at all
+        (
+            Share(0.42, 0.3, 0.5),
+            Share(0.023, 0.01, 0.03),
+            0.010,
+            0,
+            "headline",
+        ),  # others make good for much of it
+        (Share(0.42, 0.3, 0.5), Share(0.009, 0.005, 0.02), 0.013, 0, "slight"),
         (Share(0.40), Share(0.06), 0.10, 0, "headline"),  # too few blocks for an interval
     ],
 )

@@ -16,10 +16,13 @@ def role_of(
     """A headline is important and needed, or needed and decides in some blocks, however little that is of the whole.
 
     left: share of the mismatch that the account leaves. What matters less than that may stand in for some of it: real
-    physics that nobody names is mended by the next best law. decided: in how many blocks it decides.
+    physics that nobody names is mended by the next best law. Of a large part of the mismatch it is enough to be needed
+    by as much as is left: on a whole machine the other effects make good for much of one that goes. decided: in how
+    many blocks it decides.
     """
     surely = needed.share if needed.low is None else needed.low
-    if surely <= 0.0 or not matters(needed, left, settings):
+    large = importance.share >= settings.large and needed.share >= left
+    if surely <= 0.0 or not (large or matters(needed, left, settings)):
         return "slight"
     beyond_what_is_left = needed.share >= settings.needed_of_left * left
     decides = decided >= settings.seldom and beyond_what_is_left

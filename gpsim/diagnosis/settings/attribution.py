@@ -50,6 +50,12 @@ class AttributionSettings:
     headline: float = setting(
         0.05, "1", "share of the mismatch that a headline effect accounts for at the least"
     )
+    large: float = setting(
+        0.2,
+        "1",
+        "share of the mismatch from which an effect is a headline if it is needed by what is left, if not by `needed`",
+        "a machine of seed 77: Coulomb friction of 42 % was needed by 2.3 %, with 1 % left",
+    )
     needed: float = setting(
         0.055,
         "1",
