@@ -198,7 +198,9 @@ def _finished(problem: Problem, leader: Fit) -> Fit:
     It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
     """
     steps = problem.run.settings.schedules
-    starts = (leader.starts, problem.windows.measured[:, 0])
+    starts = [leader.starts, problem.windows.measured[:, 0]]
+    if _whole_robot(problem, leader):
+        starts.pop()  # from which speeds that nobody measured would have to be found again
     tried = fit_all(problem, [Order(leader.hypothesis, s, steps.glance, steps.final) for s in starts])
     best = min(tried, key=lambda f: f.objective)
     if not best.converged:
@@ -219,11 +221,7 @@ def _children(
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
-    whole_robot = (
-        closed(problem.simulator) is not None
-        and len(leader.hypothesis.terms) > problem.run.settings.elimination.small
-    )
-    if problem.run.budget.spent > most or whole_robot:
+    if problem.run.budget.spent > most or _whole_robot(problem, leader):
         return plain
     if not (_shows_in_a_place_only(problem, leader, better) if better else gates):  # other gates are dear
         return plain
@@ -247,6 +245,12 @@ def _children(
     return plain + fit_all(problem, orders)
 
 
+def _whole_robot(problem: Problem, leader: Fit) -> bool:
+    """Whether it is a large account of a simulator whose steps are dear: no gates are looked for then."""
+    large = len(leader.hypothesis.terms) > problem.run.settings.elimination.small
+    return large and closed(problem.simulator) is not None
+
+
 def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
     """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
     best = min(better, key=lambda f: f.objective)
@@ -265,7 +269,7 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, seen)
-    later = begun_later(problem, leader, offers)
+    later = [] if _whole_robot(problem, leader) else begun_later(problem, leader, offers)
     if leader.hypothesis.unusual >= settings.most_terms:
         return directions, later
     taken = leader.hypothesis.claims
