@@ -155,7 +155,7 @@ def _extended(
     firm, steps = leader, 0
     while not leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
         over = problem.run.budget.spent >= most  # to ask when what there is began costs next to nothing
-        if over and gates:
+        if over and (gates or _whole_robot(problem, leader)):
             break
         children = (
             begun_later(problem, leader, offers) if over else _children(problem, leader, offers, most, gates)
