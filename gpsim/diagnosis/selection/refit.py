@@ -119,8 +119,11 @@ def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
     later = problem.run.side_by_side(held_out_fit, calls)
     left = np.array([(channel_objectives(held_out, f) / tau).sum() for f in later])
     base = next(i for i, f in enumerate(fits) if f is null)
-    worse = left >= left[base]
+    worse = np.array([f.objective for f in later]) >= later[base].objective
     worse[base] = False
+    for found in (f for f, is_worse in zip(fits, worse, strict=True) if is_worse):
+        names = (found.hypothesis.names, null.hypothesis.names)
+        problem.run.trace.note(*names, False, "no better on held-out windows")
     if not problem.run.known.require:
         nats = np.where(worse, np.minimum(nats, nats[base] - 1.0), nats)
     return np.asarray(nats - left)
