@@ -80,8 +80,9 @@ def improved(
     leader = _finished(problem, _finely(problem, leader))
     leader = lean(problem, with_refined_edges(problem, leader, edges.fine_spacing))
     tried: list[Fit] = []
-    most = min(problem.run.budget.spent + settings.budget, settings.total_budget)
-    enough = min(most + settings.substitution_budget, settings.total_budget)
+    spent = problem.run.budget.spent
+    most = max(min(spent + settings.budget, settings.total_budget), spent + settings.least_budget)
+    enough = max(min(most + settings.substitution_budget, settings.total_budget), most)
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
         leader, children = _extended(problem, leader, offers, most, gates=False)

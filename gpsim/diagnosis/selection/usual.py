@@ -14,6 +14,7 @@ a poor place where several large effects act together: none of them is good alon
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from gpsim.diagnosis.fitting import (
     Candidate,
@@ -42,6 +43,9 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     usual = [c for c in offers if _is_usual(problem, c)]
     if not usual:
         return []
+    problem = replace(
+        problem, dry_steps={}
+    )  # where friction stops a body matters when accounts are compared to the end
     path = [_full_model(problem, usual)]
     while len(path[-1].hypothesis.terms) > 1 and _near_the_best(problem, path):
         path.append(_fewer_terms(problem, path[-1]))

@@ -142,6 +142,9 @@ class StepwiseSettings:
         "effort of the whole diagnosis, the search included, after which both end",
         EFFORT,
     )
+    least_budget: float = setting(
+        1.5e8, "simulated rows", "effort that it may spend in any case, whatever the search has spent", EFFORT
+    )
     screening_windows: int = setting(
         120,
         "1",
