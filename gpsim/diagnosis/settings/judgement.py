@@ -49,7 +49,10 @@ class BlackBoxSettings:
         "times what noise alone makes of a rollout: a channel in which the account's error is less is done",
     )
     trifle: float = setting(
-        0.001, "1", "of the base's error: a channel in which the account leaves less is done"
+        0.005,
+        "1",
+        "of the base's error: a channel in which the account leaves less is done",
+        "a log made in the base's own coarse steps leaves 0.0045 of it, which a process learns",
     )
     least_ratio: float = setting(
         0.1, "1", "of the account's error: in one channel a model counts as no better, nor as so much worse"
