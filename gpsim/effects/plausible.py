@@ -24,7 +24,7 @@ def times_beyond(parameter: EffectParameter, value: float) -> float:
     if parameter.plausible is None:
         return 1.0
     low, high = parameter.plausible
-    size = abs(value) if low > 0.0 else abs(value - parameter.none)
+    size = value if low > 0.0 else abs(value - parameter.none)  # a ratio below 0 turns things round
     if size > high:
         return size / high
     return low / max(size, LEAST * low) if size < low else 1.0

@@ -17,7 +17,12 @@ def test_what_is_usual_costs_nothing(size):
 
 @pytest.mark.parametrize(
     ("family", "name", "size"),
-    [("parameter_offset", "ratio", 20.0), ("understeer", "gradient", 29.0), ("actuator_gain", "gain", 0.02)],
+    [
+        ("parameter_offset", "ratio", 20.0),
+        ("understeer", "gradient", 29.0),
+        ("actuator_gain", "gain", 0.02),
+        ("actuator_gain", "gain", -1.9),
+    ],
 )
 def test_what_no_machine_has_costs_odds_that_only_much_better_fits_outweigh(family, name, size):
     assert implausibility(parameter(family, name), size, 5.0) > 20.0
