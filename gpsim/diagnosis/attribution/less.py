@@ -8,6 +8,8 @@ from gpsim.diagnosis.fitting import Fit, Problem, fit, quadratic
 from gpsim.diagnosis.run import kept
 from gpsim.effects import closed
 
+DEAR_STEPS = 2  # of a fit of start states, by slopes that are known, where every step is dear
+
 
 @kept
 def fits_without(problem: Problem, leader: Fit, null: Fit) -> list[Fit]:
@@ -15,7 +17,7 @@ def fits_without(problem: Problem, leader: Fit, null: Fit) -> list[Fit]:
     count, settings = len(leader.hypothesis.terms), problem.run.settings
     if count > settings.elimination.small:  # of a whole machine: the others go where the quadratic says
         dear = closed(problem.simulator) is not None
-        around, steps = quadratic(problem, leader), 2 if dear else settings.schedules.glance
+        around, steps = quadratic(problem, leader), DEAR_STEPS if dear else settings.schedules.glance
         fits = {i: around.refitted(problem, [i], steps) for i in range(count) if around.smooth[i]}
     else:
         fits = {}

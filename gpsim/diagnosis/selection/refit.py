@@ -121,9 +121,9 @@ def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
     base = next(i for i, f in enumerate(fits) if f is null)
     worse = np.array([f.objective for f in later]) >= later[base].objective
     worse[base] = False
+    if problem.run.known.require:  # held-out windows have no say in it
+        return np.asarray(nats - left)
     for found in (f for f, is_worse in zip(fits, worse, strict=True) if is_worse):
         names = (found.hypothesis.names, null.hypothesis.names)
         problem.run.trace.note(*names, False, "no better on held-out windows")
-    if not problem.run.known.require:
-        nats = np.where(worse, np.minimum(nats, nats[base] - 1.0), nats)
-    return np.asarray(nats - left)
+    return np.asarray(np.where(worse, np.minimum(nats, nats[base] - 1.0), nats) - left)
