@@ -52,6 +52,9 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         return ", but a black box foresees much more: something has no name yet"
     if "no claim" in doubts:
         return ", but none of them is a claim by itself: others could stand for it"
+    strange = [effect_name(e) for e in headline if e.implausible]
+    if "implausible" in doubts and strange:
+        return f", but no machine of the kind has {strange[0]} of that size: it stands in for something else"
     vague = [effect_name(e) for e in headline if _vague(e)]
     return f", but how large {vague[0] if vague else 'one of them'} is, these data do not say"
 

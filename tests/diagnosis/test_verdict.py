@@ -1,6 +1,6 @@
 """The verdict: how much is explained decides, not whether something is left."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import pytest
@@ -14,6 +14,9 @@ from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import EffectParameter, Term
 
 
+GAIN = EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0)
+
+
 def attribution(share, counts=True, roles=("headline",)):
     return SimpleNamespace(share=share, explained=Explained(rollout=share, counts=counts), roles=roles)
 
@@ -23,7 +26,7 @@ def hypothesis(names, gains=None):
     gains = gains or {}
     terms = tuple(Term("gain", n, {"gain": gains.get(n, 0.8), "place": gains.get(n, 0.8)}) for n in names)
     declared = (
-        EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0),
+        GAIN,
         EffectParameter("place", "m", -5.0, 5.0, (0.0,), 1.0, place=True),
     )
     return Hypothesis(terms=terms, declared=(declared,) * len(terms))
@@ -90,6 +93,15 @@ def test_the_form_of_a_slight_effect_never_counts():
 def test_rivals_that_share_every_headline_effect_contest_nothing(rivals, right):
     worth = attribution(Share(0.97, 0.95, 0.98), roles=("headline", "slight"))
     assert verdict(judgement(("a", "b"), rivals), worth, ("holds", "untested")) == right
+
+
+def test_a_size_that_no_machine_has_is_not_named():
+    worth = attribution(Share(0.97, 0.95, 0.98))
+    usual = replace(hypothesis(("a",)), declared=((replace(GAIN, plausible=(0.5, 2.0)),),))
+    for gain, right in ((0.8, "named"), (0.3, "named"), (0.2, "partial"), (-0.8, "partial")):
+        judged = judgement()
+        judged.leader.hypothesis = usual.having([gain])
+        assert verdict(judged, worth) == right, gain
 
 
 def test_where_nothing_leads_nothing_is_named():

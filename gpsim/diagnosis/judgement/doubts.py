@@ -7,11 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.verdict import misses
 from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, no_size, sized
 from gpsim.diagnosis.settings import Settings
+from gpsim.effects import times_beyond
 
 
 def claimed(
@@ -66,11 +68,20 @@ def _doubts(
         yield "bound"
     if not all(sized(leader.terms[i].family, sizes[i]) for i in claims):
         yield "size"
+    if any(_far_beyond(leader, i, settings) for i in claims):
+        yield "implausible"
     if not claims:
         yield "no claim"
     odds = [odds_against(judgement.ranking, leader, leader.terms[i].identity).nats for i in claims]
     if any(nats is not None and nats < math.log(settings.verdict.odds) for nats in odds):
         yield "odds"
+
+
+def _far_beyond(leader: Hypothesis, index: int, settings: Settings) -> bool:
+    """Whether a size of a term is far out of the range that machines of the kind have."""
+    values = leader.terms[index].values
+    beyond = (times_beyond(p, values[p.name]) for p in leader.declared[index])
+    return any(times >= settings.verdict.implausible for times in beyond)
 
 
 def foresees_more(box: BlackBox, settings: Settings) -> bool:

@@ -12,7 +12,7 @@ Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
 Role = Literal["headline", "slight"]
 Form = Literal["holds", "approximate", "untested"]
-Doubt = Literal["left", "form", "black box", "bound", "size", "no claim", "odds"]
+Doubt = Literal["left", "form", "black box", "bound", "size", "implausible", "no claim", "odds"]
 """Why an account is not named: much is left, a law holds approximately, a black box foresees more, a size is at its
 bound, is not known, no effect is a claim by itself, the odds against an account without one of its claims are low."""
 Leads = Literal["likeliest", "simplest"]

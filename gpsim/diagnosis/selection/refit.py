@@ -16,6 +16,7 @@ from gpsim.diagnosis.fitting import (
     channel_objectives,
     correlation_time,
     fit,
+    fit_all,
     fit_near,
     scores,
 )
@@ -42,7 +43,18 @@ def refit(question: Question, found: Found) -> Contenders:
     near = _near(question.searched, found)
     null = null_of(problem, found.scheme)
     fits = _again(problem, _working([f.hypothesis for f in near]))
+    fits += _without_idlers(problem, fits)
     return Contenders(_leader(question, [null, *fits], null), null, fits)
+
+
+def _without_idlers(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
+    """What is left of fits of which a term came to do nothing on all windows: no account that holds one can lead."""
+    idle = [f for f in fits if f.hypothesis.idle and f.hypothesis.working.terms]
+    steps = problem.run.settings.schedules
+    orders = [Order(f.hypothesis.working, f.starts, steps.finish, steps.final, near=True) for f in idle]
+    found = fit_all(problem, orders)
+    known = [f.hypothesis for f in fits]
+    return [f for f in found if not any(f.hypothesis.says_the_same_as(h) for h in known)]
 
 
 def null_of(problem: Problem, scheme: Scheme) -> Fit:
