@@ -11,7 +11,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.attribution.importance import importances, players
 from gpsim.diagnosis.attribution.judges import Judge, rollout_judge, window_judge
 from gpsim.diagnosis.attribution.less import fits_without
-from gpsim.diagnosis.attribution.roles import deciding, role_of
+from gpsim.diagnosis.attribution.roles import deciding, growth, role_of
 from gpsim.diagnosis.attribution.shares import Mismatch
 from gpsim.diagnosis.fitting import Fit
 from gpsim.diagnosis.report import Explained, JudgedOn, Role, Share
@@ -25,14 +25,16 @@ SEED = 2040  # of the draws: the same account is judged alike, whoever asks
 class Attribution:
     """What an account is worth.
 
-    explained: of the mismatch; importance, needed, roles: of each of its terms; judge: what it was judged by; noise:
-    (S,) the sensors' noise; squares: (B, S) what the account leaves.
+    explained: of the mismatch; importance, needed, roles: of each of its terms; grows: by how much some channel's
+    squared error surely grows without it; judge: what it was judged by; noise: (S,) the sensors' noise; squares: (B, S)
+    what the account leaves.
     """
 
     explained: Explained
     importance: tuple[Share, ...]
     needed: tuple[Share, ...]
     roles: tuple[Role, ...]
+    grows: tuple[float, ...]
     judge: Judge = field(repr=False)
     noise: FloatArray = field(repr=False)
     squares: FloatArray = field(repr=False)
@@ -64,7 +66,7 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     judge: Judge = rolled if counts else window_judge(question, leader, null, noise, rng)
     if not leader.hypothesis.terms:
         nothing = Explained(rollout=Share(0.0, 0.0, 0.0), judged_on=judge.judged_on, counts=counts)
-        return Attribution(nothing, (), (), (), judge, noise, judge.mismatch.before)
+        return Attribution(nothing, (), (), (), (), judge, noise, judge.mismatch.before)
     mismatch, problem = judge.mismatch, question.everything
     squares, whole = judge.squares([judge.leaders, [leader.hypothesis]])
     overall, all_of_it = mismatch.overall(squares), mismatch.overall(whole)
@@ -78,11 +80,12 @@ def attribute(question: Question, leader: Fit, null: Fit) -> Attribution:
     played = [mismatch.share(parts[list(g)].sum(axis=0)) for g in players(leader.hypothesis) for _ in g]
     order = [i for g in players(leader.hypothesis) for i in g]
     together = dict(zip(order, played, strict=True))
+    grows = tuple(growth(mismatch, whole, less) for less in without)
     roles = tuple(
-        role_of(together[i], need, left, deciding(mismatch, whole, less), settings)
-        for i, (need, less) in enumerate(zip(needed, without, strict=True))
+        role_of(together[i], need, left, deciding(mismatch, whole, less), by, settings)
+        for i, (need, less, by) in enumerate(zip(needed, without, grows, strict=True))
     )
-    return Attribution(explained, importance, needed, roles, judge, noise, squares)
+    return Attribution(explained, importance, needed, roles, grows, judge, noise, squares)
 
 
 def _explained(

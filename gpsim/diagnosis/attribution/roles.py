@@ -5,21 +5,31 @@ from __future__ import annotations
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.attribution.shares import Mismatch
+from gpsim.diagnosis.attribution.shares import TINY, Mismatch
 from gpsim.diagnosis.report import Role, Share
 from gpsim.diagnosis.settings import AttributionSettings
 
 
 def role_of(
-    importance: Share, needed: Share, left: float, decided: int, settings: AttributionSettings
+    importance: Share,
+    needed: Share,
+    left: float,
+    decided: int,
+    grows: float,
+    settings: AttributionSettings,
 ) -> Role:
     """A headline is important and needed, or needed and decides in some blocks, however little that is of the whole.
+
+    So is one without which some channel's error surely doubles: where the base simulator is far off in one channel,
+    shares of the whole say nothing of the others.
 
     left: share of the mismatch that the account leaves. What matters less than that may stand in for some of it: real
     physics that nobody names is mended by the next best law. Of a large part of the mismatch it is enough to be needed
     by as much as is left: on a whole machine the other effects make good for much of one that goes. decided: in how
-    many blocks it decides.
+    many blocks it decides; grows: see `growth`.
     """
+    if grows >= settings.decides and decided >= settings.seldom:
+        return "headline"
     surely = needed.share if needed.low is None else needed.low
     large = importance.share >= settings.large and needed.share >= left
     if surely <= 0.0 or not (large or matters(needed, left, settings)):
@@ -39,3 +49,14 @@ def deciding(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> in
     usual = np.maximum(squares, mismatch.floor)
     clearly = without > mismatch.settings.decides * usual
     return int((clearly & mismatch.counts & (without > 0)).any(axis=1).sum())
+
+
+def growth(mismatch: Mismatch, squares: FloatArray, without: FloatArray) -> float:
+    """By how much, surely, the squared error of some channel grows without an effect: the largest of the channels.
+
+    squares, without: (B, S) what is left with and without it, by block; noise counts as left in both.
+    """
+    left, less, floor = (mismatch.sums(s) for s in (squares, without, mismatch.floor))
+    ratio = np.maximum(less, floor) / np.maximum(np.maximum(left, floor), TINY)
+    sure = np.quantile(ratio[1:], mismatch.settings.low, axis=0)
+    return float(np.max(sure[mismatch.counts], initial=0.0))

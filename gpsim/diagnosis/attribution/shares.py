@@ -45,13 +45,13 @@ class Mismatch:
 
     def by_channel(self, after: FloatArray) -> FloatArray:
         """(..., 1 + D, S) clipped shares of an account's sums of squares (..., B, S); first those of all blocks."""
-        before, floor, left = (self._sums(sums) for sums in (self.before, self.floor, after))
+        before, floor, left = (self.sums(sums) for sums in (self.before, self.floor, after))
         excess = np.maximum(before - floor, TINY)
         return np.asarray(np.clip(1.0 - (left - floor) / excess, 0.0, 1.0))
 
     def overall(self, after: FloatArray) -> FloatArray:
         """(..., 1 + D) the same over all channels that count."""
-        before, floor = self._sums(self.before), self._sums(self.floor)
+        before, floor = self.sums(self.before), self.sums(self.floor)
         weights = np.maximum(before - floor, 0.0) / np.maximum(self.scale, TINY) * self.counts
         total = np.maximum(weights.sum(axis=-1), TINY)
         return np.asarray((self.by_channel(after) * weights).sum(axis=-1) / total)
@@ -62,7 +62,7 @@ class Mismatch:
         known = len(self.before) >= self.settings.fewest_blocks
         return Share(float(values[0]), float(low) if known else None, float(high) if known else None)
 
-    def _sums(self, sums: FloatArray) -> FloatArray:
+    def sums(self, sums: FloatArray) -> FloatArray:
         """(..., 1 + D, S): over all blocks, then over those of each draw."""
         return np.concatenate([sums.sum(axis=-2, keepdims=True), self.drawn @ sums], axis=-2)
 

@@ -74,16 +74,17 @@ def _unsupported(
     def least(which: Sequence[int], why: str) -> tuple[int, str]:
         return min(which, key=lambda i: needed[i]), why
 
-    harm = [i for i in free if needed[i] < -settings.support.harms]
+    asked = [i for i in free if found.grows[i] < settings.support.grows]  # no channel surely needs it
+    harm = [i for i in asked if needed[i] < -settings.support.harms]
     if harm:
         return least(harm, "held-out rollouts are better without it")
     hidden = _unseen(problem, leader, found, free)
     if hidden:
         return least(hidden, "no rollout shows it")
-    mends = [i for i in free if structured and _mends(leader, found, i, settings)]
+    mends = [i for i in asked if structured and _mends(leader, found, i, settings)]
     if mends:
         return least(mends, "behind a gate it mends what is left")
-    spare = [i for i in free if structured and _spare(found, i, settings)]
+    spare = [i for i in asked if structured and _spare(found, i, settings)]
     if spare:
         return least(spare, "others explain what it explains")
     doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]

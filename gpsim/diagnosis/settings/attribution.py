@@ -106,6 +106,14 @@ class SupportSettings:
         "by hand: the mass of the open cart-pole rig, without which rollouts end further off, is needed by two thirds "
         "of what is left; on rough worlds of seeds 31 and 51 what stood beside the true law, by less than half",
     )
+    grows: float = setting(
+        1.5,
+        "1",
+        "times the squared error of some channel: an effect without which it surely grows by that does no harm and is "
+        "not spare",
+        "a machine of seed 77: a cart and a pole that falls; dry friction without which the cart's error is 13 times as "
+        "large was spare by its share of the whole, which the pole decides",
+    )
     acts: float = setting(
         0.05, "1", "of the most that it changes in any window: it acts in windows where it changes more"
     )
