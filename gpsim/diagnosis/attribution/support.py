@@ -18,6 +18,7 @@ from gpsim.diagnosis.attribution.less import fits_without, without_all
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
+from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import required_in
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Question
@@ -75,7 +76,7 @@ def _unsupported(
         return min(which, key=lambda i: needed[i]), why
 
     asked = [i for i in free if found.grows[i] < settings.support.grows]  # no channel surely needs it
-    harm = [i for i in asked if needed[i] < -settings.support.harms]
+    harm = [i for i in asked if needed[i] < -settings.support.harms and _most(found.needed[i]) < 0.0]
     if harm:
         return least(harm, "held-out rollouts are better without it")
     hidden = _unseen(problem, leader, found, free)
@@ -119,8 +120,13 @@ def _spare(found: Attribution, index: int, settings: Settings) -> bool:
     """
     left = 1.0 - found.share.share
     much = found.importance[index].share >= settings.attribution.headline
-    hardly = found.needed[index].share < settings.support.spare * left
+    hardly = _most(found.needed[index]) < settings.support.spare * left
     return much and hardly and not matters(found.needed[index], left, settings.attribution)
+
+
+def _most(share: Share) -> float:
+    """What it surely does not exceed: a rollout or two that went wrong must not decide; itself where nobody knows."""
+    return share.share if share.high is None else share.high
 
 
 def _doubtful(hypothesis: Hypothesis, found: Attribution, index: int) -> bool:
