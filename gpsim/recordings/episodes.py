@@ -100,7 +100,7 @@ def stands_inside(t: FloatArray, intervals: Sequence[Interval]) -> BoolArray:
 
 
 def hold_out(episodes: Sequence[Episode], rule: HeldOutRule, session: bool) -> HeldOut | None:
-    """What to keep for judging: by default about the last `share` of the episodes, or of the time when few.
+    """What to keep for judging: by default the last episodes that hold about `share` of the time, or of it when few.
 
     With fewer than five episodes on their own clocks the last one is held out; a single episode, or few on
     one clock, are cut at a moment.
@@ -110,9 +110,12 @@ def hold_out(episodes: Sequence[Episode], rule: HeldOutRule, session: bool) -> H
     if rule.share == 0.0:
         return None
     count = len(episodes)
+    lengths = np.array([float(e.t[-1] - e.t[0]) for e in episodes])
     if count >= 5 or (count > 1 and not session):
-        return HeldOut(episodes_from=count - max(1, round(rule.share * count)))
-    left = (1.0 - rule.share) * sum(float(e.t[-1] - e.t[0]) for e in episodes)
+        last = lengths[::-1].cumsum()[: count - 1] / lengths.sum()  # of the time, in the last 1, 2, ... episodes
+        few = int(np.abs(last - rule.share).argmin()) + 1 if count >= 5 else 1
+        return HeldOut(episodes_from=count - few)
+    left = (1.0 - rule.share) * float(lengths.sum())
     for episode in episodes:
         length = float(episode.t[-1] - episode.t[0])
         if left <= length:

@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpsim.errors import UsageError
+from gpsim.recordings import Episode, HeldOut
+from gpsim.recordings.episodes import hold_out
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.mapping import HeldOutRule
 from gpsim.recordings.mapping_files import parse_mapping
 from gpsim.reports.import_text import as_text
 
@@ -286,6 +289,16 @@ def test_several_logs_become_episodes_and_the_last_share_is_held_out():
         logs, parse_mapping({**UNICYCLE, "clock": {"kind": "session"}}), lambda n, s, m: {}
     )
     assert session.episodes[3].t[0] == pytest.approx(300.0)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "first"),
+    [([10] * 7, 6), ([10] * 8, 6), ([115, 7, 5, 127, 56, 35, 22], 5), ([5] * 5 + [90], 5), ([60, 3, 35, 195], 3)],
+)
+def test_the_last_episodes_that_hold_a_share_of_the_time_are_held_out(lengths, first):
+    """Seven drives of which the last is short: a fifth of the time is what is kept, not a fifth of the drives."""
+    drives = [Episode("", np.arange(n + 1.0), np.zeros((n + 1, 1)), np.zeros((n, 1))) for n in lengths]
+    assert hold_out(drives, HeldOutRule(), session=False) == HeldOut(episodes_from=first)
 
 
 def test_one_log_is_held_out_by_time():
