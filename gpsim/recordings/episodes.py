@@ -112,7 +112,9 @@ def hold_out(episodes: Sequence[Episode], rule: HeldOutRule, session: bool) -> H
     count = len(episodes)
     lengths = np.array([float(e.t[-1] - e.t[0]) for e in episodes])
     if count >= 5 or (count > 1 and not session):
-        last = lengths[::-1].cumsum()[: count - 1] / lengths.sum()  # of the time, in the last 1, 2, ... episodes
+        last = (
+            lengths[::-1].cumsum()[: count - 1] / lengths.sum()
+        )  # of the time, in the last 1, 2, ... episodes
         few = int(np.abs(last - rule.share).argmin()) + 1 if count >= 5 else 1
         return HeldOut(episodes_from=count - few)
     left = (1.0 - rule.share) * float(lengths.sum())

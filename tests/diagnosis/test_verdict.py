@@ -13,7 +13,6 @@ from gpsim.diagnosis.report import BlackBox, Estimate, Explained, Ratio, Share, 
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import EffectParameter, Term
 
-
 GAIN = EffectParameter("gain", "1", -5.0, 5.0, (0.9,), 0.2, none=1.0)
 
 

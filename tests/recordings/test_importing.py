@@ -293,7 +293,13 @@ def test_several_logs_become_episodes_and_the_last_share_is_held_out():
 
 @pytest.mark.parametrize(
     ("lengths", "first"),
-    [([10] * 7, 6), ([10] * 8, 6), ([115, 7, 5, 127, 56, 35, 22], 5), ([5] * 5 + [90], 5), ([60, 3, 35, 195], 3)],
+    [
+        ([10] * 7, 6),
+        ([10] * 8, 6),
+        ([115, 7, 5, 127, 56, 35, 22], 5),
+        ([5] * 5 + [90], 5),
+        ([60, 3, 35, 195], 3),
+    ],
 )
 def test_the_last_episodes_that_hold_a_share_of_the_time_are_held_out(lengths, first):
     """Seven drives of which the last is short: a fifth of the time is what is kept, not a fifth of the drives."""

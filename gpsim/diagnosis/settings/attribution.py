@@ -111,8 +111,8 @@ class SupportSettings:
         "1",
         "times the squared error of some channel: an effect without which it surely grows by that does no harm and is "
         "not spare",
-        "a machine of seed 77: a cart and a pole that falls; dry friction without which the cart's error is 13 times as "
-        "large was spare by its share of the whole, which the pole decides",
+        "a machine of seed 77: a cart and a pole that falls; dry friction without which the cart's error is 13 times "
+        "as large was spare by its share of the whole, which the pole decides",
     )
     acts: float = setting(
         0.05, "1", "of the most that it changes in any window: it acts in windows where it changes more"
