@@ -94,6 +94,15 @@ def test_rivals_that_share_every_headline_effect_contest_nothing(rivals, right):
     assert verdict(judgement(("a", "b"), rivals), worth, ("holds", "untested")) == right
 
 
+def test_an_account_that_makes_one_channel_worse_is_partial():
+    worth = attribution(Share(0.95, 0.91, 0.97))
+    for channel, right in (((0.6, 0.4, 0.8), "named"), ((0.0, 0.0, 0.3), "partial")):
+        worth.explained = replace(
+            worth.explained, channels={"x": Share(0.97, 0.95, 0.98), "y": Share(*channel)}
+        )
+        assert verdict(judgement(), worth) == right
+
+
 def test_a_size_that_no_machine_has_is_not_named():
     worth = attribution(Share(0.97, 0.95, 0.98))
     usual = replace(hypothesis(("a",)), declared=((replace(GAIN, plausible=(0.5, 2.0)),),))

@@ -10,7 +10,7 @@ from gpsim.diagnosis.attribution import Attribution
 from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.odds import odds_against
-from gpsim.diagnosis.judgement.verdict import misses
+from gpsim.diagnosis.judgement.verdict import misses, surely_below
 from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, no_size, sized
 from gpsim.diagnosis.settings import Settings
 from gpsim.effects import times_beyond
@@ -58,7 +58,9 @@ def _doubts(
     told = list(forms)
     if not leader.terms:
         return
-    if misses(judgement, attribution, settings.verdict.nearly_all):
+    if misses(judgement, attribution, settings.verdict.nearly_all) or _misses_a_channel(
+        attribution, settings
+    ):
         yield "left"
     if any(told[i] == "approximate" for i in claims):
         yield "form"
@@ -75,6 +77,12 @@ def _doubts(
     odds = [odds_against(judgement.ranking, leader, leader.terms[i].identity).nats for i in claims]
     if any(nats is not None and nats < math.log(settings.verdict.odds) for nats in odds):
         yield "odds"
+
+
+def _misses_a_channel(attribution: Attribution, settings: Settings) -> bool:
+    """Whether hardly anything of one channel's mismatch is explained, or its error grows, whatever the others say."""
+    channels = attribution.explained.channels.values()
+    return any(surely_below(share, settings.verdict.half) for share in channels)
 
 
 def _far_beyond(leader: Hypothesis, index: int, settings: Settings) -> bool:

@@ -5,9 +5,9 @@ that holds:
 
 1. `none`: no effect stands, and nothing is left that chance would not make, or it shows in no channel.
 2. `unknown`: the effects surely explain less than `half`, or are no better than the base on held-out data.
-3. `partial`: they surely explain less than `nearly_all`, the law of a headline effect holds approximately only, its
-   size stopped at a bound, is not known or is one that no machine has, none is a claim by itself, or a model that names
-   nothing foresees much more.
+3. `partial`: they surely explain less than `nearly_all`, or than `half` of one channel, the law of a headline effect
+   holds approximately only, its size stopped at a bound, is not known or is one that no machine has, none is a claim by
+   itself, or a model that names nothing foresees much more.
 4. `ambiguous`: other explanations are not excluded, of what leads, or the odds against one are low.
 5. `named`.
 

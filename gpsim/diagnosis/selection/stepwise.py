@@ -83,6 +83,8 @@ def improved(
     spent = problem.run.budget.spent
     most = max(min(spent + settings.budget, settings.total_budget), spent + settings.least_budget)
     enough = max(min(most + settings.substitution_budget, settings.total_budget), most)
+    if not gates:
+        most = enough = spent + settings.again_budget
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
         leader, children = _extended(problem, leader, offers, most, gates=False)

@@ -145,6 +145,12 @@ class StepwiseSettings:
     least_budget: float = setting(
         1.5e8, "simulated rows", "effort that it may spend in any case, whatever the search has spent", EFFORT
     )
+    again_budget: float = setting(
+        4e7,
+        "simulated rows",
+        "effort of searching on without a term that support took out, each time",
+        EFFORT,
+    )
     screening_windows: int = setting(
         120,
         "1",
