@@ -49,6 +49,7 @@ class Effect(ABC):
     usual: ClassVar[int] = (
         0  # rank in the model that an engineer starts from: the higher stays longer; 0: not in it
     )
+    rare: ClassVar[float] = 0.0  # nats: how much less likely than others before any data are seen
     plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
 

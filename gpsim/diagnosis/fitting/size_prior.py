@@ -10,12 +10,12 @@ from gpsim.effects import EffectParameter, Term, base_name, implausibility
 
 
 def size_prior(hypothesis: Hypothesis, settings: EvidenceSettings) -> float:
-    """Nats that a hypothesis loses by the sizes it needs; none of them where all are usual.
+    """Nats that a hypothesis loses by the rare laws and the sizes it needs; none of them where all are usual.
 
     What is as unusual in several recordings of one machine costs once, as much as the least usual of them.
     """
     terms = zip(hypothesis.terms, hypothesis.declared, strict=True)
-    return sum(_of_term(term, declared, settings) for term, declared in terms)
+    return sum(term.effect.rare + _of_term(term, declared, settings) for term, declared in terms)
 
 
 def _of_term(term: Term, declared: Sequence[EffectParameter], settings: EvidenceSettings) -> float:
