@@ -57,9 +57,11 @@ of your own: [bring an effect](../how-to/effect.md). Which of them a recording m
 OF = {
     "1": "",
     "size": "of the usual size there",
+    "speed": "of the usual speed there",
     "size / speed": "of usual force over usual speed",
     "size / speed^2": "of usual force over usual speed squared",
     "size / reach": "of usual force over reach",
+    "size / reach^3": "of usual force over reach cubed",
     "1 / reach": "over the recording's length",
     "step": "steps of the recording",
 }

@@ -4,6 +4,7 @@ from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
     ActuatorEffect,
+    DriveEffect,
     Effect,
     ForceEffect,
     FunctionOf,
@@ -32,6 +33,7 @@ __all__ = [
     "ActuatorEffect",
     "Chain",
     "ClosedStep",
+    "DriveEffect",
     "Effect",
     "EffectParameter",
     "ForceEffect",

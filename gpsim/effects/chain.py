@@ -12,7 +12,14 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.commands import Grid, blended, on_its_way
-from gpsim.effects.effect import ActuatorEffect, ParameterEffect, RateEffect, Values, VehicleEffect
+from gpsim.effects.effect import (
+    ActuatorEffect,
+    DriveEffect,
+    ParameterEffect,
+    RateEffect,
+    Values,
+    VehicleEffect,
+)
 from gpsim.effects.forces import Forces, Instant
 from gpsim.effects.own import base_name
 from gpsim.effects.place import longest_delay
@@ -248,6 +255,24 @@ class Chain:
         return sorted(found, key=lambda item: item[1].order)
 
     @cached_property
+    def _drives(self) -> list[tuple[int, DriveEffect, int, int]]:
+        """Index of the term, its effect, the columns of its command and of the speed of what it drives."""
+        simulator = self.simulator
+        found = [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, DriveEffect)]
+        if not found:
+            return []
+        driven, speeds = simulator.driven(), {c.name: c.velocity for c in simulator.coordinates}
+        return [
+            (
+                i,
+                effect,
+                simulator.action.index(self.terms[i].on),
+                simulator.state.index(speeds[driven[self.terms[i].on]]),
+            )
+            for i, effect in found
+        ]
+
+    @cached_property
     def _rate_terms(self) -> list[tuple[int, RateEffect]]:
         return [(i, t.effect) for i, t in enumerate(self.terms) if isinstance(t.effect, RateEffect)]
 
@@ -318,6 +343,8 @@ class Chain:
         substep: tuple[FloatArray, FloatArray] | None,
     ) -> FloatArray:
         """Rates with every force; `substep` (state at its start, step) makes dry friction stick instead of chatter."""
+        if self._drives:
+            action = self._delivered(state, action, values)
         if self._forces:
             rates = self._forces.rates(Instant(state, action, parameters, shares, substep), values)
         else:
@@ -328,6 +355,13 @@ class Chain:
             added = effect.added(self.simulator, state, action, parameters, values[i])
             rates = rates + (added * shares[i][:, None] if i in shares else added)
         return rates
+
+    def _delivered(self, state: FloatArray, action: FloatArray, values: Sequence[Values]) -> FloatArray:
+        """(B, A): what drives give of the commands that reached them."""
+        out = np.array(action)
+        for i, effect, column, speed in self._drives:
+            out[:, column] = effect.delivered(out[:, column], state[:, speed], values[i])
+        return out
 
     def _twisted(
         self, rates: FloatArray, values: Sequence[Values], shares: Mapping[int, FloatArray]

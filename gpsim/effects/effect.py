@@ -8,8 +8,8 @@ axis is the batch; a law changes it in place.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import ClassVar, Literal
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -25,6 +25,11 @@ Needs = Literal["nothing", "command", "change"]
 """What a recording must hold for an actuator's effect to show: nothing, a command other than 0, one that changes."""
 Values = Mapping[str, FloatArray]
 """Parameter values by name, (B,) each."""
+Law = Callable[..., Any]
+"""A law as one formula: NumPy's elementwise functions of its inputs and of its parameters' values, in that order.
+
+The same function serves batches and, element by element, compiled code (see `gpsim.kernels.catalogue`).
+"""
 VEHICLE = ("v", "v_lateral", "w")
 POSE = ("x", "y", "yaw")
 
@@ -52,6 +57,14 @@ class Effect(ABC):
     rare: ClassVar[float] = 0.0  # nats: how much less likely than others before any data are seen
     plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
+    asked: ClassVar[bool] = True  # is it among what a diagnosis asks unless told otherwise?
+    sentence: ClassVar[str] = ""  # what a person would say of it: {on} and the names of its parameters are filled in
+    takes: ClassVar[Mapping[str, float]] = {}  # a law's parameters, in its order, and what one is where it is missing
+    law: ClassVar[Law | None] = None  # the family's law as one formula, where it has one
+
+    def taken(self, values: Values) -> list[FloatArray | float]:
+        """The values that a law of one formula takes, in its order."""
+        return [values.get(name, otherwise) for name, otherwise in self.takes.items()]
 
     @abstractmethod
     def places(self, simulator: Simulator) -> tuple[str, ...]:
@@ -71,31 +84,36 @@ class Effect(ABC):
 
 
 class ForceEffect(Effect):
-    """A generalised force on a coordinate."""
+    """A generalised force on a coordinate. Its `law` is of (position, speed), `dry_law` of (position, speed, load)."""
 
     site: ClassVar[Site] = "force"
+    dry_law: ClassVar[Law | None] = None
+    loaded_by_command: ClassVar[bool] = False  # is its load the size of the command that drives the coordinate?
 
     @property
     def dry(self) -> bool:
         """Whether it can hold a body at rest."""
-        return type(self).grip is not ForceEffect.grip
+        return type(self).grip is not ForceEffect.grip or type(self).dry_law is not None
 
     def places(self, simulator: Simulator) -> tuple[str, ...]:
-        """Every coordinate."""
-        return tuple(coordinate.name for coordinate in simulator.coordinates)
+        """Every coordinate; those that a command drives, where it is the load."""
+        names = tuple(coordinate.name for coordinate in simulator.coordinates)
+        return tuple(simulator.driven().values()) if self.loaded_by_command else names
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
         """(B,) the smooth force on the coordinate; None when there is none."""
-        return None
+        law = type(self).law
+        return None if law is None else np.asarray(law(position, speed, *self.taken(values)))
 
     def grip(
         self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
     ) -> FloatArray | None:
         """(B,) the largest dry friction force, which opposes motion and holds a body at rest; None when there is none.
 
-        load: (B,) the normal force where the simulator knows it; grip may be proportional to it.
+        load: (B,) the normal force where the simulator knows it, or the command's size; grip may be proportional to it.
         """
-        return None
+        law = type(self).dry_law
+        return None if law is None else np.asarray(law(position, speed, load, *self.taken(values)))
 
     def weighs(self, values: Values) -> bool:
         """Whether its grip depends on the normal force."""
@@ -103,7 +121,7 @@ class ForceEffect(Effect):
 
 
 class ActuatorEffect(Effect):
-    """What happens to a command on its way to the simulator."""
+    """What happens to a command on its way to the simulator. A `law` is of (command), and has no memory."""
 
     site: ClassVar[Site] = "actuator"
     needs: ClassVar[Needs] = "change"  # of the command, to show at all
@@ -129,7 +147,6 @@ class ActuatorEffect(Effect):
         """Between which sizes of a command what comes out follows it, and does not stand still."""
         return 0.0, np.inf
 
-    @abstractmethod
     def actuate(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray, t: FloatArray
     ) -> FloatArray:
@@ -138,6 +155,9 @@ class ActuatorEffect(Effect):
         commands: (B, K), held over each substep; values: (B, 1) each; t: (B, K) s, when the substeps begin on the
         recording's clock. memory is left as it is after the last one.
         """
+        law = type(self).law
+        assert law is not None, f"{self.family} has neither a law nor `actuate`"
+        return np.asarray(law(commands, *self.taken(values)))
 
     def pieces(
         self, commands: FloatArray, values: Values, memory: Memory, step: FloatArray
@@ -148,6 +168,27 @@ class ActuatorEffect(Effect):
         the way to the simulator needs them: a dead zone of a mean is not the mean of a dead zone.
         """
         return None
+
+
+class DriveEffect(Effect):
+    """What a drive gives of the command that reached it, at the speed of the coordinate that it drives.
+
+    It acts behind all actuators of its action. A `law` is of (command, speed).
+    """
+
+    site: ClassVar[Site] = "actuator"
+    function_of: ClassVar[FunctionOf] = "nothing"
+    gated: ClassVar[bool] = False
+
+    def places(self, simulator: Simulator) -> tuple[str, ...]:
+        """Every action that drives a coordinate."""
+        return tuple(simulator.driven())
+
+    def delivered(self, command: FloatArray, speed: FloatArray, values: Values) -> FloatArray:
+        """(B,) what it gives."""
+        law = type(self).law
+        assert law is not None, f"{self.family} has neither a law nor `delivered`"
+        return np.asarray(law(command, speed, *self.taken(values)))
 
 
 class ParameterEffect(Effect):
@@ -175,7 +216,10 @@ class ModelEffect(Effect):
 
 
 class VehicleEffect(Effect):
-    """What becomes of a vehicle's twist (v, v_lateral, w); `changes` names the one of them that it changes."""
+    """What becomes of a vehicle's twist (v, v_lateral, w); `changes` names the one of them that it changes.
+
+    A `law` is of (v, v_lateral, w) and returns all three.
+    """
 
     site: ClassVar[Site] = "vehicle"
     changes: ClassVar[str] = "w"
@@ -184,11 +228,14 @@ class VehicleEffect(Effect):
         """Simulators whose rates are a twist."""
         return ("vehicle",) if set(VEHICLE) <= set(simulator.rate.names) else ()
 
-    @abstractmethod
     def twist(
         self, v: FloatArray, lateral: FloatArray, w: FloatArray, values: Values
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The twist that the vehicle makes of it."""
+        law = type(self).law
+        assert law is not None, f"{self.family} has neither a law nor `twist`"
+        first, second, third = (np.asarray(part) for part in law(v, lateral, w, *self.taken(values)))
+        return first, second, third
 
 
 class RateEffect(Effect):
@@ -214,7 +261,7 @@ class RateEffect(Effect):
 
 
 class SensorEffect(Effect):
-    """What a sensor makes of the true state."""
+    """What a sensor makes of the true state. A `law` is of (reading), and has no memory."""
 
     site: ClassVar[Site] = "sensor"
     gated: ClassVar[bool] = False
@@ -238,11 +285,14 @@ class SensorEffect(Effect):
         """Called once a substep of `step` (B,) s with the true state (B, S) at its end."""
         return
 
-    @abstractmethod
     def measure(
         self, measured: FloatArray, columns: tuple[int, ...], values: Values, memory: Memory, step: FloatArray
     ) -> FloatArray:
         """(B, S): what is read when `measured` (B, S) is what the sensors before this one say."""
+        law = type(self).law
+        assert law is not None, f"{self.family} has neither a law nor `measure`"
+        (column,) = columns
+        return changed(measured, column, np.asarray(law(measured[:, column], *self.taken(values))))
 
 
 class PoseEffect(SensorEffect):

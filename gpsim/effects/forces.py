@@ -100,10 +100,20 @@ class Forces:
         total = np.zeros(len(at.state))
         for i, effect, on in self._effects:
             if on == coordinate:
-                most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], load)
+                presses = self._command(coordinate, at) if effect.loaded_by_command else load
+                most = effect.grip(at.state[:, position], at.state[:, velocity], values[i], presses)
                 if most is not None:
                     total += most * at.shares[i] if i in at.shares else most
         return total
+
+    def _command(self, coordinate: int, at: Instant) -> FloatArray:
+        """(B,) the size of the command that drives a coordinate."""
+        return np.abs(at.action[:, self._commands[self.simulator.coordinates[coordinate].name]])
+
+    @cached_property
+    def _commands(self) -> dict[str, int]:
+        """Coordinate -> the column of the command that drives it."""
+        return {on: self.simulator.action.index(action) for action, on in self.simulator.driven().items()}
 
     def _mobility(self, at: Instant, coordinate: int, smooth: FloatArray, rates: FloatArray) -> FloatArray:
         """(B, R) by how much a unit force changes the rates, which are affine in it."""

@@ -12,7 +12,9 @@ from typing import Literal
 
 import numpy as np
 
-Of = Literal["1", "size", "size / speed", "size / speed^2", "size / reach", "1 / reach", "step"]
+Of = Literal[
+    "1", "size", "speed", "size / speed", "size / speed^2", "size / reach", "size / reach^3", "1 / reach", "step"
+]
 """In what a range is counted: plain, or by how large things are where the effect acts (see `Place`)."""
 
 
@@ -22,7 +24,8 @@ class EffectParameter:
 
     none: the value at which the effect does nothing (where there is one). step: of finite differences, where the
     law jumps and only a coarse difference sees a slope. falls: whether the effect is weaker the larger it is: a limit.
-    place: whether it says where the effect acts, and not how much it does. plausible: the sizes that machines have,
+    place: whether it says where the effect acts, and not how much it does. paired: whether its starts go with those of
+    the parameter before it, one by one, and not with each of them. plausible: the sizes that machines have,
     in its unit, None where nobody says so (see `gpsim.effects.plausible`).
     """
 
@@ -37,6 +40,7 @@ class EffectParameter:
     falls: bool = False
     place: bool = False
     plausible: tuple[float, float] | None = None
+    paired: bool = False
 
 
 def longest_delay(dt: float) -> float:
@@ -50,8 +54,9 @@ class Place:
 
     unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
-    positions; reach: their range, or of time [s] (for actions). speed: the typical speed of a coordinate. dt: the
-    recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
+    positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate went;
+    ripples: (period, phase) of what a scan over its positions found. speed: the typical speed of a coordinate, or of
+    the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
     a difference from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction:
     what the simulator itself has of a coordinate's, which may be less in truth.
     """
@@ -70,6 +75,8 @@ class Place:
     centre: tuple[float, ...] = ()
     damping: float = 0.0
     friction: float = 0.0
+    visited: tuple[float, float] | None = None
+    ripples: tuple[tuple[float, float], ...] = ()
 
     @property
     def longest_delay(self) -> float:
@@ -85,9 +92,11 @@ class Place:
 UNITS: Mapping[Of, Callable[[Place], float]] = {
     "1": lambda place: 1.0,
     "size": lambda place: place.span,
+    "speed": lambda place: place.speed,
     "size / speed": lambda place: place.span / place.speed,
     "size / speed^2": lambda place: place.span / place.speed**2,
     "size / reach": lambda place: place.span / place.reach,
+    "size / reach^3": lambda place: place.span / place.reach**3,
     "1 / reach": lambda place: 1.0 / max(place.reach, 1e-9),
     "step": lambda place: place.dt,
 }

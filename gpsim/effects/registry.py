@@ -1,42 +1,25 @@
-"""The registry of effects: one line a family."""
+"""The registry of effects: every family that has a file in `families`, in the catalogue's order."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import pkgutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib import import_module
+from inspect import isabstract
 
-from gpsim.effects.actuator_asymmetry import ActuatorAsymmetry
-from gpsim.effects.actuator_backlash import ActuatorBacklash
-from gpsim.effects.actuator_bias import ActuatorBias
-from gpsim.effects.actuator_dead_zone import ActuatorDeadZone
-from gpsim.effects.actuator_delay import ActuatorDelay
-from gpsim.effects.actuator_gain import ActuatorGain
-from gpsim.effects.actuator_lag import ActuatorLag
-from gpsim.effects.actuator_rate_limit import ActuatorRateLimit
-from gpsim.effects.actuator_saturation import ActuatorSaturation
-from gpsim.effects.armature import Armature
-from gpsim.effects.battery_sag import BatterySag
-from gpsim.effects.constant_force import ConstantForce
-from gpsim.effects.coulomb_friction import CoulombFriction
+from gpsim.effects import families
 from gpsim.effects.effect import Effect
-from gpsim.effects.frame_rotation import FrameRotation
-from gpsim.effects.gravity_tilt import GravityTilt
-from gpsim.effects.joint_offset import JointOffset
-from gpsim.effects.lateral_slip import LateralSlip
-from gpsim.effects.local_friction_patch import LocalFrictionPatch
-from gpsim.effects.marker_offset import MarkerOffset
-from gpsim.effects.minimum_turning_radius import MinimumTurningRadius
-from gpsim.effects.parameter_offset import ParameterOffset
-from gpsim.effects.payload import Payload
-from gpsim.effects.quadratic_drag import QuadraticDrag
-from gpsim.effects.sensor_bias import SensorBias
-from gpsim.effects.sensor_delay import SensorDelay
-from gpsim.effects.sensor_scale import SensorScale
-from gpsim.effects.spring import Spring
-from gpsim.effects.steering_bias import SteeringBias
-from gpsim.effects.stribeck_friction import StribeckFriction
-from gpsim.effects.understeer import Understeer
-from gpsim.effects.viscous_friction import ViscousFriction
 from gpsim.errors import UsageError
+
+ORDER = (
+    "coulomb_friction", "viscous_friction", "quadratic_drag", "stribeck_friction", "spring", "constant_force",
+    "local_friction_patch", "parameter_offset", "actuator_gain", "actuator_bias", "actuator_dead_zone",
+    "actuator_saturation", "actuator_asymmetry", "actuator_delay", "actuator_lag", "actuator_rate_limit",
+    "actuator_backlash", "battery_sag", "minimum_turning_radius", "understeer", "steering_bias", "lateral_slip",
+    "sensor_bias", "sensor_scale", "sensor_delay", "marker_offset", "frame_rotation", "payload", "armature",
+    "gravity_tilt", "joint_offset",
+)  # fmt: skip
+"""Families that come first, in this order: of two that explain the same, the first one leads. Others follow by name."""
 
 
 def register(effects: Sequence[Effect]) -> Mapping[str, Effect]:
@@ -51,41 +34,22 @@ def register(effects: Sequence[Effect]) -> Mapping[str, Effect]:
     return out
 
 
-FAMILIES: Mapping[str, Effect] = register(
-    [
-        CoulombFriction(),
-        ViscousFriction(),
-        QuadraticDrag(),
-        StribeckFriction(),
-        Spring(),
-        ConstantForce(),
-        LocalFrictionPatch(),
-        ParameterOffset(),
-        ActuatorGain(),
-        ActuatorBias(),
-        ActuatorDeadZone(),
-        ActuatorSaturation(),
-        ActuatorAsymmetry(),
-        ActuatorDelay(),
-        ActuatorLag(),
-        ActuatorRateLimit(),
-        ActuatorBacklash(),
-        BatterySag(),
-        MinimumTurningRadius(),
-        Understeer(),
-        SteeringBias(),
-        LateralSlip(),
-        SensorBias(),
-        SensorScale(),
-        SensorDelay(),
-        MarkerOffset(),
-        FrameRotation(),
-        Payload(),
-        Armature(),
-        GravityTilt(),
-        JointOffset(),
-    ]
-)
+def _written() -> Iterator[Effect]:
+    """One of each class in these files that names a family."""
+    for file in pkgutil.iter_modules(families.__path__):
+        module = import_module(f"{families.__name__}.{file.name}")
+        for found in vars(module).values():
+            own = isinstance(found, type) and issubclass(found, Effect) and found.__module__ == module.__name__
+            if own and "family" in vars(found) and not isabstract(found):
+                yield found()
+
+
+def _ordered(effects: Iterable[Effect]) -> list[Effect]:
+    place = {family: i for i, family in enumerate(ORDER)}
+    return sorted(effects, key=lambda effect: (place.get(effect.family, len(ORDER)), effect.family))
+
+
+FAMILIES: Mapping[str, Effect] = register(_ordered(_written()))
 
 
 def has_patch(family: str) -> bool:

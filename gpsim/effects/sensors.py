@@ -10,7 +10,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.effects.effect import SensorEffect, Values, columns_of
-from gpsim.effects.sensor_delay import SensorDelay
+from gpsim.effects.families.sensor_delay import SensorDelay
 from gpsim.effects.term import Term
 from gpsim.simulators import Memory, Simulator, part_of
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.catalogue import passed_of
 from gpsim.kernels.codes import (
     ASYMMETRY,
     BACKLASH,
@@ -25,6 +26,7 @@ from gpsim.kernels.codes import (
     LAW,
     MEMORY,
     ON,
+    OWN,
     RATE_LIMIT,
     SAG,
     SATURATION,
@@ -109,6 +111,8 @@ def passed(
 ) -> float:
     """What a law makes of a command that is held for h [s] from t [s] on, a mean over that time."""
     first: float = v[at, i]
+    if law >= OWN:
+        return passed_of(law, u, v, at, i)
     if law == GAIN:
         return first * u
     if law == BIAS:

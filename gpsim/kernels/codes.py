@@ -37,6 +37,8 @@ SLIP_CURVE: Final = 35
 RATE_CURVE: Final = 40
 DRIVE_CURVE: Final = 41
 
+OWN: Final = 100  # and beyond: families that write their law as one formula (see `gpsim.kernels.catalogue`)
+
 # Where a twist's law acts: alone, or first, further on or last of several that are one term.
 ALONE: Final = 0
 OPENING: Final = 1
@@ -50,7 +52,8 @@ UNTIL: Final = 2
 EPISODE: Final = 3
 HAT: Final = 4
 
-# Columns of a term: its law, where it acts, its first value, its conditions (from, to), its curve.
+# Columns of a term: its law, where it acts, its first value, its conditions (from, to), its curve, or the action that
+# drives it or is driven.
 LAW: Final = 0
 ON: Final = 1
 VALUE: Final = 2

@@ -25,6 +25,7 @@ from gpsim.private import ExposedError, own_folder
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 ROOM = Path(__file__).parent
+FAMILIES = ROOM.parent / "effects" / "families"  # whose laws are compiled, too
 I1, I2, F1, F2, F3 = "int64[::1]", "int64[:, ::1]", "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
 """Types of arrays in signatures: of whole numbers and others, of one to three dimensions."""
 UNCALLED: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -59,7 +60,7 @@ def folder() -> Path | None:
     of them.
     """
     digest = hashlib.sha256()
-    for path in sorted(ROOM.glob("*.py")):
+    for path in [*sorted(ROOM.glob("*.py")), *sorted(FAMILIES.glob("*.py"))]:
         digest.update(path.read_bytes())
     name = f"kernels-{digest.hexdigest()[:16]}"
     given = os.environ.get("NUMBA_CACHE_DIR")

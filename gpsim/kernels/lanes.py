@@ -56,4 +56,6 @@ ONE: Final = 49 * LANES
 BEGAN: Final = 50 * LANES
 # What is added to a rate in this transition.
 PUSH: Final = 51 * LANES
-SIZE: Final = 52 * LANES
+# The commands as they reached the drives.
+REACHED: Final = 52 * LANES
+SIZE: Final = 54 * LANES

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.catalogue import force_of, grip_of, twist_of
 from gpsim.kernels.codes import (
     COEFFICIENT,
     CONSTANT,
@@ -13,6 +14,7 @@ from gpsim.kernels.codes import (
     FIRST,
     LAW,
     ON,
+    OWN,
     QUADRATIC,
     RADIUS,
     SLIP,
@@ -26,7 +28,7 @@ from gpsim.kernels.codes import (
 )
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import curve, curve_of
-from gpsim.kernels.lanes import LANES, LOAD, MOST, ONE, R1, R2, SUM, R, Y
+from gpsim.kernels.lanes import LANES, LOAD, MOST, ONE, R1, R2, SUM, R, U, Y
 from gpsim.kernels.scalars import clipped, larger, place
 
 TINY = 2.2250738585072014e-308  # the smallest normal number
@@ -60,6 +62,8 @@ def force(
     elif law == CONSTANT:
         for i in range(lanes):
             b[to + i] += v[at, i] * shares[n, i]
+    elif law >= OWN:
+        force_of(b, lanes, law, at, v, position, speed, to, shares, n)
     else:
         about = terms[n, CURVE]
         curve(
@@ -97,6 +101,8 @@ def grip(
             slow = b[speed + i] / v[at + 2, i]
             more = larger(v[at + 1, i] - v[at, i], 0.0) * math.exp(-(slow * slow))
             b[MOST + i] += (v[at, i] + more) * shares[n, i]
+    elif law >= OWN:
+        grip_of(b, lanes, law, at, v, position, speed, place(U + terms[n, CURVE] * LANES), shares, n)
     else:
         about = terms[n, CURVE]
         of_speed = curves[about, FIRST] == 1
@@ -128,6 +134,8 @@ def twist(
     elif law == SLIP:
         for i in range(lanes):
             b[R1 + i] -= v[at, i] * b[R + i] * b[R2 + i]
+    elif law >= OWN:
+        twist_of(b, lanes, law, at, v)
     else:
         curve(b, lanes, place(SUM), place(SUM + 2 * LANES), at, curves, terms[n, CURVE], knots, v, ONE)
         if law == TURN_CURVE:

@@ -19,6 +19,7 @@ from gpsim.effects import (
     TO,
     ActuatorEffect,
     Chain,
+    DriveEffect,
     Effect,
     ForceEffect,
     Gate,
@@ -138,7 +139,7 @@ class _Writer:
                 return ways, None
             followed = of[i].on in [of[j].on for j in ways[place + 1 :]]
             at = len(self.columns)
-            self.columns += [(i, name, np.nan) for name in law[1]]
+            self.columns += [(i, name, of[i].effect.takes.get(name, np.nan)) for name in law[1]]
             rows.append(
                 [law[0], action.index(of[i].on), at, *self._gated(i, of[i].gate), 0, 0, int(followed)]
             )
@@ -153,6 +154,7 @@ class _Writer:
         dry = [i for i in forces if _is_dry(of[i].effect)]
         coordinates = list(dict.fromkeys(of[i].on for i in dry))
         parts = [
+            [i for i, t in enumerate(of) if isinstance(t.effect, DriveEffect)],
             [i for i in forces if i not in dry],
             sorted(dry, key=lambda i: coordinates.index(of[i].on)),  # those of a coordinate together
             [i for i, t in enumerate(of) if isinstance(t.effect, ParameterEffect)],
@@ -170,7 +172,7 @@ class _Writer:
             begins.append(len(self.terms))
             for i in part:
                 self._write(i, of[i])
-        return [*begins, len(self.terms)]
+        return [*begins[1:], len(self.terms)]  # those of drives begin where all do
 
     def _write(self, index: int, term: Term) -> None:
         effect = term.effect
@@ -182,8 +184,8 @@ class _Writer:
         law = _law_of(term)
         if law is None:
             raise _NotCompiled
-        self.terms.append([law[0], self._place(term), len(self.columns), *gate, -1])
-        self.columns += [(index, name, np.nan) for name in law[1]]
+        self.terms.append([law[0], self._place(term), len(self.columns), *gate, self._command(term)])
+        self.columns += [(index, name, effect.takes.get(name, np.nan)) for name in law[1]]
 
     def _write_curve(self, index: int, term: Term, curve: Curve, gate: tuple[int, int]) -> None:
         if curve.of not in tables.CURVES or len(curve.axes) > 2 or min(map(len, curve.axes)) < 2:
@@ -212,12 +214,22 @@ class _Writer:
     def _place(self, term: Term) -> int:
         """The coordinate or the parameter that a term acts on."""
         simulator = self.chain.simulator
-        if isinstance(term.effect, ForceEffect):
+        if isinstance(term.effect, ForceEffect | DriveEffect):
             names = [c.name for c in simulator.coordinates]
-            return self.inner.own[names.index(term.on)]
+            on = simulator.driven()[term.on] if isinstance(term.effect, DriveEffect) else term.on
+            return self.inner.own[names.index(on)]
         if isinstance(term.effect, ParameterEffect):
             return list(self.inner.simulator.parameters).index(term.on)
         return 0
+
+    def _command(self, term: Term) -> int:
+        """The action that a drive gives, or that presses on what rubs; -1 of all others."""
+        effect, simulator = term.effect, self.chain.simulator
+        if isinstance(effect, DriveEffect):
+            return simulator.action.index(term.on)
+        if isinstance(effect, ForceEffect) and effect.loaded_by_command:
+            return next(simulator.action.index(u) for u, on in simulator.driven().items() if on == term.on)
+        return -1
 
     def _channel(self, column: int) -> int:
         """A channel of state and action as compiled code counts them."""
@@ -274,6 +286,8 @@ def _law_of(term: Term) -> Law | None:
         )
     if isinstance(effect, ParameterEffect):
         return tables.PARAMETERS.get(family)
+    if isinstance(effect, DriveEffect):
+        return tables.OWN_DRIVES.get(family)
     return tables.TWISTS.get(family) if isinstance(effect, VehicleEffect) else None
 
 

@@ -6,6 +6,7 @@ Shares of terms without a gate are one.
 from __future__ import annotations
 
 from gpsim.channels import FloatArray, IntArray
+from gpsim.kernels.catalogue import given_of
 from gpsim.kernels.codes import (
     ACKERMANN,
     CARTPOLE,
@@ -13,6 +14,7 @@ from gpsim.kernels.codes import (
     CURVE,
     DRIVE_CURVE,
     FINE,
+    FORCES,
     GATE,
     GATE_END,
     HELD,
@@ -38,7 +40,7 @@ from gpsim.kernels.compiling import compiled
 from gpsim.kernels.curves import curve_at
 from gpsim.kernels.friction import push, rub_all
 from gpsim.kernels.gates import find_shares
-from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, PUSH, SUM, F, H, K, P, R, U, X, Y
+from gpsim.kernels.lanes import AHEAD, K1, LANES, ONE, PUSH, REACHED, SUM, Y1, F, H, K, P, R, U, X, Y
 from gpsim.kernels.laws import twist
 from gpsim.kernels.scalars import blended, place
 from gpsim.kernels.systems import rates, slope, turning
@@ -80,6 +82,13 @@ def find(
     shares: FloatArray,
 ) -> None:
     """Fill R with the rates in the stage's state, whatever acts; SIN and COS are those of that state."""
+    drives = layout[FORCES]  # their terms come first
+    if drives:
+        for i in range(2 * LANES):
+            b[REACHED + i] = b[U + i]
+        for n in range(drives):
+            speed = place(Y1 + 2 * terms[n, ON] * LANES)
+            given_of(b, lanes, terms[n, LAW], terms[n, VALUE], v, place(U + terms[n, CURVE] * LANES), speed)
     push(b, lanes, layout, terms, curves, knots, v, shares)
     rates(b, lanes, layout[SYSTEM], layout[HELD])
     rub_all(b, lanes, layout, terms, curves, knots, v, shares)
@@ -99,6 +108,9 @@ def find(
         at = place(R + (layout[PUSHED] - 1) * LANES)
         for i in range(lanes):
             b[at + i] += b[PUSH + i]
+    if drives:
+        for i in range(2 * LANES):
+            b[U + i] = b[REACHED + i]
 
 
 @compiled

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, ForceEffect, VehicleEffect
 from gpsim.kernels import codes
 from gpsim.simulators import Ackermann, CartPole, Pendulum, Simulator, Slider, Unicycle
 
@@ -19,13 +20,37 @@ SYSTEMS: Mapping[type[Simulator], int] = {
     Ackermann: codes.ACKERMANN,
 }
 
+OWN: Mapping[str, int] = {
+    family: codes.OWN + i
+    for i, family in enumerate(
+        f
+        for f, e in FAMILIES.items()
+        if type(e).law is not None or (isinstance(e, ForceEffect) and type(e).dry_law is not None)
+    )
+}
+"""The number of every family that writes its law as one formula: compiled code takes it from there."""
+
+
+def _own(site: type[Effect], *, dry: bool = False) -> dict[str, Law]:
+    """Those of a site, with what they read."""
+    return {
+        family: (number, tuple(FAMILIES[family].takes))
+        for family, number in OWN.items()
+        if isinstance(effect := FAMILIES[family], site) and (not isinstance(effect, ForceEffect) or effect.dry == dry)
+    }
+
+
+OWN_FORCES, OWN_DRY = _own(ForceEffect), _own(ForceEffect, dry=True)
+OWN_DRIVES, OWN_ACTUATORS, OWN_TWISTS = _own(DriveEffect), _own(ActuatorEffect), _own(VehicleEffect)
 FORCES: Mapping[str, Law] = {
+    **OWN_FORCES,
     "viscous_friction": (codes.VISCOUS, ("damping",)),
     "quadratic_drag": (codes.QUADRATIC, ("drag",)),
     "spring": (codes.SPRING, ("stiffness", "rest_position")),
     "constant_force": (codes.CONSTANT, ("force",)),
 }
 DRY: Mapping[str, Law] = {
+    **OWN_DRY,
     "coulomb_friction": (codes.COULOMB, ("force",)),
     "local_friction_patch": (codes.COULOMB, ("force",)),
     "stribeck_friction": (codes.STRIBECK, ("force", "static_force", "stribeck_velocity")),
@@ -33,12 +58,14 @@ DRY: Mapping[str, Law] = {
 BY_LOAD: Mapping[str, Law] = {"coulomb_friction": (codes.COEFFICIENT, ("coefficient",))}
 PARAMETERS: Mapping[str, Law] = {"parameter_offset": (codes.RATIO, ("ratio",))}
 TWISTS: Mapping[str, Law] = {
+    **OWN_TWISTS,
     "minimum_turning_radius": (codes.RADIUS, ("radius",)),
     "understeer": (codes.UNDERSTEER, ("gradient",)),
     "steering_bias": (codes.STEERING, ("curvature",)),
     "lateral_slip": (codes.SLIP, ("slip",)),
 }
 ACTUATORS: Mapping[str, Law] = {
+    **OWN_ACTUATORS,
     "actuator_delay": (codes.DELAY, ("delay",)),
     "actuator_dead_zone": (codes.DEAD_ZONE, ("width",)),
     "actuator_saturation": (codes.SATURATION, ("limit",)),

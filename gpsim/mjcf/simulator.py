@@ -89,6 +89,10 @@ class MjcfSimulator(Simulator):
         """Of every actuator on a joint which one it drives."""
         return self._body.names.drives
 
+    def driven(self) -> dict[str, str]:
+        """None: what its drives give is within its step."""
+        return {}
+
     @property
     def layout(self) -> Layout:
         """Where its channels lie in the model's positions and velocities."""

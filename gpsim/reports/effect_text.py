@@ -8,43 +8,6 @@ from collections.abc import Mapping
 from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.effects import FAMILIES
 
-SENTENCES: Mapping[str, str] = {
-    "viscous_friction": "viscous friction on {on} with damping {damping} was left out",
-    "quadratic_drag": "quadratic drag on {on} of {drag} was left out",
-    "stribeck_friction": "Stribeck friction on {on} ({static_force} at rest, {force} sliding, "
-    "falling over {stribeck_velocity}) was left out",
-    "spring": "a spring on {on} of {stiffness} resting at {rest_position} was left out",
-    "constant_force": "a constant force of {force} on {on} was left out",
-    "local_friction_patch": "a patch of {on} brakes with a friction of {force}",
-    "parameter_offset": "{on} is {ratio} times what the simulator believes",
-    "actuator_gain": "{on} acts with {gain} times its commanded size",
-    "actuator_bias": "{on} acts with an offset of {bias}",
-    "actuator_dead_zone": "{on} does nothing below {width}",
-    "actuator_saturation": "{on} saturates at {limit}",
-    "actuator_asymmetry": "{on} acts with {gain_positive} times a positive command and {gain_negative} times a "
-    "negative one",
-    "actuator_delay": "{on} acts {delay} late",
-    "actuator_lag": "{on} follows its command with a lag of {time_constant}",
-    "actuator_rate_limit": "{on} changes no faster than {rate}",
-    "actuator_backlash": "{on} has a backlash of half width {half_width}",
-    "battery_sag": "{on} loses {loss_per_second} of its strength (battery sag)",
-    "minimum_turning_radius": "the vehicle turns no tighter than a radius of {radius}",
-    "understeer": "the vehicle understeers with a gradient of {gradient}",
-    "steering_bias": "the steering is off by a curvature of {curvature}",
-    "lateral_slip": "the vehicle slips sideways by {slip} times its lateral acceleration",
-    "sensor_bias": "the sensor of {on} is off by {offset}",
-    "sensor_scale": "the sensor of {on} reads {scale} times the truth",
-    "sensor_delay": "the sensor of {on} is {delay} late",
-    "marker_offset": "the marker sits {forward} ahead and {left} left of the vehicle's reference point",
-    "frame_rotation": "the measured yaw is turned by {angle}",
-    "payload": "a payload of {mass} on {on}, at ({x}, {y}, {z}) in its frame, was left out",
-    "armature": "rotor inertia of {inertia} on {on} was left out",
-    "gravity_tilt": "the base is tilted by a roll of {roll} and a pitch of {pitch}",
-    "joint_offset": "the zero of {on} is off by {offset}",
-}
-"""Of the families that have more to say than that they were left out, in their parameters' names."""
-
-
 OFF = "{on} is {offset} off what the simulator believes"
 """Of a parameter that may be 0, as a place may."""
 
@@ -58,7 +21,7 @@ def effect_sentence(effect: NamedEffect) -> str:
 def _said(effect: NamedEffect) -> str:
     """The same, wherever it acts."""
     numbers = {name: estimate_text(estimate) for name, estimate in effect.parameters.items()}
-    sentence = SENTENCES.get(effect.family, "")
+    sentence = FAMILIES[effect.family].sentence if effect.family in FAMILIES else ""
     if effect.family == "parameter_offset" and "offset" in numbers:
         sentence = OFF
     try:

@@ -124,6 +124,26 @@ class Simulator(ABC):
         """(B, R) by how much a unit force on a coordinate changes the rates; None where only `rates` tells."""
         return None
 
+    def driven(self) -> dict[str, str]:
+        """Action -> the coordinate that it drives: what a unit of it does to the rates is what a force there does.
+
+        Tried at one state; an action that drives several coordinates, or none, is left out.
+        """
+        state, parameters = np.full((1, len(self.state)), 0.1), self.defaults()
+        count = len(self.coordinates)
+        if not count:
+            return {}
+        none = np.zeros((1, len(self.action)))
+        free = self.rates(state, none, parameters, np.zeros((1, count)))[0]
+        pushed = [self.rates(state, none, parameters, np.eye(count)[[i]])[0] - free for i in range(count)]
+        found = {}
+        for column, action in enumerate(self.action.names):
+            acts = self.rates(state, np.eye(len(self.action))[[column]], parameters, np.zeros((1, count)))[0]
+            of = [c.name for c, p in zip(self.coordinates, pushed, strict=True) if _parallel(acts - free, p)]
+            if len(of) == 1:
+                found[action] = of[0]
+        return found
+
     def with_state(self, state: Channels) -> Simulator | None:
         """The same with channels of which others wrap, from a simulator that makes it itself; else None."""
         return None
@@ -205,6 +225,12 @@ class Simulator(ABC):
     ) -> FloatArray:
         """(B, S): the state after dt (B,) s with the action held."""
         return self.integrate(state, lambda s: self.rates(s, action, parameters), dt, integrator)
+
+
+def _parallel(one: FloatArray, other: FloatArray) -> bool:
+    """Whether one vector is the other times a number above 0."""
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return size > 0.0 and float(one @ other) > (1.0 - 1e-9) * size
 
 
 class MechanicalSimulator(Simulator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
@@ -167,8 +167,14 @@ def stronger(p: EffectParameter, value: float, times: float) -> float:
 
 
 def starts_of(candidate: Candidate) -> list[tuple[float, ...]]:
-    """Every combination of the parameters' starting values."""
-    return list(product(*(p.starts for p in candidate.declared)))
+    """Every combination of the parameters' starting values; paired ones go together."""
+    groups: list[list[tuple[float, ...]]] = []
+    for p in candidate.declared:
+        if p.paired:
+            groups[-1] = [(*one, start) for one, start in zip(groups[-1], p.starts, strict=True)]
+        else:
+            groups.append([(start,) for start in p.starts])
+    return [tuple(chain.from_iterable(one)) for one in product(*groups)]
 
 
 def _looked_at(candidate: Candidate, small: float) -> list[tuple[float, ...]]:

@@ -1,0 +1,59 @@
+"""Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q'), holding a body at rest up to Fs.
+
+Stribeck (1902); Armstrong-Helouvry, Dupont and Canudas de Wit (1994), equation (6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.effects.effect import ForceEffect, FunctionOf, Values
+from gpsim.effects.place import EffectParameter, Place, Plausible
+
+
+class StribeckFriction(ForceEffect):
+    """Stribeck friction: -(Fc + (Fs - Fc) exp(-(q'/vs)^2)) sgn(q')."""
+
+    family: ClassVar[str] = "stribeck_friction"
+    sentence: ClassVar[str] = (
+        "Stribeck friction on {on} ({static_force} at rest, {force} sliding, "
+        "falling over {stribeck_velocity}) was left out"
+    )
+    function_of: ClassVar[FunctionOf] = "speed"
+    noun: ClassVar[str] = "Stribeck friction"
+    plausible: ClassVar[Mapping[str, Plausible]] = {
+        "force": Plausible(0.0, 3.0, "size", "as Coulomb friction"),
+        "static_force": Plausible(
+            0.0,
+            3.0,
+            "size",
+            "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)",
+        ),
+    }
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Force (sliding), static_force [the coordinate's] and stribeck_velocity [speed]."""
+        span, speed = place.span, place.speed
+        unit = f"{place.position_unit}/s"
+        return (
+            EffectParameter("force", place.unit, 0.0, 20 * span, (0.15 * span,), 0.2 * span),
+            EffectParameter("static_force", place.unit, 0.0, 20 * span, (0.4 * span,), 0.2 * span),
+            EffectParameter(
+                "stribeck_velocity", unit, 0.01 * speed, 2 * speed, (0.1 * speed, 0.4 * speed), 0.2 * speed
+            ),
+        )
+
+    def grip(
+        self, position: FloatArray, speed: FloatArray, values: Values, load: FloatArray | None
+    ) -> FloatArray | None:
+        """The sliding force, which grows to the static one, where that is larger, as the speed falls."""
+        fall = np.exp(-((speed / values["stribeck_velocity"]) ** 2))
+        return np.asarray(values["force"] + np.maximum(values["static_force"] - values["force"], 0.0) * fall)
+
+    def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        """Coulomb friction; in a region of its own coordinate that is a patch."""
+        return {"coulomb_friction": (values["force"],), "local_friction_patch": (values["force"],)}
