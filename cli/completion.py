@@ -15,7 +15,7 @@ import typer
 
 LOGS = (".bag", ".db3", ".mcap", ".mat", ".csv", ".parquet")
 POLICIES = ("train-source", "train-gp-policy")
-LISTS = ("diagnose.families.only", "diagnose.families.without", "diagnose.families.require")
+LISTS = tuple(f"diagnose.families.{name}" for name in ("only", "without", "require", "also"))
 """Settings whose values are lists of families."""
 RECORDED = ("recording", "collect.source", "deployed")
 FORMATS = ("mcap", "csv", "parquet")

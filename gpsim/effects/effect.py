@@ -58,8 +58,12 @@ class Effect(ABC):
     plausible: ClassVar[Mapping[str, Plausible]] = {}  # parameter -> the sizes that machines have
     order: ClassVar[int] = 50  # several effects on an action, a twist or a sensor act in ascending order
     asked: ClassVar[bool] = True  # is it among what a diagnosis asks unless told otherwise?
-    sentence: ClassVar[str] = ""  # what a person would say of it: {on} and the names of its parameters are filled in
-    takes: ClassVar[Mapping[str, float]] = {}  # a law's parameters, in its order, and what one is where it is missing
+    sentence: ClassVar[str] = (
+        ""  # what a person would say of it: {on} and the names of its parameters are filled in
+    )
+    takes: ClassVar[
+        Mapping[str, float]
+    ] = {}  # a law's parameters, in its order, and what one is where it is missing
     law: ClassVar[Law | None] = None  # the family's law as one formula, where it has one
 
     def taken(self, values: Values) -> list[FloatArray | float]:
@@ -88,7 +92,9 @@ class ForceEffect(Effect):
 
     site: ClassVar[Site] = "force"
     dry_law: ClassVar[Law | None] = None
-    loaded_by_command: ClassVar[bool] = False  # is its load the size of the command that drives the coordinate?
+    loaded_by_command: ClassVar[bool] = (
+        False  # is its load the size of the command that drives the coordinate?
+    )
 
     @property
     def dry(self) -> bool:

@@ -13,7 +13,15 @@ from typing import Literal
 import numpy as np
 
 Of = Literal[
-    "1", "size", "speed", "size / speed", "size / speed^2", "size / reach", "size / reach^3", "1 / reach", "step"
+    "1",
+    "size",
+    "speed",
+    "size / speed",
+    "size / speed^2",
+    "size / reach",
+    "size / reach^3",
+    "1 / reach",
+    "step",
 ]
 """In what a range is counted: plain, or by how large things are where the effect acts (see `Place`)."""
 
@@ -56,9 +64,10 @@ class Place:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate went;
     ripples: (period, phase) of what a scan over its positions found. speed: the typical speed of a coordinate, or of
-    the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of
-    a difference from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction:
-    what the simulator itself has of a coordinate's, which may be less in truth.
+    the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
+    parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
+    centre: of a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be
+    less in truth.
     """
 
     on: str

@@ -39,7 +39,9 @@ def _written() -> Iterator[Effect]:
     for file in pkgutil.iter_modules(families.__path__):
         module = import_module(f"{families.__name__}.{file.name}")
         for found in vars(module).values():
-            own = isinstance(found, type) and issubclass(found, Effect) and found.__module__ == module.__name__
+            own = (
+                isinstance(found, type) and issubclass(found, Effect) and found.__module__ == module.__name__
+            )
             if own and "family" in vars(found) and not isabstract(found):
                 yield found()
 

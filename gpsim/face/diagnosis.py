@@ -56,8 +56,8 @@ def diagnose(
         progress: called as progress(done, 100, note).
         settings: thresholds, as `{"search": {"beam": 5}}` or a `Settings`: docs/reference/settings.md lists them.
         known: what is known of the simulator: `{"fix": {"mass": 1.2}, "bounds": {"length": [0.4, 0.6]}}`.
-        families: of effects to ask for: `{"only": [...], "without": [...], "require": [...]}`, each a family or
-            `family on place`; `gpsim.effects.FAMILIES` has them all.
+        families: of effects to ask for: `{"only": [...], "without": [...], "require": [...], "also": [...]}`, each a
+            family or `family on place`; `gpsim.effects.FAMILIES` has them all.
         seed: of the bootstrap's draws.
         cores: processes to share the work with. More than 1 need a simulator by name or from a file, and, in a
             script, `if __name__ == "__main__":` around it.

@@ -17,14 +17,19 @@ from gpsim.kernels.scalars import place
 Loops = Callable[..., None]
 
 
-def _loops(name: str, arguments: str, site: Iterable[str], before: str, body: str, *, dry: bool = False) -> Loops:
+def _loops(
+    name: str, arguments: str, site: Iterable[str], before: str, body: str, *, dry: bool = False
+) -> Loops:
     """A function of (b, lanes, terms' law, where its values begin, v, *arguments): the loop of the law asked for.
 
     before: lines ahead of all loops; body: what a loop does, in which LAW(inputs) stands for the law of the inputs and
     its values.
     """
     rooms: dict[str, Any] = {"place": place, **{k: v for k, v in vars(lanes).items() if k.isupper()}}
-    lines = [f"def {name}(b, lanes, law, at, v, {arguments}):", *(f"    {line}" for line in before.splitlines())]
+    lines = [
+        f"def {name}(b, lanes, law, at, v, {arguments}):",
+        *(f"    {line}" for line in before.splitlines()),
+    ]
     for family in site:
         effect, number = FAMILIES[family], tables.OWN[family]
         rooms[f"law_{number}"] = compiled(effect.dry_law if dry else effect.law)  # type: ignore[attr-defined,type-var]

@@ -36,7 +36,8 @@ def _own(site: type[Effect], *, dry: bool = False) -> dict[str, Law]:
     return {
         family: (number, tuple(FAMILIES[family].takes))
         for family, number in OWN.items()
-        if isinstance(effect := FAMILIES[family], site) and (not isinstance(effect, ForceEffect) or effect.dry == dry)
+        if isinstance(effect := FAMILIES[family], site)
+        and (not isinstance(effect, ForceEffect) or effect.dry == dry)
     }
 
 

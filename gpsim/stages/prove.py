@@ -32,7 +32,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import ARM, MACHINES_FROM, ROUGH_FROM, kind_of, stratum_of
+from gpsim.trials.drawing import ARM, MACHINES_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
 from gpsim.trials.robots import ROBOTS_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
@@ -63,6 +63,9 @@ def numbers_of(
     if strange:
         raise UsageError(f"no stratum '{strange[0]}'; there are: {', '.join(STRATA)}")
 
+    if "words" in strata and len(strata) > 1:
+        raise UsageError("worlds of newer families are counted by themselves: --stratum words alone")
+
     def wanted(number: int) -> bool:
         stratum, is_long, _ = stratum_of(number)
         return (not strata or stratum in strata) and (long or not is_long)
@@ -71,7 +74,8 @@ def numbers_of(
         raise UsageError(
             "no worlds: say how many with --trials, --rough for rough ones, --machines for machines"
         )
-    plain_ones = islice((n for n in count(1) if wanted(n)), trials)
+    first = WORDS_FROM + 1 if "words" in strata else 1
+    plain_ones = islice((n for n in count(first) if wanted(n)), trials)
     return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1), *machines_numbers(machines)]
 
 

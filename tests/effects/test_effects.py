@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from gpsim.effects import FAMILIES, ForceEffect, Gate, Place, RateEffect, Term
+from gpsim.effects import FAMILIES, ActuatorEffect, ForceEffect, Gate, Place, RateEffect, Term
 from gpsim.effects.chain import Chain
 from gpsim.effects.registry import effect_of, has_patch, register
 from gpsim.effects.term import from_json, to_json
@@ -253,7 +253,10 @@ def test_a_family_says_what_its_law_is_a_function_of():
 def test_what_a_law_is_a_function_of_is_all_that_moves_it():
     """A friction is the same everywhere, a spring at every speed."""
     q, v = np.array([-0.7, 0.2, 0.9]), np.array([-1.3, 0.4, 0.8])
-    for effect in (e for e in FAMILIES.values() if isinstance(e, ForceEffect)):
+    of_one = [
+        e for e in FAMILIES.values() if isinstance(e, ForceEffect) and e.function_of in ("speed", "position")
+    ]
+    for effect in of_one:
         values = {p.name: np.full(3, p.starts[0]) for p in effect.parameters(Place("q", "N"))}
         of = effect.force if not effect.dry else lambda x, s, given: effect.grip(x, s, given, None)  # noqa: B023
         moved = of(q + 0.3, v, values) if effect.function_of == "speed" else of(q, v + 0.3, values)
@@ -285,7 +288,7 @@ def test_every_family_states_its_law_its_units_and_where_it_comes_from(family):
     assert all(p.unit for p in effect.parameters(Place(on, "N")))
 
 
-@pytest.mark.parametrize("family", [f for f, e in FAMILIES.items() if e.site == "actuator"])
+@pytest.mark.parametrize("family", [f for f, e in FAMILIES.items() if isinstance(e, ActuatorEffect)])
 def test_a_family_says_that_it_drifts_if_its_law_knows_the_time(family):
     effect, commands = FAMILIES[family], np.array([[1.0, -2.0, 3.0]])
     values = {p.name: np.array([[p.starts[0]]]) for p in effect.parameters(Place("u", "N"))}

@@ -29,9 +29,10 @@ def test_ranks_count_up_within_a_stratum():
 
 
 def test_every_family_comes_once_a_cycle():
-    names = [drawing.first_family(4, "single", rank) for rank in range(2 * len(catalogue.STRENGTHS))]
-    assert sorted(names[: len(catalogue.STRENGTHS)]) == sorted(catalogue.STRENGTHS)
-    assert sorted(names[len(catalogue.STRENGTHS) :]) == sorted(catalogue.STRENGTHS)
+    for stratum, families in (("single", catalogue.DECK), ("words", catalogue.WORDS)):
+        names = [drawing.first_family(4, stratum, rank) for rank in range(2 * len(families))]
+        assert sorted(names[: len(families)]) == sorted(families)
+        assert sorted(names[len(families) :]) == sorted(families)
 
 
 def test_the_same_trial_is_the_same_world():

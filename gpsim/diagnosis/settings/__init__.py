@@ -31,7 +31,7 @@ from gpsim.diagnosis.settings.fitting import (
 from gpsim.diagnosis.settings.form import FormSettings
 from gpsim.diagnosis.settings.gates import GateSettings
 from gpsim.diagnosis.settings.judgement import BlackBoxSettings, RivalSettings, VerdictSettings
-from gpsim.diagnosis.settings.known import NOTHING_KNOWN, Known, read_known
+from gpsim.diagnosis.settings.known import NAMES, NOTHING_KNOWN, Known, read_known
 from gpsim.diagnosis.settings.reference import as_page, as_yaml
 from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
 from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
@@ -45,6 +45,7 @@ from gpsim.diagnosis.settings.setup import (
 )
 
 __all__ = [
+    "NAMES",
     "NOTHING_KNOWN",
     "AcceptanceSettings",
     "AngleSettings",

@@ -10,7 +10,7 @@ from typing import Any
 from gpsim.errors import UsageError
 
 Interval = tuple[float, float]
-NAMES = ("only", "without", "require")
+NAMES = ("only", "without", "require", "also")
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Known:
     """What the user knows, checked for form; for names see `setup.known`.
 
     fix: values of the simulator's parameters, in their units; bounds: of such a parameter, or `family.on.parameter`, in
-    its unit; only, without, require: `family` or `family on place`.
+    its unit; only, without, require, also: `family` or `family on place`.
     """
 
     fix: Mapping[str, float] = field(default_factory=dict)
@@ -26,13 +26,15 @@ class Known:
     only: tuple[str, ...] = ()
     without: tuple[str, ...] = ()
     require: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        return any((self.fix, self.bounds, self.only, self.without, self.require))
+        return any((self.fix, self.bounds, self.only, self.without, self.require, self.also))
 
-    def asks(self, claim: tuple[str, str]) -> bool:
-        """Whether a term (family, place) may be offered."""
-        wanted = not self.only or _named(claim, (*self.only, *self.require))
+    def asks(self, claim: tuple[str, str], usual: bool = True) -> bool:
+        """Whether a term (family, place) may be offered; usual: its family is, unless told otherwise."""
+        named = _named(claim, (*self.only, *self.require, *self.also))
+        wanted = named if self.only else (usual or named)
         fixed = claim[0] == "parameter_offset" and claim[1] in self.fix
         return wanted and not fixed and not _named(claim, self.without)
 

@@ -18,6 +18,7 @@ KNOWN = (
     "  only: []             # ask for these alone; []: for all",
     "  without: []          # do not ask for these",
     "  require: []          # in the account from the start, and told where they do nothing",
+    "  also: []             # ask for these beside the usual ones",
 )
 """What a user may say beside the settings, which is no threshold."""
 NARROW = 60  # columns of a value, beside which its meaning begins

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.fitting import Candidate
-from gpsim.diagnosis.settings import Known
+from gpsim.diagnosis.settings import NAMES, Known
 from gpsim.effects import FAMILIES, EffectParameter
 from gpsim.errors import UsageError
 from gpsim.simulators import Simulator
@@ -24,7 +24,7 @@ def with_known(known: Known, simulator: Simulator, parameters: Mapping[str, floa
     for name in known.fix:
         _check(name, simulator.parameters, "diagnose.known.fix", f"parameter of {simulator.name}")
     fixed = simulator.defaults({**parameters, **known.fix}) if known else dict(parameters)
-    for what in ("only", "without", "require"):
+    for what in NAMES:
         for name in getattr(known, what):
             _check_family(name, simulator, f"{FAMILIES_AT}.{what}")
     for name, (low, high) in known.bounds.items():
@@ -41,7 +41,9 @@ def with_known(known: Known, simulator: Simulator, parameters: Mapping[str, floa
 
 def allowed(known: Known, offers: Sequence[Candidate], parameters: Mapping[str, float]) -> list[Candidate]:
     """What may be offered, within the bounds that the user gave; raises UsageError where something required is not."""
-    kept = [_bounded(c, known, parameters) for c in offers if known.asks(c.identity)]
+    kept = [
+        _bounded(c, known, parameters) for c in offers if known.asks(c.identity, FAMILIES[c.family].asked)
+    ]
     usable = [c for c in kept if not c.only_gated]
     for name in known.lacking([c.identity for c in usable]):
         region = known.lacking([c.identity for c in kept]) != known.lacking([c.identity for c in usable])

@@ -9,6 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.contacts import apart
+from gpsim.diagnosis.setup.ripples import ripples
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
@@ -50,6 +51,9 @@ class Sizes:
         rates = simulator.rates(rows.states, rows.actions, parameters)
         rows_rates = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
         self._forces: dict[str, float] = {}
+        self._visited: dict[str, tuple[float, float]] = {}
+        self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
+        self._driven = simulator.driven()
         for i, coordinate in enumerate(simulator.coordinates):
             unit = np.zeros((len(rows), len(simulator.coordinates)))
             unit[:, i] = 1.0
@@ -60,8 +64,15 @@ class Sizes:
             usual = float(np.sqrt(np.mean(rates[:, column] ** 2)))
             if usual < settings.unforced * (measured := _typical(np.abs(rows_rates[:, column]), MEDIAN)):
                 usual = measured  # nobody pushes: what it does is all that tells how large forces are
-            force = usual / max(float(np.median(np.abs(mobility))), TINY)
-            self._forces[coordinate.name] = max(force, TINY)
+            easily = max(float(np.median(np.abs(mobility))), TINY)
+            self._forces[coordinate.name] = max(usual / easily, TINY)
+            at, speed = (simulator.state.index(n) for n in (coordinate.name, coordinate.velocity))
+            q, v = rows.states[:, at], rows.states[:, speed]
+            self._visited[coordinate.name] = float(q.min()), float(q.max())
+            missed = (rows_rates - rates)[:, column] / np.where(np.abs(mobility) > 0, mobility, np.inf)
+            self._ripples[coordinate.name] = ripples(
+                q, v, missed, rows.actions, recording.dt, simulator.state.wraps[at]
+            )
         self._loaded = set(simulator.normal_force(rows.states, rates, parameters))
 
     def place(self, effect: Effect, on: str) -> Place:
@@ -80,10 +91,17 @@ class Sizes:
                 loaded=on in self._loaded,
                 damping=coordinate.damping,
                 friction=coordinate.friction,
+                visited=self._visited[on],
+                ripples=self._ripples[on],
             )
         if effect.site == "actuator":
             unit = self._simulator.action.units[on]
-            return Place(on, unit, span=self._spans[on], reach=self._duration, dt=self._dt)
+            driven = next((c for c in self._simulator.coordinates if c.name == self._driven.get(on)), None)
+            moves = {"speed": self._spans[driven.velocity]} if driven else {}
+            length = self._simulator.state.units[driven.name] if driven else ""
+            return Place(
+                on, unit, span=self._spans[on], reach=self._duration, dt=self._dt, length=length, **moves
+            )
         if effect.site == "sensor" and on in self._deviations:
             return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
         if effect.site == "parameter" and on in self._simulator.parameters:

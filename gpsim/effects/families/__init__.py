@@ -1,1 +1,1 @@
-"""The families of effects, one file each; whoever adds a file here has added a family (see `gpsim.effects.registry`)."""
+"""The families of effects, one file each: a file that is added here is a family that is asked."""

@@ -21,8 +21,7 @@ class ActuatorAsymmetry(ActuatorEffect):
 
     family: ClassVar[str] = "actuator_asymmetry"
     sentence: ClassVar[str] = (
-        "{on} acts with {gain_positive} times a positive command and "
-        "{gain_negative} times a negative one"
+        "{on} acts with {gain_positive} times a positive command and {gain_negative} times a negative one"
     )
     function_of: ClassVar[FunctionOf] = "command"
     order: ClassVar[int] = 50

@@ -28,11 +28,15 @@ class CoggingForce(ForceEffect):
     family: ClassVar[str] = "cogging_force"
     function_of: ClassVar[FunctionOf] = "position"
     noun: ClassVar[str] = "cogging"
-    sentence: ClassVar[str] = "a ripple of {amplitude} on {on}, once every {period} of the way (cogging), was left out"
+    sentence: ClassVar[str] = (
+        "a ripple of {amplitude} on {on}, once every {period} of the way (cogging), was left out"
+    )
     takes: ClassVar[Mapping[str, float]] = {"amplitude": np.nan, "period": np.nan, "phase": np.nan}
     law: ClassVar[Law] = staticmethod(ripple)
     plausible: ClassVar[Mapping[str, Plausible]] = {
-        "amplitude": Plausible(0.0, 3.0, "size", "by reason: a ripple beyond the drive holds the body in one tooth"),
+        "amplitude": Plausible(
+            0.0, 3.0, "size", "by reason: a ripple beyond the drive holds the body in one tooth"
+        ),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
@@ -44,6 +48,8 @@ class CoggingForce(ForceEffect):
             EffectParameter(
                 "amplitude", place.unit, 0.0, 20 * place.span, (0.3 * place.span,), 0.2 * place.span
             ),
-            EffectParameter("period", length, 0.2 * min(periods), 5 * max(periods), periods, 0.02 * min(periods)),
+            EffectParameter(
+                "period", length, 0.2 * min(periods), 5 * max(periods), periods, 0.02 * min(periods)
+            ),
             EffectParameter("phase", "rad", -2 * TURN, 2 * TURN, phases, 0.3, place=True, paired=True),
         )

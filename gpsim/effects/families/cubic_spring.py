@@ -26,7 +26,8 @@ class CubicSpring(ForceEffect):
     family: ClassVar[str] = "cubic_spring"
     function_of: ClassVar[FunctionOf] = "position"
     sentence: ClassVar[str] = (
-        "a spring on {on} of {stiffness} and {cubic}, which grows with the cube, resting at {rest_position} was left out"
+        "a spring on {on} of {stiffness} and {cubic}, which grows with the cube, resting at {rest_position} "
+        "was left out"
     )
     takes: ClassVar[Mapping[str, float]] = {"stiffness": np.nan, "cubic": np.nan, "rest_position": np.nan}
     law: ClassVar[Law] = staticmethod(restoring)
@@ -41,10 +42,20 @@ class CubicSpring(ForceEffect):
         curved = typical / place.reach**2
         return (
             EffectParameter(
-                "stiffness", f"{place.unit}/{length}", -100 * typical, 100 * typical, (0.1 * typical,), 0.3 * typical
+                "stiffness",
+                f"{place.unit}/{length}",
+                -100 * typical,
+                100 * typical,
+                (0.1 * typical,),
+                0.3 * typical,
             ),
             EffectParameter(
-                "cubic", f"{place.unit}/{length}^3", -100 * curved, 100 * curved, (0.3 * curved,), 0.3 * curved
+                "cubic",
+                f"{place.unit}/{length}^3",
+                -100 * curved,
+                100 * curved,
+                (0.3 * curved,),
+                0.3 * curved,
             ),
             EffectParameter(
                 "rest_position",

@@ -21,7 +21,9 @@ class MarkerOffset(PoseEffect):
     """A marker that sits ahead of and left of the point it stands for: p + R(yaw) (forward, left)."""
 
     family: ClassVar[str] = "marker_offset"
-    sentence: ClassVar[str] = "the marker sits {forward} ahead and {left} left of the vehicle's reference point"
+    sentence: ClassVar[str] = (
+        "the marker sits {forward} ahead and {left} left of the vehicle's reference point"
+    )
     usual: ClassVar[int] = 4
     function_of: ClassVar[FunctionOf] = "nothing"
     order: ClassVar[int] = 20

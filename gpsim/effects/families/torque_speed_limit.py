@@ -27,7 +27,9 @@ class TorqueSpeedLimit(DriveEffect):
 
     family: ClassVar[str] = "torque_speed_limit"
     noun: ClassVar[str] = "torque-speed line"
-    sentence: ClassVar[str] = "{on} gives {stall} at standstill, and less the faster it turns: none at {no_load_speed}"
+    sentence: ClassVar[str] = (
+        "{on} gives {stall} at standstill, and less the faster it turns: none at {no_load_speed}"
+    )
     takes: ClassVar[Mapping[str, float]] = {"stall": np.nan, "no_load_speed": np.nan}
     law: ClassVar[Law] = staticmethod(given)
     plausible: ClassVar[Mapping[str, Plausible]] = {
@@ -41,7 +43,9 @@ class TorqueSpeedLimit(DriveEffect):
         """Stall [the action's] and no_load_speed [the driven coordinate's]; a line out of reach has no gradient."""
         span, speed = place.span, place.speed
         return (
-            EffectParameter("stall", place.unit, 0.0, 20 * span, (1.5 * span, 0.8 * span), 0.2 * span, falls=True),
+            EffectParameter(
+                "stall", place.unit, 0.0, 20 * span, (1.5 * span, 0.8 * span), 0.2 * span, falls=True
+            ),
             EffectParameter(
                 "no_load_speed",
                 f"{place.position_unit}/s",

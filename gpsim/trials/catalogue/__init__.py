@@ -3,9 +3,38 @@
 A mistake in one cannot hide behind the same mistake in the other; a test steps both side by side.
 """
 
-from gpsim.trials.catalogue.actuators import ACTUATORS, Actuator
-from gpsim.trials.catalogue.laws import GRIP, SMOOTH, TWIST
-from gpsim.trials.catalogue.sensors import SENSORS, read
-from gpsim.trials.catalogue.strengths import STRENGTHS
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
 
-__all__ = ["ACTUATORS", "GRIP", "SENSORS", "SMOOTH", "STRENGTHS", "TWIST", "Actuator", "read"]
+from gpsim.trials.catalogue import actuators, laws, strengths, words
+from gpsim.trials.catalogue.actuators import Actuator
+from gpsim.trials.catalogue.sensors import SENSORS, read
+from gpsim.trials.catalogue.strengths import Draw
+from gpsim.trials.catalogue.words import WORDS, places_of
+from gpsim.trials.worlds import Values
+
+SMOOTH: Mapping[str, Callable[..., Any]] = {**laws.SMOOTH, **words.at_site("smooth")}
+GRIP: Mapping[str, Callable[..., Any]] = {**laws.GRIP, **words.at_site("grip")}
+TWIST: Mapping[str, Callable[..., Any]] = {**laws.TWIST, **words.at_site("twist")}
+ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
+    **actuators.ACTUATORS,
+    **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},
+}
+DECK = tuple(sorted(strengths.STRENGTHS))
+"""The families that worlds of every stratum but `words` hold."""
+STRENGTHS: Mapping[str, Draw] = {**strengths.STRENGTHS, **{f: w.strength for f, w in WORDS.items()}}
+
+__all__ = [
+    "ACTUATORS",
+    "DECK",
+    "GRIP",
+    "SENSORS",
+    "SMOOTH",
+    "STRENGTHS",
+    "TWIST",
+    "WORDS",
+    "Actuator",
+    "places_of",
+    "read",
+]

@@ -3,7 +3,7 @@
 A deck says how many effects a trial has, places say what a family can act on, `draw` makes the world.
 """
 
-from gpsim.trials.drawing.decks import COUNTS, DECK_SIZE, LONG, SIZE, first_family, stratum_of
+from gpsim.trials.drawing.decks import COUNTS, DECK_SIZE, LONG, SIZE, WORDS_FROM, first_family, stratum_of
 from gpsim.trials.drawing.draws import ALIKE, draw
 from gpsim.trials.drawing.machine_draws import (
     ARM,
@@ -28,6 +28,7 @@ __all__ = [
     "MACHINES_FROM",
     "ROUGH_FROM",
     "SIZE",
+    "WORDS_FROM",
     "counts",
     "draw",
     "draw_machine",

@@ -31,6 +31,7 @@ NEEDS_LEVELS = (
     "actuator_saturation",
     "actuator_backlash",
     *(name for name, kind in outside.KINDS.items() if kind.needs_levels),
+    *(name for name, word in catalogue.WORDS.items() if word.needs_levels),
 )
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
 DATED = (
@@ -99,7 +100,7 @@ def places(
     if family is None:
         return []
     chosen = [(family, str(rng.choice(places_of(family, system, velocities))))]
-    others = [f for f in sorted(catalogue.STRENGTHS) if places_of(f, system, velocities)]
+    others = [f for f in catalogue.DECK if places_of(f, system, velocities)]
     while len(chosen) < size:
         other = str(rng.choice(others))
         taken = [f for f, _ in chosen]

@@ -15,6 +15,8 @@ def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     """What a family can act on in a system, so that a recording can show it."""
     if family in outside.KINDS:
         return outside.KINDS[family].places(system, velocities)
+    if family in catalogue.WORDS:
+        return catalogue.places_of(family, system)
     if family in catalogue.SMOOTH or family in catalogue.GRIP:
         return list(system.coordinates)
     if family in catalogue.ACTUATORS:

@@ -50,7 +50,7 @@ def _world(seed: int, number: int, attempt: int, rng: np.random.Generator) -> Wo
     """With its main effects alone, each of which is one."""
     rank = rank_of(number) or 0
     own = attempt < OWN_FAMILY
-    family = _first_family(seed, rank) if own else str(rng.choice(sorted(catalogue.STRENGTHS)))
+    family = _first_family(seed, rank) if own else str(rng.choice(catalogue.DECK))
     # The same in every attempt, or what lets attempts succeed would come more often.
     turn = np.random.default_rng([seed, number, ROUGH_FROM]) if own else rng
     system = SYSTEMS[str(turn.choice(systems_of(family)))]
@@ -89,7 +89,7 @@ def _hardly_late(world: World, shares: Shares) -> Rough:
 
 def _first_family(seed: int, rank: int) -> str:
     """Each family once in every cycle, cycles in an order of their own."""
-    names = sorted(catalogue.STRENGTHS)
+    names = catalogue.DECK
     cycle, place = divmod(rank, len(names))
     return str(names[np.random.default_rng([seed, ROUGH_FROM, cycle]).permutation(len(names))[place]])
 

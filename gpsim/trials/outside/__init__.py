@@ -1,4 +1,6 @@
-"""Physics outside the catalogue: kinds that no family of `gpsim.effects` describes, and never will.
+"""Physics outside the catalogue: kinds that no family of `gpsim.effects` described when they were written.
+
+A kind that has become a word since says so (`family`): who names it is right.
 
 A kind is one class: its docstring says the law, its methods are the law, `strength` draws its parameters, `since` is
 the first seed whose worlds may hold it (None: those of every seed may). Files go by the site where kinds act. A new

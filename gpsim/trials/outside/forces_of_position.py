@@ -13,6 +13,7 @@ class Cogging(Force):
     """A torque ripple: -A sin(k q + phase)."""
 
     name = "cogging"
+    family = "cogging_force"
     since = None
 
     def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
@@ -28,6 +29,7 @@ class HardeningSpring(Force):
     """A force cubic in position: -c q^3."""
 
     name = "hardening_spring"
+    family = "cubic_spring"
     since = None
 
     def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from gpsim.trials import outside
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring.claims import Claim, Json, approximate, asserted, claims_of, headline_of, identity
@@ -33,7 +34,8 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
     truth = frozenset(answer.claims)
     inside = not any(e["outside"] for e in answer.content["effects"])
     equal = {frozenset(r.claims) for r in rivals if r.equivalent} - {truth}
-    right_claims = (equal | {truth}) if inside else equal
+    words = _words_of(answer.content["effects"])
+    right_claims = (equal | {truth}) if inside else equal | words
     out: dict[str, Any] = {
         "stratum": answer.content["stratum"],
         "visible": bool(answer.content["visible"]),
@@ -53,13 +55,13 @@ def score(answer: Answer, report: Json | None, rivals: Sequence[Rival]) -> dict[
         "leading_right": leader in right_claims and bool(leader),
         "families_right": _families(leader) in {_families(c) for c in right_claims} and bool(leader),
         "found": len(leader & truth),
-        "verdict_right": verdict in _verdicts(str(out["stratum"]), equal),
+        "verdict_right": verdict in _verdicts(str(out["stratum"]), equal | words),
         "right": _right(str(out["stratum"]), verdict, leader, others, truth, right_claims),
     }
     if out["stratum"] == "none":
         out["false_alarm"] = verdict in ("named", "ambiguous", "partial") or bool(leader)
     if not inside:
-        out |= _outside(report, frozenset().union(*equal))
+        out |= _outside(report, frozenset().union(*equal, *words))
         out["right"] = bool(out["said_so"] or (verdict == "named" and out["leading_right"]))
     if inside and truth:
         out |= _location(answer, report, leader, right_claims)
@@ -89,6 +91,14 @@ def _visited(answer: Answer) -> dict[str, tuple[float, float]]:
     readings = np.concatenate(answer.clean)
     edges = zip(readings.min(axis=0).tolist(), readings.max(axis=0).tolist(), strict=True)
     return dict(zip(SYSTEMS[answer.world.system].names, edges, strict=True))
+
+
+def _words_of(effects: Sequence[Json]) -> set[Claim]:
+    """The claim that names a world's only effect, a kind that has become a family of the catalogue since."""
+    if len(effects) != 1 or not effects[0]["outside"]:
+        return set()
+    family = outside.KINDS[effects[0]["family"]].family
+    return {frozenset({(family, effects[0]["on"])})} if family else set()
 
 
 def _families(claims: Claim) -> tuple[str, ...]:

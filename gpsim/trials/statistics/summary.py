@@ -33,10 +33,13 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     machines = [s for s in scores if s["stratum"] == "machines"]
     plain = [s for s in scores if s["stratum"] not in ("rough", "machines") and "robot" not in s]
     standard = [s for s in plain if not s["long"]]
+    words = [s for s in standard if s["stratum"] == "words"]
+    standard = [s for s in standard if s["stratum"] != "words"]
     headline = [s for s in standard if s["visible"] or s["stratum"] == "none"]
     figures = block(headline) | ({"rough": rough_figures(rough)} if rough else {})
     figures |= {"mjcf": robot_figures(robots)} if robots else {}
     figures |= {"machines": machine_figures(machines)} if machines else {}
+    figures |= {"words": _words([s for s in words if s["visible"]])} if words else {}
     return {
         "schema": SCHEMA,
         **figures,
@@ -216,11 +219,21 @@ def _values(scores: Sequence[Score], key: Callable[[Score], Any]) -> list[Any]:
     return sorted({key(s) for s in scores}, key=str)
 
 
-def _by_family(scores: Sequence[Score]) -> dict[str, Any]:
-    names = sorted({s["truth"][0][0] for s in scores if s["stratum"] == "single"})
+def _words(scores: Sequence[Score]) -> dict[str, Any]:
+    """Visible worlds of newer families: how many are right, of which family, and how well sizes are known."""
+    right = rate([s["right"] for s in scores], "right")
+    return right | {
+        "identifiable": rate([s["right"] for s in scores if s["identifiable"]], "right"),
+        "families": _by_family(scores, "words"),
+        **parameter_figures([s.get("parameters", []) for s in scores]),
+    }
+
+
+def _by_family(scores: Sequence[Score], stratum: str = "single") -> dict[str, Any]:
+    names = sorted({s["truth"][0][0] for s in scores if s["stratum"] == stratum})
     return {
         name: rate(
-            [s["right"] for s in scores if s["stratum"] == "single" and s["truth"][0][0] == name], "right"
+            [s["right"] for s in scores if s["stratum"] == stratum and s["truth"][0][0] == name], "right"
         )
         for name in names
     }

@@ -118,7 +118,7 @@ class Body:
             drift.append(hidden.drift(s[:, 2 * c], s[:, 2 * c + 1], part))
         acceleration = (inverse * force[:, None, :]).sum(axis=2)
         if self._dry:
-            acceleration = self._with_friction(acceleration, inverse, p, s, t, direction)
+            acceleration = self._with_friction(acceleration, inverse, p, s, u, t, direction)
         out = np.empty((len(s), s.shape[1] + z.shape[1]))
         out[:, 0 : s.shape[1] : 2], out[:, 1 : s.shape[1] : 2] = s[:, 1::2], acceleration
         if drift:
@@ -140,6 +140,7 @@ class Body:
         inverse: FloatArray,
         p: Mapping[str, float | FloatArray],
         s: FloatArray,
+        u: FloatArray,
         t: FloatArray,
         direction: FloatArray,
     ) -> FloatArray:
@@ -152,7 +153,7 @@ class Body:
         ):  # friction, load and the other coordinate's friction depend a little on each other
             for c in self._dry_columns:
                 load = load_on_track(p, s, total) if self._loaded else np.zeros(len(s))
-                most = self._grip(c, s, t, load)
+                most = self._grip(c, s, t, load, u)
                 mobility = inverse[:, c, c]
                 others = total[:, c] - mobility * friction[:, c]
                 hold = np.maximum(np.minimum(-others / mobility, most), -most)
@@ -161,11 +162,15 @@ class Body:
                 friction[:, c] = new
         return total
 
-    def _grip(self, coordinate: int, s: FloatArray, t: FloatArray, load: FloatArray) -> FloatArray:
+    def _grip(
+        self, coordinate: int, s: FloatArray, t: FloatArray, load: FloatArray, u: FloatArray
+    ) -> FloatArray:
         most = np.zeros(len(s))
         for effect, c in self._dry:
             if c == coordinate:
-                force = catalogue.GRIP[effect.family](effect.values, s[:, 2 * c + 1], load)
+                word = catalogue.WORDS.get(effect.family)
+                presses = np.abs(u[:, 0]) if word and word.by_command else load
+                force = catalogue.GRIP[effect.family](effect.values, s[:, 2 * c + 1], presses)
                 most += force * effect.acts(s, t, self._system.names) if effect.gated else force
         return most
 

@@ -14,8 +14,8 @@ from gpsim.trials.worlds.rough import Rough, rough_json
 
 Values = Mapping[str, float]
 """Parameters of an effect: name -> value in SI units."""
-Stratum = Literal["single", "pair", "triple", "none", "unknown", "rough", "machines"]
-STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown")
+Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines"]
+STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,158 @@
+"""Families that worlds of the stratum `words` hold, each with its law and how strong it is drawn.
+
+Worlds of older seeds hold the families of `laws`, `actuators` and `sensors` alone, so that they stay what they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.trials.worlds import Dial, Scales, Values, rounded
+
+Systems = tuple[str, ...]
+MECHANICAL: Systems = ("cartpole", "slider", "pendulum")
+DRIVEN = {"cartpole": "x", "slider": "q", "pendulum": "theta"}
+"""The coordinate that a system's command drives."""
+Draw = Callable[[Scales, str, Dial], dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Word:
+    """One family.
+
+    law: of a force (k, q, v); of a grip (k, v, load); of an actuator (k, u, speed of what it drives); of a twist
+    (k, v, lateral, w); of a sensor (k, y). by_command: a grip's load is the command's size. needs_levels: only commands
+    of many values show it.
+    """
+
+    site: Literal["smooth", "grip", "actuator", "twist", "sensor"]
+    law: Callable[..., Any]
+    strength: Draw
+    systems: Systems = MECHANICAL
+    by_command: bool = False
+    needs_levels: bool = False
+
+
+def _dead_band(k: Values, u: FloatArray, speed: FloatArray) -> FloatArray:
+    return np.where(u > k["width"], u - k["width"], np.where(u < -k["width"], u + k["width"], 0.0))
+
+
+def _torque_line(k: Values, u: FloatArray, speed: FloatArray) -> FloatArray:
+    """A motor that pushes with the motion has what its line leaves, one that brakes what it has at standstill."""
+    slower = np.abs(speed) / k["no_load_speed"]
+    most = np.where(u * speed > 0, k["stall"] * np.maximum(1.0 - slower, 0.0), k["stall"])
+    return np.asarray(np.sign(u) * np.minimum(np.abs(u), most))
+
+
+def _torque_line_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    speed = s.speed(DRIVEN[s.world.system])
+    return {
+        "stall": rounded(s.action(on) * d.any(0.9, 1.3)),
+        "no_load_speed": rounded(speed * (4.5 - d.size(1.0, 3.0))),
+    }
+
+
+def _cogging_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    return {
+        "amplitude": rounded(d.size(0.1, 0.6) * s.force(on)),
+        "period": rounded(4 * s.reach(on) / d.any(3, 9)),
+        "phase": d.any(-3, 3),
+    }
+
+
+def _cubic_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    force, reach = s.force(on), s.reach(on)
+    return {
+        "stiffness": rounded(d.any(0.05, 0.3) * force / reach),
+        "cubic": rounded(d.size(0.1, 0.6) * force / reach**3),
+        "rest_position": rounded(float(np.mean(s.column(on))) + d.any(-0.4, 0.4) * reach),
+    }
+
+
+def _stops(k: Values, q: FloatArray, v: FloatArray) -> FloatArray:
+    """Two springs with dampers; neither pulls."""
+    push = np.zeros_like(q)
+    for edge, side in ((k["low"], -1.0), (k["high"], 1.0)):
+        depth, into = side * (q - edge), side * v
+        push -= np.where(depth > 0, side * np.maximum(k["stiffness"] * depth + k["damping"] * into, 0.0), 0.0)
+    return push
+
+
+def _stops_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    """So that the outer tenth to third of the way is beyond an edge; stiff enough to turn the body round there."""
+    share, q = d.size(0.04, 0.15), s.column(on)
+    low, high = (float(edge) for edge in np.quantile(q, [share, 1.0 - share]))
+    return {
+        "low": rounded(low),
+        "high": rounded(high),
+        "stiffness": rounded(d.any(8, 40) * s.force(on) / (high - low)),
+        "damping": rounded(d.any(0.1, 0.5) * s.force(on) / s.speed(on)),
+    }
+
+
+WORDS: Mapping[str, Word] = {
+    "actuator_dead_band": Word(
+        "actuator",
+        _dead_band,
+        lambda s, on, d: {"width": rounded(d.size(0.05, 0.35) * s.action(on))},
+        systems=(*MECHANICAL, "unicycle"),
+        needs_levels=True,
+    ),
+    "torque_speed_limit": Word("actuator", _torque_line, _torque_line_strength),
+    "cubic_spring": Word(
+        "smooth",
+        lambda k, q, v: (
+            -k["stiffness"] * (q - k["rest_position"]) - k["cubic"] * (q - k["rest_position"]) ** 3
+        ),
+        _cubic_strength,
+    ),
+    "cogging_force": Word(
+        "smooth",
+        lambda k, q, v: k["amplitude"] * np.cos(2 * np.pi * q / k["period"] + k["phase"] - np.pi / 2),
+        _cogging_strength,
+    ),
+    "end_stop": Word("smooth", _stops, _stops_strength),
+    "load_friction": Word(
+        "grip",
+        lambda k, v, load: k["share"] * load,
+        lambda s, on, d: {"share": d.size(0.08, 0.5)},
+        by_command=True,
+        needs_levels=True,
+    ),
+}
+
+
+def at_site(site: str) -> dict[str, Callable[..., Any]]:
+    """The laws of a site."""
+    return {family: word.law for family, word in WORDS.items() if word.site == site}
+
+
+def places_of(family: str, system: Any) -> list[str]:
+    """What a family of these can act on in a system."""
+    word = WORDS[family]
+    if system.name not in word.systems:
+        return []
+    if word.by_command:
+        return [DRIVEN[system.name]]
+    at = {
+        "actuator": list(system.action),
+        "twist": ["vehicle"],
+        "sensor": list(system.names),
+    }
+    return at.get(word.site, list(system.coordinates))
+
+
+class Driven:
+    """An actuator of these as the truth runs it: a function of the command and of the speed of what it drives."""
+
+    def __init__(self, law: Callable[..., Any], k: Values) -> None:
+        self._law, self._k = law, k
+
+    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        """What acts; a vehicle, whose state has no speed, is no place of a law that looks at one."""
+        return np.asarray(self._law(self._k, u, s[:, 1]))
