@@ -18,7 +18,7 @@ from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
 from .printing import say
 from .progress import caution, note, single_progress, warn
-from .trusting import named
+from .trusting import named, named_effects
 
 if TYPE_CHECKING:
     from gpsim.stages.raw_logs import RawLog
@@ -52,6 +52,14 @@ Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/diagnose/vNNNN.")
 ]
 Cores = Annotated[int | None, typer.Option("--cores", min=1, help="Processes to use; all cores by default.")]
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effects",
+        metavar="FILE.py[:Class]",
+        help="Effects of your own, asked beside the catalogue's (`gpsim effects new`); may be repeated.",
+    ),
+]
 ScoreOf = Annotated[
     Path | None,
     typer.Option(
@@ -82,6 +90,7 @@ def diagnose_command(
     each: Each = False,
     explain: Explain = False,
     cores: Cores = None,
+    effects: Effects = None,
     config_dir: ConfigDir = None,
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
@@ -91,6 +100,7 @@ def diagnose_command(
 
     recordings, settings = _split(words or [])
     named(simulator, settings)
+    own = named_effects(effects, score)
     if not each:
         refuse_several(recordings, score)
     recording = recordings[0] if recordings else None
@@ -116,7 +126,7 @@ def diagnose_command(
         return path if found is None else _imported(found, config)
 
     if each:
-        diagnose_each(recordings, simulator, read, out, config, shown_words(settings, config_dir), cores)
+        diagnose_each(recordings, simulator, read, out, config, shown_words(settings, config_dir), cores, own)
         return
     refuse_launcher("diagnose", settings)
     if score is not None:
@@ -141,10 +151,18 @@ def diagnose_command(
     if log is not None:
         recording = _imported(log, config)
         answer({"recording": recording})
-    task = Task(recording, simulator, config["diagnose"]["episodes"]) if recording is not None else None
+    if own and recording is None:
+        raise UsageError(
+            "diagnose: --effects goes with a RECORDING, as: gpsim diagnose rec --effects my_effects.py"
+        )
+    task = (
+        Task(recording, simulator, config["diagnose"]["episodes"], effects=own)
+        if recording is not None
+        else None
+    )
     if len(recordings) > 1:
         together = {name: read(path) for name, path in recordings_in(recordings, simulator).items()}
-        task = Task.of(together, simulator, config["diagnose"]["episodes"])
+        task = Task.of(together, simulator, config["diagnose"]["episodes"], own)
     stage = stage_for(task) if task else diagnose_loop.STAGE
     if dry_run:
         show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))

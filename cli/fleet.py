@@ -46,6 +46,7 @@ def diagnose_each(
     config: dict[str, Any],
     words: tuple[str, ...],
     cores: int | None,
+    effects: tuple[str, ...] = (),
 ) -> None:
     """Print an account a recording, then which robots differ, and where the page lies.
 
@@ -57,7 +58,7 @@ def diagnose_each(
 
     def task_of(path: Path) -> Task | str:
         try:
-            return Task(read(path), simulator, config["diagnose"]["episodes"])
+            return Task(read(path), simulator, config["diagnose"]["episodes"], effects=effects)
         except UsageError as error:
             return str(error)
 

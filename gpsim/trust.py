@@ -76,10 +76,13 @@ def consent(reference: object) -> None:
             _allow(hashlib.sha256(file.read_bytes()).hexdigest(), str(file.absolute()))
 
 
-def check_file(reference: str, content: bytes) -> None:
-    """Raise UsageError unless the file of FILE.py:NAME, which holds `content`, may run."""
-    file = reference.rpartition(":")[0]
-    _check(hashlib.sha256(content).hexdigest(), reference, f"the file {file}", str(Path(file).absolute()))
+def check_file(reference: str, content: bytes, option: str = "--simulator") -> None:
+    """Raise UsageError unless the file of FILE.py:NAME, which holds `content`, may run.
+
+    option: under which a command line names it.
+    """
+    file, digest = reference.rpartition(":")[0], hashlib.sha256(content).hexdigest()
+    _check(digest, reference, f"the file {file}", str(Path(file).absolute()), option)
 
 
 def check_module(reference: str) -> None:
@@ -95,7 +98,7 @@ def module_of(reference: str) -> str | None:
     return name.partition(":")[0] if reference.startswith(GYM) and ":" in name else None
 
 
-def _check(digest: str, reference: str, what: str, kept: str) -> None:
+def _check(digest: str, reference: str, what: str, kept: str, option: str = "--simulator") -> None:
     if digest in _allowed:
         return
     known, why = _remembered()
@@ -103,9 +106,9 @@ def _check(digest: str, reference: str, what: str, kept: str) -> None:
         _allow(digest, kept)
     elif digest not in known:
         raise UsageError(
-            f"{reference}: not run: {what} would run as you, and only data (a recording, a mapping or a diagnosis) "
+            f"{reference.removesuffix(':')}: not run: {what} would run as you, and only data (a recording, a mapping or a diagnosis) "
             "name it as it is now; read it, then allow it by --trust (in Python trust=True), or by naming it yourself, "
-            f"as --simulator {reference}{why}"
+            f"as {option} {reference.removesuffix(':')}{why}"
         )
     _allowed.add(digest)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.corrected.gp_plant import RateCorrection
-from gpsim.effects import PRE_ROLL, Chain, ClosedStep, Scheme, Term, from_json, to_json
+from gpsim.effects import PRE_ROLL, Chain, ClosedStep, Scheme, Term, from_json, origins, to_json
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.simulators import INTEGRATORS, Memory, Simulator, part_of, restart
@@ -192,6 +192,7 @@ def describe(plant: EffectsPlant, gp: bool) -> dict[str, Any]:
         "scheme": plant.scheme,
         "substeps": plant.substeps,
         "terms": [to_json(term) for term in plant.terms],
+        **({"effects": brought} if (brought := origins(term.family for term in plant.terms)) else {}),
         "ages": list(plant.ages),
         "gp": gp,
     }

@@ -25,6 +25,7 @@ from gpsim.diagnosis.judgement import Judgement, Laws, likeliest, odds_against
 from gpsim.diagnosis.own import by_name, parted
 from gpsim.diagnosis.report import (
     Alternative,
+    BroughtFrom,
     Curve,
     Diagnosis,
     Doubt,
@@ -36,7 +37,7 @@ from gpsim.diagnosis.report import (
     Verdict,
 )
 from gpsim.diagnosis.setup import Question, not_asked
-from gpsim.effects import owner_of
+from gpsim.effects import origins, owner_of
 from gpsim.residuals import held_out_names
 
 
@@ -87,7 +88,15 @@ def account(question: Question, answer: Answer) -> Diagnosis:
         ranking=tuple(ranked.entry for ranked in judgement.ranking),
         facts=question.facts,
         recordings=by_recording(question, judgement, attribution, effects),
+        brought=_brought(judgement),
     ).settled()
+
+
+def _brought(judgement: Judgement) -> dict[str, BroughtFrom] | None:
+    """Where the families of the account and its rivals are from that a user brought."""
+    told = (judgement.leader, *judgement.rivals)
+    found = origins(term.family for fit in told for term in fit.hypothesis.terms)
+    return {family: BroughtFrom(of["reference"], of["sha256"]) for family, of in found.items()} or None
 
 
 def _rival(question: Question, answer: Answer, index: int) -> Alternative:

@@ -1,5 +1,19 @@
 """Effects: what may be missing. One small file a family, found through one explicit registry."""
 
+from gpsim.effects.brought import (
+    Brought,
+    again,
+    bring,
+    brought_of,
+    consent_to,
+    installed,
+    origins,
+    own_effect,
+    read_effects,
+    sources,
+    stand,
+    standing,
+)
 from gpsim.effects.chain import PRE_ROLL, Chain, Scheme
 from gpsim.effects.closed_step import ClosedStep, closed
 from gpsim.effects.effect import (
@@ -19,18 +33,23 @@ from gpsim.effects.effect import (
 from gpsim.effects.elapsed import even
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
 from gpsim.effects.place import EffectParameter, Place, Plausible
+from gpsim.effects.plain import INPUTS, RETURNS
 from gpsim.effects.plausible import declared, implausibility, times_beyond
-from gpsim.effects.registry import FAMILIES, effect_of, has_patch
+from gpsim.effects.registry import CATALOGUE, FAMILIES, effect_of, has_patch
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 
 __all__ = [
+    "CATALOGUE",
     "EPISODE",
     "FAMILIES",
     "FROM",
+    "INPUTS",
     "IN_EPISODE",
     "PRE_ROLL",
+    "RETURNS",
     "TO",
     "ActuatorEffect",
+    "Brought",
     "Chain",
     "ClosedStep",
     "DriveEffect",
@@ -51,18 +70,29 @@ __all__ = [
     "Term",
     "Values",
     "VehicleEffect",
+    "again",
     "base_name",
+    "bring",
+    "brought_of",
     "changed",
     "closed",
+    "consent_to",
     "declared",
     "effect_of",
     "even",
     "from_json",
     "has_patch",
     "implausibility",
+    "installed",
+    "origins",
+    "own_effect",
     "own_name",
     "own_values",
     "owner_of",
+    "read_effects",
+    "sources",
+    "stand",
+    "standing",
     "times_beyond",
     "to_json",
 ]

@@ -51,7 +51,10 @@ def _ordered(effects: Iterable[Effect]) -> list[Effect]:
     return sorted(effects, key=lambda effect: (place.get(effect.family, len(ORDER)), effect.family))
 
 
-FAMILIES: Mapping[str, Effect] = register(_ordered(_written()))
+CATALOGUE: Mapping[str, Effect] = register(_ordered(_written()))
+"""The families that gpsim has."""
+FAMILIES: dict[str, Effect] = dict(CATALOGUE)
+"""All that are asked: the catalogue's, and those that a user brings (see `gpsim.effects.brought`)."""
 
 
 def has_patch(family: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from gpsim.diagnosis.report import NamedEffect, Score, Verdict
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.run import cores as processes
 from gpsim.diagnosis.settings import Settings, read_known, read_settings
+from gpsim.effects import Brought, bring, consent_to, installed, own_effect, read_effects
 from gpsim.errors import UsageError
 from gpsim.face.corrected import CorrectedSimulator
 from gpsim.face.opening import Recordings, opened, taken_of
@@ -40,6 +42,7 @@ def diagnose(
     settings: Settings | Mapping[str, Mapping[str, Any]] | None = None,
     known: Mapping[str, Any] | None = None,
     families: Mapping[str, Sequence[str]] | None = None,
+    effects: Sequence[Any] = (),
     seed: int = 0,
     cores: int = 1,
     trust: bool = False,
@@ -58,6 +61,8 @@ def diagnose(
         known: what is known of the simulator: `{"fix": {"mass": 1.2}, "bounds": {"length": [0.4, 0.6]}}`.
         families: of effects to ask for: `{"only": [...], "without": [...], "require": [...], "also": [...]}`, each a
             family or `family on place`; `gpsim.effects.FAMILIES` has them all.
+        effects: of your own, asked beside the catalogue's: classes, or files as "my_effects.py" or
+            "my_effects.py:Cable" (docs/how-to/effect.md).
         seed: of the bootstrap's draws.
         cores: processes to share the work with. More than 1 need a simulator by name or from a file, and, in a
             script, `if __name__ == "__main__":` around it.
@@ -80,19 +85,33 @@ def diagnose(
     """
     model = None if simulator is None else load_simulator(simulator)
     taken, model = opened(recording, model, trust)
-    if positive(cores, "cores") > 1 and lives_here(model.name):
+    brought = _brought(effects)
+    here = [name for name in (model.name, *(b.reference for b in brought)) if lives_here(name)]
+    if positive(cores, "cores") > 1 and here:
         raise UsageError(
-            f"cores={cores}: {model.name} lives in this process alone; use cores=1, or write it to a file and name it "
+            f"cores={cores}: {here[0]} lives in this process alone; use cores=1, or write it to a file and name it "
             "as FILE.py:ClassName"
         )
-    question = Question(
-        _settings(settings), read_known(known, families), whole(seed, "seed"), cores, progress or silent
-    )
+    asked = read_known(known, families)
+    asked = replace(asked, also=(*asked.also, *bring(brought)))
+    question = Question(_settings(settings), asked, whole(seed, "seed"), cores, progress or silent)
     outcome = answer(taken, model, question)
 
     from gpsim.face.found import Made
 
     return Diagnosis(Made(outcome, taken, model, question), taken)
+
+
+def _brought(given: Sequence[Any]) -> list[Brought]:
+    """Effects of the caller's own, and those of installed packages."""
+    out = list(installed())
+    for one in (given,) if isinstance(given, str) else given:
+        if isinstance(one, str | Path):
+            consent_to(str(one))
+            out += read_effects(str(one))
+        else:
+            out.append(own_effect(one))
+    return out
 
 
 def _settings(given: Settings | Mapping[str, Mapping[str, Any]] | None) -> Settings:
@@ -272,4 +291,6 @@ class Diagnosis:
         kept = Kept.read(Path(os.fspath(folder)), model)
         if trust:
             consent(kept.name)
+            for origin in (kept.result.brought or {}).values():
+                consent_to(origin.reference)
         return cls(kept, None if recording is None else taken_of(recording, model or kept.simulator))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from gpsim.effects import FAMILIES
+from gpsim.effects import CATALOGUE
 from gpsim.kernels import lanes, tables
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.scalars import place
@@ -31,7 +31,7 @@ def _loops(
         *(f"    {line}" for line in before.splitlines()),
     ]
     for family in site:
-        effect, number = FAMILIES[family], tables.OWN[family]
+        effect, number = CATALOGUE[family], tables.OWN[family]
         rooms[f"law_{number}"] = compiled(effect.dry_law if dry else effect.law)  # type: ignore[attr-defined,type-var]
         values = "".join(f", v[at + {i}, i]" for i in range(len(effect.takes)))
         said = body.replace("LAW(", f"law_{number}(").replace("VALUES", values)
@@ -84,7 +84,7 @@ def _passed() -> Callable[..., float]:
     rooms: dict[str, Any] = {}
     lines = ["def passed_of(law, u, v, at, i):"]
     for family in tables.OWN_ACTUATORS:
-        number, effect = tables.OWN[family], FAMILIES[family]
+        number, effect = tables.OWN[family], CATALOGUE[family]
         rooms[f"law_{number}"] = compiled(effect.law)  # type: ignore[type-var]
         values = "".join(f", v[at + {k}, i]" for k in range(len(effect.takes)))
         lines += [f"    if law == {number}:", f"        return law_{number}(u{values})"]

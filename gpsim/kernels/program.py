@@ -13,7 +13,7 @@ import numpy as np
 
 from gpsim.channels import FloatArray, IntArray
 from gpsim.effects import (
-    FAMILIES,
+    CATALOGUE,
     FROM,
     IN_EPISODE,
     TO,
@@ -134,7 +134,7 @@ class _Writer:
         found.sort(key=lambda i: of[i].effect.order)
         ways = tuple(i for on in dict.fromkeys(of[i].on for i in found) for i in found if of[i].on == on)
         for place, i in enumerate(ways):
-            law = tables.ACTUATORS.get(of[i].family) if FAMILIES.get(of[i].family) is of[i].effect else None
+            law = tables.ACTUATORS.get(of[i].family) if CATALOGUE.get(of[i].family) is of[i].effect else None
             if law is None:
                 return ways, None
             followed = of[i].on in [of[j].on for j in ways[place + 1 :]]
@@ -276,7 +276,7 @@ def _is_dry(effect: Effect) -> bool:
 def _law_of(term: Term) -> Law | None:
     """The number of a catalogue's law and the names of its values; None of another's."""
     family, effect = term.family, term.effect
-    if FAMILIES.get(family) is not effect:
+    if CATALOGUE.get(family) is not effect:
         return None
     if isinstance(effect, ForceEffect):
         if not effect.dry:

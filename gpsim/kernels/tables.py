@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, ForceEffect, VehicleEffect
+from gpsim.effects import CATALOGUE, ActuatorEffect, DriveEffect, Effect, ForceEffect, VehicleEffect
 from gpsim.kernels import codes
 from gpsim.simulators import Ackermann, CartPole, Pendulum, Simulator, Slider, Unicycle
 
@@ -24,7 +24,7 @@ OWN: Mapping[str, int] = {
     family: codes.OWN + i
     for i, family in enumerate(
         f
-        for f, e in FAMILIES.items()
+        for f, e in CATALOGUE.items()
         if type(e).law is not None or (isinstance(e, ForceEffect) and type(e).dry_law is not None)
     )
 }
@@ -34,9 +34,9 @@ OWN: Mapping[str, int] = {
 def _own(site: type[Effect], *, dry: bool = False) -> dict[str, Law]:
     """Those of a site, with what they read."""
     return {
-        family: (number, tuple(FAMILIES[family].takes))
+        family: (number, tuple(CATALOGUE[family].takes))
         for family, number in OWN.items()
-        if isinstance(effect := FAMILIES[family], site)
+        if isinstance(effect := CATALOGUE[family], site)
         and (not isinstance(effect, ForceEffect) or effect.dry == dry)
     }
 

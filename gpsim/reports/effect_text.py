@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.effects import FAMILIES

@@ -1,7 +1,7 @@
 """Simulators: what we believe. One file a system, found through one explicit registry."""
 
 from gpsim.simulators.ackermann import Ackermann
-from gpsim.simulators.calls import asked
+from gpsim.simulators.calls import asked, read_only, refuse_complex, said
 from gpsim.simulators.cartpole import CartPole
 from gpsim.simulators.own import lives_here, own_simulator
 from gpsim.simulators.pendulum import Pendulum
@@ -47,8 +47,11 @@ __all__ = [
     "make_simulator",
     "own_simulator",
     "part_of",
+    "read_only",
     "reduced",
+    "refuse_complex",
     "restart",
+    "said",
     "source_file",
     "unwrapped",
     "whole",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
+from gpsim.effects import again, bring, installed, origins, read_effects
 from gpsim.errors import UsageError
 from gpsim.files import Json, file_digest, read_object
 from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_name
@@ -35,7 +37,8 @@ class Task:
     """What is to be diagnosed; episodes: the first so many of the recording, None for all.
 
     test_fraction: the share that is held out elsewhere where the recording does not say; None or 0: nowhere. together:
-    several recordings by their names that are judged together, `recording` the first of them.
+    several recordings by their names that are judged together, `recording` the first of them. effects: files of
+    families that the user brings (FILE.py, FILE.py:Class).
     """
 
     recording: Path
@@ -43,17 +46,28 @@ class Task:
     episodes: int | None = None
     test_fraction: float | None = None
     together: tuple[tuple[str, Path], ...] = ()
+    effects: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, recordings: Mapping[str, Path], simulator: str | None, episodes: int | None) -> Task:
+    def of(
+        cls,
+        recordings: Mapping[str, Path],
+        simulator: str | None,
+        episodes: int | None,
+        effects: tuple[str, ...] = (),
+    ) -> Task:
         """To judge recordings together, by their names; one is judged by itself."""
         several = tuple(recordings.items()) if len(recordings) > 1 else ()
-        return cls(next(iter(recordings.values())), simulator, episodes, together=several)
+        return cls(next(iter(recordings.values())), simulator, episodes, together=several, effects=effects)
 
     @property
     def parts(self) -> dict[str, Task]:
         """Of several recordings that are judged together each by itself; none of one."""
         return {name: replace(self, recording=path, together=()) for name, path in self.together}
+
+    def brought(self) -> tuple[str, ...]:
+        """The families that this task asks beside the catalogue's: its own, and those of installed packages."""
+        return bring([*installed(), *chain.from_iterable(map(read_effects, self.effects))])
 
 
 def make(request: Request, task: Task) -> tuple[Artifact, bool]:
@@ -99,6 +113,7 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
             "gpsim.Diagnosis.load(DIR, simulator)"
         )
     _check_file(artifact, name)
+    bring(again(content.get("effects", {}), str(folder)))
     return plant_of(
         content,
         simulator or open_simulator(name),
@@ -188,8 +203,11 @@ def _recipe(request: Request, task: Task) -> Recipe:
         "episodes": task.episodes,
         "settings": settings_of(request),
     }
+    own = task.brought()
     if known := _known(request):
         config["known"] = known.as_mapping()
+    if own:
+        config["effects"] = origins(own)
     if apart is not recording and apart.held_out is not None:
         config["held_out_share"] = apart.held_out.share
     return Recipe("diagnose", config, {}, {"seed": request.seed})
@@ -238,9 +256,9 @@ def _known(request: Request) -> Known:
 def _write(request: Request, task: Task, folder: Path) -> Json:
     recording, simulator = open_recording(task)
     recording = _held_apart(recording, task)
-    question = Question(
-        read_thresholds(request), _known(request), request.seed, request.cores, request.progress
-    )
+    known = _known(request)
+    known = replace(known, also=(*known.also, *task.brought()))
+    question = Question(read_thresholds(request), known, request.seed, request.cores, request.progress)
     found = answer(recording, simulator, question)
     with blamed(simulator.name):  # what draws it asks the simulator, too
         write_diagnosis(folder, found, simulator, title_of(recording))

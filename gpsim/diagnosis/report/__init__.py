@@ -3,6 +3,7 @@
 from gpsim.diagnosis.report.contradictions import contradictions
 from gpsim.diagnosis.report.diagnosis import (
     SCHEMA,
+    BroughtFrom,
     Concentration,
     Diagnosis,
     Location,
@@ -51,6 +52,7 @@ __all__ = [
     "Alternative",
     "BlackBox",
     "BoxKind",
+    "BroughtFrom",
     "Claims",
     "Combination",
     "Concentration",

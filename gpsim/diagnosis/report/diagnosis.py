@@ -104,6 +104,17 @@ class Remainder:
     rate: str | None = None
 
 
+@dataclass(frozen=True)
+class BroughtFrom:
+    """Where a family is from that a user brought.
+
+    reference: FILE.py:Class, or MODULE:Class of an installed package; sha256: of that file, "" where none has it.
+    """
+
+    reference: str
+    sha256: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """What a recording says about a simulator: which physics was left out, how much of it, and how sure that is.
@@ -118,6 +129,7 @@ class Diagnosis:
     changed the base's parameters [1]. dt: the step [s] of what was looked at, every `thinned`-th sample. not_measured:
     states that were estimated; not_asked: what the recording does not show, and families left out for it.
     ranking: all that was fitted, the best first. recordings: those that were judged together, None of one alone.
+    brought: where families of effects and rivals are from that are not the catalogue's, None where all are.
     """
 
     verdict: Verdict
@@ -141,6 +153,7 @@ class Diagnosis:
     log_facts: tuple[str, ...] = ()
     ranking: tuple[RankedHypothesis, ...]
     recordings: tuple[OneRecording, ...] | None = field(default=None, metadata=OMITTED)
+    brought: Mapping[str, BroughtFrom] | None = field(default=None, metadata=OMITTED)
     discrimination: Discrimination | None = field(default=None, metadata=UNWRITTEN, compare=False)
     facts: tuple[LogFact, ...] = field(default=(), metadata=UNWRITTEN, compare=False)
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from gpsim.effects import sources, stand
 from gpsim.workers import begin_worker, worker_pool
 
 Result = TypeVar("Result")
@@ -39,13 +40,19 @@ class Workers:
         return [*(f.result() for f in begun), here]
 
 
+def _begun(parent: int, brought: Sequence[tuple[str, str]]) -> None:
+    """In a new worker: it ends with its parent, and has the effects that its user brought."""
+    begin_worker(parent)
+    stand(brought)
+
+
 @contextmanager
 def cores(count: int) -> Iterator[Workers]:
     """`count` processes, gone after the block."""
     if count < 2:
         yield Workers()
         return
-    with worker_pool(count, begin_worker, os.getpid()) as pool:
+    with worker_pool(count, _begun, os.getpid(), sources()) as pool:
         workers = Workers(count, pool)
         try:
             yield workers

@@ -21,9 +21,10 @@ EVERY: Systems = (*MECHANICAL, *VEHICLE)
 class Kind:
     """One kind. Its law is a method of its site; `strength` draws its parameters.
 
-    name: as answers call it. family: what the catalogue calls it, where it has become a word. since: the first seed whose worlds may hold it; None: those of every seed may. systems:
-    where it makes sense. on: what it acts on where the site does not say it. needs_levels: only commands of many values
-    show it. unseen_under: excitations that cannot show it.
+    name: as answers call it. family: what the catalogue calls it, where it has become a word. since: the first seed
+    whose worlds may hold it; None: those of every seed may. systems: where it makes sense. on: what it acts on where
+    the site does not say it. needs_levels: only commands of many values show it. unseen_under: excitations that cannot
+    show it.
     """
 
     name: ClassVar[str]

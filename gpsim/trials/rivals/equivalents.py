@@ -28,7 +28,7 @@ from gpsim.trials.worlds import TrueEffect
 
 # Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
 # constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.
-EQUIVALENTS_VERSION = 5
+EQUIVALENTS_VERSION = 6
 LOST = 3.0  # nats
 WINDOWS, FITTED = 60, 10
 PROMISING = 0.02  # share of a parent's misfit that a replacement must explain by the linear estimate
