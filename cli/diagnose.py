@@ -100,7 +100,7 @@ def diagnose_command(
 
     recordings, settings = _split(words or [])
     named(simulator, settings)
-    own = named_effects(effects, score)
+    own = named_effects(effects)
     if not each:
         refuse_several(recordings, score)
     recording = recordings[0] if recordings else None

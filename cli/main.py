@@ -26,6 +26,7 @@ from gpsim.workers import ends_when_asked
 
 from . import answers
 from .diagnose import diagnose_command
+from .effects import effects_app
 from .everywhere import add_everywhere
 from .export import export_app
 from .import_ import import_command
@@ -130,6 +131,12 @@ app.add_typer(
     simulators_app,
     name="simulators",
     short_help="List simulators, show one, check a MuJoCo model.",
+    rich_help_panel="What is there",
+)
+app.add_typer(
+    effects_app,
+    name="effects",
+    short_help="List effects, show one, begin one of your own and check it.",
     rich_help_panel="What is there",
 )
 add_everywhere(app, QUIETLY)

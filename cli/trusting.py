@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from gpsim.errors import UsageError
 from gpsim.trust import consent, trust_data
 
 from .everywhere import Flag, Path
@@ -38,15 +37,13 @@ def named(simulator: str | None, words: Iterable[str] = ()) -> None:
             consent(value)
 
 
-def named_effects(references: Iterable[str] | None, score: object = None) -> tuple[str, ...]:
-    """The user names these files of effects; a diagnosis that is only scored knows its own."""
+def named_effects(references: Iterable[str] | None) -> tuple[str, ...]:
+    """The user names these files of effects."""
     if not references:
         return ()
     from gpsim.effects import consent_to  # it loads NumPy, which `--help` does not wait for
 
     given = tuple(references or ())
-    if given and score is not None:
-        raise UsageError("diagnose: --effects goes with a new diagnosis; one that is scored brings its own")
     for reference in given:
         consent_to(reference)
     return given

@@ -105,10 +105,11 @@ def _check(digest: str, reference: str, what: str, kept: str, option: str = "--s
     if _everything.get():
         _allow(digest, kept)
     elif digest not in known:
+        named = reference.removesuffix(":")  # a file without a class in it
         raise UsageError(
-            f"{reference.removesuffix(':')}: not run: {what} would run as you, and only data (a recording, a mapping or a diagnosis) "
+            f"{named}: not run: {what} would run as you, and only data (a recording, a mapping or a diagnosis) "
             "name it as it is now; read it, then allow it by --trust (in Python trust=True), or by naming it yourself, "
-            f"as {option} {reference.removesuffix(':')}{why}"
+            f"as {option} {named}{why}"
         )
     _allowed.add(digest)
 

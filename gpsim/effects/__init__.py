@@ -36,7 +36,9 @@ from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.effects.plain import INPUTS, RETURNS
 from gpsim.effects.plausible import declared, implausibility, times_beyond
 from gpsim.effects.registry import CATALOGUE, FAMILIES, effect_of, has_patch
+from gpsim.effects.template import template
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
+from gpsim.effects.trying import PLACE, Check, check, tried
 
 __all__ = [
     "CATALOGUE",
@@ -45,12 +47,14 @@ __all__ = [
     "FROM",
     "INPUTS",
     "IN_EPISODE",
+    "PLACE",
     "PRE_ROLL",
     "RETURNS",
     "TO",
     "ActuatorEffect",
     "Brought",
     "Chain",
+    "Check",
     "ClosedStep",
     "DriveEffect",
     "Effect",
@@ -75,6 +79,7 @@ __all__ = [
     "bring",
     "brought_of",
     "changed",
+    "check",
     "closed",
     "consent_to",
     "declared",
@@ -93,6 +98,8 @@ __all__ = [
     "sources",
     "stand",
     "standing",
+    "template",
     "times_beyond",
     "to_json",
+    "tried",
 ]

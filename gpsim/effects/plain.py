@@ -87,6 +87,7 @@ def adapted(instance: Any, reference: str) -> Effect:
     site = getattr(instance, "site", None)
     if site not in INPUTS:
         raise UsageError(f"{reference}: 'site' must be one of {', '.join(INPUTS)}, got {site!r}")
+    plain = _Plain(instance, site, reference)
     _check_law(instance, site, reference)
     words = {name: str(getattr(instance, name, "")) for name in ("noun", "sentence", "source")}
     made: dict[str, Any] = {
@@ -99,7 +100,7 @@ def adapted(instance: Any, reference: str) -> Effect:
         "order": int(getattr(instance, "order", 50)),
         "gated": bool(getattr(instance, "gated", site not in ("drive", "sensor"))),
         "asked": False,
-        "_plain": _Plain(instance, site, reference),
+        "_plain": plain,
     }
     made |= _methods(site)
     return type(type(instance).__name__, (_Brought, BASES[site]), made)()  # type: ignore[no-any-return]
