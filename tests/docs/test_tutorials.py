@@ -17,7 +17,7 @@ from budgets import TINY
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIAL = ROOT / "docs" / "tutorial"
-PAGES = ("first_diagnosis", "cartpole", "limo")
+PAGES = ("first_diagnosis", "cartpole", "limo", "own_effect")
 LOOPS = ("cartpole", "limo")  # a minute each: .ci/run runs them, `make test` does not
 QUICK = "diagnose.stepwise.total_budget=1e7 diagnose.search.budget=1e7 diagnose.form.rounds=1 diagnose.form.windows=40"
 FEW = "'diagnose.families.only=[coulomb_friction,actuator_delay]'"
@@ -25,6 +25,8 @@ SMALL = {  # what a command of the beginning on the left gets on a smoke budget
     "gpsim diagnose data/": f"diagnose.episodes=2 {FEW} {QUICK}",
     "gpsim diagnose runs/": f"'diagnose.families.only=[minimum_turning_radius,actuator_lag]' {QUICK}",
     "gpsim diagnose --score": "",
+    "gpsim effects check": "--quick",
+    "gpsim diagnose band": f"'diagnose.families.only=[viscous_friction]' {QUICK}",
     "gpsim import": "",
     "gpsim export": "",
     "gpsim collect experiment=limo": "budget=smoke",
@@ -80,7 +82,9 @@ def test_a_tutorial_has_commands_and_what_it_names_is_there(name):
     assert len(lines) >= 5
     assert all(
         small(line) != line
-        or line.startswith(("head", "gpsim import", "gpsim export", "gpsim diagnose --score"))
+        or line.startswith(
+            ("head", "cat", "sed", "gpsim effects", "gpsim import", "gpsim export", "gpsim diagnose --score")
+        )
         for line in lines
     )
     for path in re.findall(r"\bdata/[\w.]+", "\n".join(lines)):
@@ -114,6 +118,16 @@ def test_the_first_diagnosis_finds_what_the_rig_was_made_with(tmp_path):
     assert (tmp_path / "runs/deploy/policy.onnx").exists()
     shown = next(text for line, text in said.items() if line.startswith("head"))
     assert "\n    ".join(shown.splitlines()) in (TUTORIAL / "first_diagnosis.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_effect_of_ones_own_is_named_with_its_sizes(tmp_path):
+    said = run("own_effect", tmp_path)
+    assert "yes, named: rubber_band on q" in next(text for line, text in said.items() if "check" in line)
+    found = claimed(tmp_path / "found/diagnosis.json")
+    assert set(found) == {("rubber_band", "q")}
+    assert found["rubber_band", "q"]["weight"]["value"] == pytest.approx(1.0, rel=0.05)
+    assert ("rubber_band", "q") not in claimed(tmp_path / "without/diagnosis.json")
 
 
 @pytest.mark.slow

@@ -9,7 +9,18 @@ import pytest
 import gpsim.effects
 from gpsim import trust
 from gpsim.corrected.effects_plant import EffectsPlant, describe, plant_from
-from gpsim.effects import CATALOGUE, FAMILIES, Chain, Term, again, bring, brought, consent_to, read_effects, template
+from gpsim.effects import (
+    CATALOGUE,
+    FAMILIES,
+    Chain,
+    Term,
+    again,
+    bring,
+    brought,
+    consent_to,
+    read_effects,
+    template,
+)
 from gpsim.effects.plain import INPUTS
 from gpsim.errors import UsageError
 from gpsim.kernels import program_of
@@ -117,10 +128,16 @@ GOOD = {
         ({"parameters": "{}"}, "'parameters' must be name: (unit, low, high, start)"),
         ({"parameters": '{"weight": 3.0}'}, r"parameters['weight'] must be name"),
         ({"parameters": '{"weight": ("N/m", 0.0, 50.0, 80.0)}'}, "finite numbers low <= start <= high"),
-        ({"parameters": '{"weight": ("N/m", 1.0, 50.0, 2.0)}'}, "does nothing at 0, which is not between 1 and 50"),
+        (
+            {"parameters": '{"weight": ("N/m", 1.0, 50.0, 2.0)}'},
+            "does nothing at 0, which is not between 1 and 50",
+        ),
         ({"law": "None"}, "it needs a method law(self, q, speed, weight)"),
         ({"law": "lambda self, q, weight: q"}, "law must take (q, speed, weight), got (q, weight)"),
-        ({"law": "lambda self, q, speed, weight: q[:1]"}, "law must return 33 numbers, one a row of the batch"),
+        (
+            {"law": "lambda self, q, speed, weight: q[:1]"},
+            "law must return 33 numbers, one a row of the batch",
+        ),
         ({"law": "lambda self, q, speed, weight: q * 1j"}, "law is complex"),
         ({"law": "lambda self, q, speed, weight: 1 / 0"}, "law raised ZeroDivisionError"),
         ({"law": "lambda self, q, speed, weight: q.sort()"}, "law raised ValueError"),
