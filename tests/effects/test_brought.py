@@ -149,9 +149,13 @@ GOOD = {
 def test_a_wrong_class_is_one_line_with_what_is_at_fault(file, change, fault):
     lines = "\n".join(f"    {name} = {value}" for name, value in {**GOOD, **change}.items())
     path = file(f"class Cable:\n{lines}\n")
-    with pytest.raises(UsageError) as raised:
+
+    def ask():
         bring(read_effects(path))
         gpsim.effects.check(f"{path}:Cable")
+
+    with pytest.raises(UsageError) as raised:
+        ask()
     assert fault in str(raised.value)
     assert f"{path}:Cable" in str(raised.value)
     assert "\n" not in str(raised.value)

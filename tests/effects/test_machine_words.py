@@ -1,0 +1,183 @@
+"""Families that machines need: against independent integrators, at their edges, and found again in a short world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from gpsim.diagnosis import diagnose
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import Known, read_settings
+from gpsim.diagnosis.setup.ripples import ripples
+from gpsim.effects import FAMILIES, Chain, Place, Term
+from gpsim.recordings import Episode, Recording
+from gpsim.simulators import make_simulator
+from gpsim.trials import catalogue
+from gpsim.trials.drawing import draws
+from gpsim.trials.truth import run
+from gpsim.trials.worlds import SYSTEMS, Dial, Scales
+
+MASS, SECONDS, H = 2.0, 1.0, 0.0025
+SLIDER = make_simulator("slider")
+VALUES = {
+    "cubic_spring": {"stiffness": 3.0, "cubic": 40.0, "rest_position": 0.1},
+    "cogging_force": {"amplitude": 2.0, "period": 0.2, "phase": 0.7},
+    "end_stop": {"low": -0.1, "high": 0.15, "stiffness": 300.0, "damping": 4.0},
+    "load_friction": {"share": 0.3},
+    "torque_speed_limit": {"stall": 5.0, "no_load_speed": 1.2},
+    "actuator_dead_band": {"width": 1.0},
+}
+
+
+def push(t):
+    """A command [N] that is held for 0.05 s."""
+    return 6.0 * np.sin(5.0 * 0.05 * np.floor(t / 0.05 + 1e-9))
+
+
+def expected(family, k):
+    """q and q_dot of the slider after SECONDS, by scipy."""
+
+    def stops(q, v):
+        if q > k["high"]:
+            return -max(k["stiffness"] * (q - k["high"]) + k["damping"] * v, 0.0)
+        return max(k["stiffness"] * (k["low"] - q) - k["damping"] * v, 0.0) if q < k["low"] else 0.0
+
+    def motor(u, v):
+        high = k["stall"] * min(max(1 - v / k["no_load_speed"], 0.0), 1.0)
+        low = -k["stall"] * min(max(1 + v / k["no_load_speed"], 0.0), 1.0)
+        return min(max(u, low), high)
+
+    laws = {
+        "cubic_spring": lambda q, v, u: (
+            u - k["stiffness"] * (q - k["rest_position"]) - k["cubic"] * (q - k["rest_position"]) ** 3
+        ),
+        "cogging_force": lambda q, v, u: (
+            u + k["amplitude"] * np.sin(2 * np.pi * q / k["period"] + k["phase"])
+        ),
+        "end_stop": lambda q, v, u: u + stops(q, v),
+        "load_friction": lambda q, v, u: u - k["share"] * abs(u) * np.tanh(v / 1e-5),
+        "torque_speed_limit": lambda q, v, u: motor(u, v),
+        "actuator_dead_band": lambda q, v, u: np.sign(u) * max(abs(u) - k["width"], 0.0),
+    }
+    state = np.array([0.0, 0.0])
+    for step in range(round(SECONDS / 0.05)):
+        u = push(step * 0.05)
+        found = solve_ivp(
+            lambda t, s, u=u: [s[1], laws[family](*s, u) / MASS],
+            (0.0, 0.05),
+            state,
+            "LSODA",
+            rtol=1e-8,
+            atol=1e-10,
+        )
+        state = found.y[:, -1]
+    return state
+
+
+@pytest.mark.parametrize("family", VALUES)
+def test_a_law_moves_a_slider_as_scipy_does(family):
+    k = VALUES[family]
+    on = "force" if FAMILIES[family].site == "actuator" else "q"
+    chain = Chain(SLIDER, {"mass": MASS}, (Term(family, on, k),), "fine", 0.02)
+    values = [{name: np.array([value]) for name, value in k.items()}]
+    state, step, memory = np.zeros((1, 2)), np.array([H]), chain.rest(1, H)
+    for i in range(round(SECONDS / H)):
+        t = np.array([i * H])
+        acts = chain.command(np.array([[push(i * H)]]), state, values, memory, step, t)
+        state = chain.advance(state, acts, values, step, t)
+    np.testing.assert_allclose(state[0], expected(family, k), rtol=4e-3, atol=2e-3)
+
+
+def test_a_drive_brakes_with_what_it_has_at_standstill_and_gives_nothing_beyond_its_fastest():
+    law = FAMILIES["torque_speed_limit"]
+    u, v = np.array([9.0, 9.0, 9.0, 9.0, -9.0, 1.0]), np.array([0.0, 0.5, 2.0, -3.0, 0.5, 0.5])
+    k = {"stall": np.full(6, 4.0), "no_load_speed": np.full(6, 1.0)}
+    np.testing.assert_allclose(law.delivered(u, v, k), [4.0, 2.0, 0.0, 4.0, -4.0, 1.0])
+
+
+def test_friction_under_load_holds_a_body_that_is_pushed_by_no_more():
+    """Whatever its command, a gear that eats all of it stays at rest."""
+    chain = Chain(SLIDER, {"mass": MASS}, (Term("load_friction", "q", {"share": 1.01}),), "fine", 0.02)
+    state, step = np.zeros((1, 2)), np.array([0.01])
+    for force in (0.5, 50.0, -3.0):
+        state = chain.advance(state, np.array([[force]]), [{"share": np.array([1.01])}], step, np.zeros(1))
+        assert not state.any()
+
+
+def test_a_stop_never_pulls_and_one_alone_leaves_the_other_side_free():
+    law = FAMILIES["end_stop"]
+    q, v = np.array([0.3, 0.3, -9.0]), np.array([0.0, -100.0, 0.0])
+    k = {"high": np.full(3, 0.2), "stiffness": np.full(3, 50.0), "damping": np.full(3, 2.0)}
+    np.testing.assert_allclose(law.force(q, v, k), [-5.0, 0.0, 0.0], atol=1e-12)
+    names = {variant: [p.name for p in law.parameters(Place("q", "N"), variant)] for variant in law.variants}
+    assert names == {
+        "": ["low", "high", "stiffness", "damping"],
+        "lower": ["low", "stiffness", "damping"],
+        "upper": ["high", "stiffness", "damping"],
+    }
+
+
+def test_what_drives_what_is_read_off_the_rates():
+    found = {name: make_simulator(name).driven() for name in ("slider", "pendulum", "cartpole", "unicycle")}
+    assert found == {
+        "slider": {"force": "q"},
+        "pendulum": {"torque": "theta"},
+        "cartpole": {"force": "x"},
+        "unicycle": {},
+    }
+
+
+@pytest.mark.parametrize(("wraps", "period"), [(False, 0.37), (True, 2 * np.pi / 7)])
+def test_the_scan_finds_a_period_among_other_forces(wraps, period):
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-np.pi, np.pi, 1500) if wraps else np.cumsum(rng.normal(0, 0.02, 1500))
+    v, u = rng.normal(size=1500), rng.normal(size=(1500, 1))
+    force = (
+        0.4 * np.sin(2 * np.pi * q / period + 1.0) - 2.0 * v + 3.0 * u[:, 0] - q**2 + rng.normal(0, 0.3, 1500)
+    )
+    best, phase = ripples(q, v, force, u, 0.01, wraps)[0]
+    assert best == pytest.approx(period, rel=0.02)
+    assert np.cos(2 * np.pi * 0.1 * (1 / best - 1 / period) + phase - 1.0) > 0.8 or not wraps
+
+
+WORLDS = {"torque_speed_limit": "pendulum", "load_friction": "slider"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", catalogue.WORDS)
+def test_a_short_world_of_each_is_named_with_its_sizes(family):
+    """The truth is an integrator and a law of their own."""
+    system = SYSTEMS[WORLDS.get(family, "slider")]
+    rng = np.random.default_rng(4)
+    place = catalogue.places_of(family, system)[0]
+    world = draws.bare_world(
+        11, 3, 1, "words", False, system, None if system.vehicle else "measured", [(family, place)], rng
+    )
+    world = replace(world, episodes=8, steps=150, dt=0.02, excitation="steps", integrator="rk4")
+    effect = draws.effect(
+        family, place, Scales(world, run(world, (), 0.005)), Dial(rng, 0.7), may_gate=False, rng=rng
+    )
+    world = replace(world, effects=(effect,))
+    found = run(world, (effect,), 0.002)
+    t = world.dt * np.arange(world.steps + 1)
+    simulator = make_simulator(system.name)
+    episodes = tuple(
+        Episode(str(e), t, found.measured[:, e], found.commands[:, e]) for e in range(world.episodes)
+    )
+    recording = Recording(
+        system.name, simulator.state, simulator.action, episodes, world.dt, world.parameters, "rk4",
+        noise=world.noise,
+    )  # fmt: skip
+    few = read_settings({"stepwise": {"total_budget": 1e7}, "search": {"budget": 1e7}})
+    known = Known(only=(family, "viscous_friction", "spring", "actuator_gain"))
+    answer = diagnose(
+        recording, simulator, simulator.defaults(world.parameters), rng, run=Run(settings=few, known=known)
+    )
+    (said,) = answer.diagnosis.effects
+    assert (said.family, said.place) == (family, place)
+    for name, value in effect.values.items():
+        if name != "phase":
+            assert said.parameters[name].value == pytest.approx(value, rel=0.1, abs=0.02 * abs(value) + 0.01)
