@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, read_settings
-from gpsim.diagnosis.setup.ripples import ripples
+from gpsim.diagnosis.setup.along import pushed_back, ripples
 from gpsim.effects import FAMILIES, Chain, Place, Term
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
@@ -181,3 +181,18 @@ def test_a_short_world_of_each_is_named_with_its_sizes(family):
     for name, value in effect.values.items():
         if name != "phase":
             assert said.parameters[name].value == pytest.approx(value, rel=0.1, abs=0.02 * abs(value) + 0.01)
+
+
+def test_an_end_is_where_something_pushes_back():
+    rng = np.random.default_rng(3)
+    q, noise = rng.uniform(-1.0, 1.0, 1000), rng.normal(0.0, 0.1, 1000)
+    assert pushed_back(q, noise) == (False, False)
+    assert pushed_back(q, noise - 50.0 * np.maximum(q - 0.9, 0.0)) == (False, True)
+    stops = noise - 50.0 * np.maximum(q - 0.9, 0.0) + 50.0 * np.maximum(-0.9 - q, 0.0)
+    assert pushed_back(q, stops) == (True, True)
+
+
+def test_noise_is_no_ripple():
+    rng = np.random.default_rng(5)
+    q, v, u = np.cumsum(rng.normal(0, 0.02, 1500)), rng.normal(size=1500), rng.normal(size=(1500, 1))
+    assert ripples(q, v, rng.normal(size=1500) - 2.0 * v, u, 0.01, False) == ()

@@ -9,7 +9,7 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.contacts import apart
-from gpsim.diagnosis.setup.ripples import ripples
+from gpsim.diagnosis.setup.along import pushed_back, ripples
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
@@ -52,6 +52,7 @@ class Sizes:
         rows_rates = simulator.measured_rates(rows.states, rows.next_states, rows.dt)
         self._forces: dict[str, float] = {}
         self._visited: dict[str, tuple[float, float]] = {}
+        self._turned: dict[str, tuple[bool, bool]] = {}
         self._ripples: dict[str, tuple[tuple[float, float], ...]] = {}
         self._driven = simulator.driven()
         for i, coordinate in enumerate(simulator.coordinates):
@@ -68,8 +69,9 @@ class Sizes:
             self._forces[coordinate.name] = max(usual / easily, TINY)
             at, speed = (simulator.state.index(n) for n in (coordinate.name, coordinate.velocity))
             q, v = rows.states[:, at], rows.states[:, speed]
-            self._visited[coordinate.name] = float(q.min()), float(q.max())
             missed = (rows_rates - rates)[:, column] / np.where(np.abs(mobility) > 0, mobility, np.inf)
+            self._visited[coordinate.name] = float(q.min()), float(q.max())
+            self._turned[coordinate.name] = pushed_back(q, missed)
             self._ripples[coordinate.name] = ripples(
                 q, v, missed, rows.actions, recording.dt, simulator.state.wraps[at]
             )
@@ -92,6 +94,7 @@ class Sizes:
                 damping=coordinate.damping,
                 friction=coordinate.friction,
                 visited=self._visited[on],
+                turned=self._turned[on],
                 ripples=self._ripples[on],
             )
         if effect.site == "actuator":

@@ -39,6 +39,10 @@ class CoggingForce(ForceEffect):
         ),
     }
 
+    def offers(self, place: Place, variant: str) -> bool:
+        """Where a scan found a ripple, or nobody has scanned."""
+        return variant == "" and (bool(place.ripples) or place.visited is None)
+
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
         """Amplitude [the coordinate's force], period [position] and phase [rad], from the ripples that a scan found."""
         length = place.position_unit

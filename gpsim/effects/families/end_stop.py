@@ -72,5 +72,6 @@ class EndStop(ForceEffect):
         )
 
     def offers(self, place: Place, variant: str) -> bool:
-        """Both stops, or one of them."""
-        return variant in self.variants
+        """Those at whose edge something pushed back."""
+        lower, upper = place.turned
+        return {"": lower and upper, "lower": lower and not upper, "upper": upper and not lower}[variant]

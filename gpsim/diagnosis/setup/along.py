@@ -1,4 +1,4 @@
-"""The periods of a force that repeats along the way: a scan over the positions of a recording.
+"""What stands along the way: a force that repeats, found by a scan over positions, and what pushes back at its ends.
 
 What the base simulator misses of the forces is taken off smooth functions of position, speed and command by least
 squares; what is left is held against sines of the position, one wave number after another (Lomb 1976, "Least-squares
@@ -16,8 +16,13 @@ LONGEST, SHORTEST = 1.0, 80.0  # periods in the way that was visited: of the fir
 WAVES = 400  # wave numbers that are tried
 APART = 0.6  # periods in the way by which two that are told differ at least
 A_SAMPLE = 3.0  # samples that a period takes at a usual speed, at least: what is faster is only its mean
+CHANCE = 0.01  # with which noise alone makes one that is told
 ROWS = 2000  # transitions that are looked at
 TURN = 2.0 * np.pi
+OUTER, STANDS_OUT = (
+    0.05,
+    4.0,
+)  # of the way that is an end of it; standard deviations of what is missed elsewhere
 
 
 def ripples(
@@ -25,7 +30,7 @@ def ripples(
 ) -> tuple[tuple[float, float], ...]:
     """(period, phase) of the strongest ripples of a force (N,) along q (N,), which may be an angle that wraps.
 
-    actions: (N, A). Nothing where too little moves.
+    actions: (N, A). Nothing where too little moves, or where noise would make as strong a one.
     """
     pick = np.linspace(0, len(q) - 1, min(len(q), ROWS)).astype(int)
     q, speed, force, actions = q[pick], speed[pick], force[pick], actions[pick]
@@ -42,6 +47,11 @@ def ripples(
         columns = np.stack([np.sin(angle), np.cos(angle)], axis=1)
         size, *_ = np.linalg.lstsq(columns, left, rcond=None)
         found.append((float((columns @ size) @ left), count, float(np.arctan2(size[1], size[0]))))
+    chance = (
+        2.0 * np.log(len(counts) / CHANCE) * float(np.mean(left**2))
+    )  # of the largest of so many, by noise
+    if max(found)[0] < chance:
+        return ()
     chosen: list[tuple[float, float]] = []
     for _, count, phase in sorted(found, reverse=True):
         if all(abs(count - way / period) >= APART for period, _ in chosen):
@@ -49,6 +59,18 @@ def ripples(
         if len(chosen) == FOUND:
             break
     return tuple(chosen)
+
+
+def pushed_back(q: FloatArray, force: FloatArray) -> tuple[bool, bool]:
+    """Whether, at the lower and the upper end of the way q (N,), a missed force (N,) stands out that points inward."""
+    lowest, highest = float(q.min()), float(q.max())
+    edge = OUTER * (highest - lowest)
+    usual = 1.48 * float(np.median(np.abs(force - np.median(force))))
+
+    def stands_out(outward: FloatArray, where: FloatArray) -> bool:
+        return bool(where.any()) and float(np.quantile(-outward[where], 0.75)) > STANDS_OUT * usual
+
+    return stands_out(-force, q < lowest + edge), stands_out(force, q > highest - edge)
 
 
 def _without_smooth(q: FloatArray, speed: FloatArray, force: FloatArray, actions: FloatArray) -> FloatArray:
