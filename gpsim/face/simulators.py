@@ -29,7 +29,7 @@ def load_simulator(
 
     Args:
         simulator: one of
-            a name: `cartpole`, `unicycle`, `ackermann`, `slider` or `pendulum`;
+            a name: `cartpole`, `unicycle`, `ackermann`, `slider`, `pendulum` or `servo_joint`;
             a file: `"my_system.py:Tank"`, a class with `state`, `action`, `parameters` and `rates`;
             a MuJoCo model: `"robot.xml"`, `"robot.urdf"`, `"mine.py:function"` or `"gym:ID"` (needs `gpsim[mujoco]`);
             a class of that kind, or an object of one;

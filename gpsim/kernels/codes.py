@@ -10,6 +10,7 @@ PENDULUM: Final = 1
 SLIDER: Final = 2
 UNICYCLE: Final = 3
 ACKERMANN: Final = 4
+SERVO_JOINT: Final = 5
 
 # Schemes.
 FINE: Final = 0
@@ -28,6 +29,7 @@ COEFFICIENT: Final = 11
 STRIBECK: Final = 12
 GRIP_CURVE: Final = 13
 RATIO: Final = 20
+DIFFERENCE: Final = 21
 RADIUS: Final = 30
 UNDERSTEER: Final = 31
 STEERING: Final = 32

@@ -28,34 +28,35 @@ P: Final = 15 * LANES
 P1: Final = 16 * LANES
 P2: Final = 17 * LANES
 P3: Final = 18 * LANES
+P4: Final = 19 * LANES
 # An angle, its sine and cosine; when the substep begins, its length.
-ANGLE: Final = 19 * LANES
-SIN: Final = 20 * LANES
-COS: Final = 21 * LANES
-T: Final = 22 * LANES
-H: Final = 23 * LANES
+ANGLE: Final = 20 * LANES
+SIN: Final = 21 * LANES
+COS: Final = 22 * LANES
+T: Final = 23 * LANES
+H: Final = 24 * LANES
 # The slope of this stage, and a mean of those so far; rates before something changed them; where a substep ends.
-K: Final = 24 * LANES
-K1: Final = 28 * LANES
-SUM: Final = 32 * LANES
-AHEAD: Final = 36 * LANES
+K: Final = 25 * LANES
+K1: Final = 29 * LANES
+SUM: Final = 33 * LANES
+AHEAD: Final = 37 * LANES
 # What a unit force on a coordinate does to both rates.
-M: Final = 40 * LANES
-M1: Final = 41 * LANES
+M: Final = 41 * LANES
+M1: Final = 42 * LANES
 # Dry friction: the speed it is against, its direction, its size, what would hold the coordinate; the load.
-BEGUN: Final = 42 * LANES
-AGAINST: Final = 43 * LANES
-MOST: Final = 44 * LANES
-HOLDS: Final = 45 * LANES
-BEFORE: Final = 46 * LANES
-LOAD: Final = 47 * LANES
-LIGHTER: Final = 48 * LANES
+BEGUN: Final = 43 * LANES
+AGAINST: Final = 44 * LANES
+MOST: Final = 45 * LANES
+HOLDS: Final = 46 * LANES
+BEFORE: Final = 47 * LANES
+LOAD: Final = 48 * LANES
+LIGHTER: Final = 49 * LANES
 # Room for a law's value.
-ONE: Final = 49 * LANES
+ONE: Final = 50 * LANES
 # When the transition began.
-BEGAN: Final = 50 * LANES
+BEGAN: Final = 51 * LANES
 # What is added to a rate in this transition.
-PUSH: Final = 51 * LANES
+PUSH: Final = 52 * LANES
 # The commands as they reached the drives.
-REACHED: Final = 52 * LANES
-SIZE: Final = 54 * LANES
+REACHED: Final = 53 * LANES
+SIZE: Final = 55 * LANES

@@ -285,7 +285,7 @@ def _law_of(term: Term) -> Law | None:
             family
         )
     if isinstance(effect, ParameterEffect):
-        return tables.PARAMETERS.get(family)
+        return (tables.DIFFERENCES if "offset" in term.values else tables.PARAMETERS).get(family)
     if isinstance(effect, DriveEffect):
         return tables.OWN_DRIVES.get(family)
     return tables.TWISTS.get(family) if isinstance(effect, VehicleEffect) else None

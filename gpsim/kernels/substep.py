@@ -12,6 +12,7 @@ from gpsim.kernels.codes import (
     CARTPOLE,
     CHANGING,
     CURVE,
+    DIFFERENCE,
     DRIVE_CURVE,
     FINE,
     FORCES,
@@ -66,7 +67,8 @@ def correct(
             terms[n, GATE] < terms[n, GATE_END],
         )
         for i in range(lanes):
-            new = b[at + i] * v[value, i]
+            own: float = v[value, i]
+            new = b[at + i] + own if terms[n, LAW] == DIFFERENCE else b[at + i] * own
             b[at + i] = blended(shares[n, i], new, b[at + i]) if gated else new
 
 

@@ -6,7 +6,7 @@ import math
 
 from gpsim.channels import FloatArray
 from gpsim.kernels.circular import sine_and_cosine
-from gpsim.kernels.codes import ACKERMANN, CARTPOLE, PENDULUM, SLIDER
+from gpsim.kernels.codes import ACKERMANN, CARTPOLE, PENDULUM, SERVO_JOINT, SLIDER
 from gpsim.kernels.compiling import compiled
 from gpsim.kernels.lanes import (
     ANGLE,
@@ -18,6 +18,7 @@ from gpsim.kernels.lanes import (
     P1,
     P2,
     P3,
+    P4,
     R1,
     R2,
     SIN,
@@ -33,6 +34,7 @@ from gpsim.kernels.lanes import (
     U,
     Y,
 )
+from gpsim.kernels.scalars import clipped
 
 
 @compiled
@@ -65,6 +67,11 @@ def rates(b: FloatArray, lanes: int, system: int, held: int) -> None:
     elif system == SLIDER:
         for i in range(lanes):
             b[R + i] = (b[U + i] + b[F + i]) / b[P + i]
+    elif system == SERVO_JOINT:
+        for i in range(lanes):
+            wanted = b[P1 + i] * (b[U + i] - b[Y + i]) - b[P2 + i] * b[Y1 + i]
+            given = clipped(wanted, -b[P3 + i], b[P3 + i])
+            b[R + i] = (given - b[P4 + i] * b[SIN + i] + b[F + i]) / b[P + i]
     elif system == ACKERMANN:
         for i in range(lanes):
             b[R + i] = b[U + i]
@@ -82,7 +89,7 @@ def turning(b: FloatArray, lanes: int, system: int) -> None:
     """Fill SIN and COS with those of what turns in the stage's state."""
     if system == SLIDER:
         return
-    if system == PENDULUM:
+    if system == PENDULUM or system == SERVO_JOINT:
         for i in range(lanes):
             b[ANGLE + i] = b[Y + i]
     else:
@@ -100,7 +107,7 @@ def slope(b: FloatArray, lanes: int, system: int, still: int) -> None:
             b[K + LANES + i] = b[R + i]
             b[K + 2 * LANES + i] = b[Y3 + i]
             b[K + 3 * LANES + i] = b[R1 + i]
-    elif system == PENDULUM or system == SLIDER:
+    elif system == PENDULUM or system == SLIDER or system == SERVO_JOINT:
         for i in range(lanes):
             b[K + i] = b[Y1 + i]
             b[K + LANES + i] = b[R + i]

@@ -8,7 +8,7 @@ from typing import Literal
 
 from gpsim.effects import CATALOGUE, ActuatorEffect, DriveEffect, Effect, ForceEffect, VehicleEffect
 from gpsim.kernels import codes
-from gpsim.simulators import Ackermann, CartPole, Pendulum, Simulator, Slider, Unicycle
+from gpsim.simulators import Ackermann, CartPole, Pendulum, ServoJoint, Simulator, Slider, Unicycle
 
 Law = tuple[int, tuple[str, ...]]
 
@@ -18,6 +18,7 @@ SYSTEMS: Mapping[type[Simulator], int] = {
     Slider: codes.SLIDER,
     Unicycle: codes.UNICYCLE,
     Ackermann: codes.ACKERMANN,
+    ServoJoint: codes.SERVO_JOINT,
 }
 
 OWN: Mapping[str, int] = {
@@ -58,6 +59,8 @@ DRY: Mapping[str, Law] = {
 }
 BY_LOAD: Mapping[str, Law] = {"coulomb_friction": (codes.COEFFICIENT, ("coefficient",))}
 PARAMETERS: Mapping[str, Law] = {"parameter_offset": (codes.RATIO, ("ratio",))}
+DIFFERENCES: Mapping[str, Law] = {"parameter_offset": (codes.DIFFERENCE, ("offset",))}
+"""The same of parameters that may be 0."""
 TWISTS: Mapping[str, Law] = {
     **OWN_TWISTS,
     "minimum_turning_radius": (codes.RADIUS, ("radius",)),

@@ -8,6 +8,7 @@ from gpsim.simulators.pendulum import Pendulum
 from gpsim.simulators.plant import Memory, Plant, RandomisedPlant, SimulatorPlant, part_of, restart
 from gpsim.simulators.reduced import Whole, reduced, whole
 from gpsim.simulators.registry import SIMULATORS, make_simulator, source_file
+from gpsim.simulators.servo_joint import ServoJoint
 from gpsim.simulators.simulator import (
     INTEGRATORS,
     Coordinate,
@@ -37,6 +38,7 @@ __all__ = [
     "Plant",
     "RandomisedPlant",
     "RateFunction",
+    "ServoJoint",
     "Simulator",
     "SimulatorPlant",
     "Slider",

@@ -9,6 +9,7 @@ from gpsim.errors import UsageError
 from gpsim.simulators.ackermann import Ackermann
 from gpsim.simulators.cartpole import CartPole
 from gpsim.simulators.pendulum import Pendulum
+from gpsim.simulators.servo_joint import ServoJoint
 from gpsim.simulators.simulator import Simulator
 from gpsim.simulators.slider import Slider
 from gpsim.simulators.unicycle import Unicycle
@@ -20,6 +21,7 @@ SIMULATORS: Mapping[str, type[Simulator]] = {
     Ackermann.name: Ackermann,
     Slider.name: Slider,
     Pendulum.name: Pendulum,
+    ServoJoint.name: ServoJoint,
 }
 
 

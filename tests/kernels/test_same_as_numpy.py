@@ -37,7 +37,7 @@ from gpsim.diagnosis.form.laws import (
     HatGate,
 )
 from gpsim.diagnosis.run import Run, Workers
-from gpsim.effects import FAMILIES, Chain, Effect, Gate, Term
+from gpsim.effects import FAMILIES, Chain, Effect, Gate, Place, Term
 from gpsim.kernels import marching, program_of, tables
 from gpsim.simulators import SIMULATORS, Slider, make_simulator, reduced, wrapping
 
@@ -199,12 +199,21 @@ COMPILED = set(FAMILIES) - OF_BODIES
 
 def test_which_families_are_compiled() -> None:
     """All of the catalogue; a family that is new falls back to NumPy until somebody writes it down here."""
-    known = {*tables.FORCES, *tables.DRY, *tables.PARAMETERS, *tables.TWISTS}
+    known = {*tables.FORCES, *tables.DRY, *tables.PARAMETERS, *tables.TWISTS, *tables.OWN_DRIVES}
     sites = {
         f for f, effect in FAMILIES.items() if effect.site in ("actuator", "sensor") and f not in OF_BODIES
     }  # arrays, before and after
     assert known | sites == COMPILED
     assert set(SIMULATORS.values()) == set(tables.SYSTEMS)
+
+
+def test_what_may_be_zero_differs_by_a_sum() -> None:
+    simulator, rng = make_simulator("servo_joint"), np.random.default_rng(2)
+    place = Place("gravity_torque", "N m", additive=True, bounds=(-1.0, 1.0), dt=DT)
+    declared = FAMILIES["parameter_offset"].parameters(place)
+    hypothesis = Hypothesis().plus(Term("parameter_offset", place.on, {"offset": 0.3}), declared)
+    what = Drawn(hypothesis.terms, hypothesis, np.array([[0.3], [0.0], [0.7]]))
+    the_same(simulator, windows_of(simulator, rng), what, 2)
 
 
 def test_what_has_no_compiled_form_falls_back() -> None:

@@ -94,3 +94,19 @@ def test_cart_poles_normal_force_is_what_the_track_must_carry():
     upward = (height(h) - 2 * height(0) + height(-h)) / h**2
     expected = p["cart_mass"] * p["gravity"] + p["pole_mass"] * (p["gravity"] + upward)
     np.testing.assert_allclose(cartpole.normal_force(state, rates, p)["x"], expected, rtol=1e-5)
+
+
+def test_a_servo_joint_goes_where_it_is_told_as_a_damped_oscillator_does():
+    """Within its torque J theta'' + kd theta' + kp theta = kp target; beyond it a constant torque; at last a balance."""
+    joint = make_simulator("servo_joint")
+    p = joint.defaults({"inertia": 0.02, "stiffness": 2.0, "damping": 0.04, "torque_limit": 1.0})
+    natural, half = np.sqrt(p["stiffness"] / p["inertia"]), p["damping"] / p["inertia"] / 2
+    t, fast = 0.3, np.sqrt(natural**2 - half**2)
+    end = run(joint, np.array([[0.0, 0.0]]), np.array([[0.4]]), p, 0.001, 300)
+    swing = np.exp(-half * t) * (np.cos(fast * t) + half / fast * np.sin(fast * t))
+    np.testing.assert_allclose(end[0, 0], 0.4 * (1 - swing), rtol=1e-6)
+    start = run(joint, np.array([[0.0, 0.0]]), np.array([[9.0]]), p, 0.001, 50)
+    np.testing.assert_allclose(start[0], [0.05**2 / 2 * 50.0, 0.05 * 50.0], rtol=1e-9)
+    loaded = p | {"gravity_torque": 0.5, "damping": 0.4}
+    rest = run(joint, np.array([[0.0, 0.0]]), np.array([[0.6]]), loaded, 0.002, 2000)[0, 0]
+    np.testing.assert_allclose(2.0 * (0.6 - rest), 0.5 * np.sin(rest), atol=1e-9)

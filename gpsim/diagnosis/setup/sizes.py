@@ -8,8 +8,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.settings import CandidateSettings
-from gpsim.diagnosis.setup.contacts import apart
 from gpsim.diagnosis.setup.along import pushed_back, ripples
+from gpsim.diagnosis.setup.contacts import apart
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
