@@ -40,7 +40,9 @@ turn rate; the names of the other [symbols](../method/notation.md) are those of 
 the unit of what the effect acts on (of a coordinate: its force, N or N m) and L that of a position (m or rad)."""
 COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "may be limited")
 TAIL = """\
-`payload`, `armature`, `gravity_tilt` and `joint_offset` are for [MuJoCo models](../how-to/mujoco.md).
+`end_stop` has one edge where a recording shows one; it and `cogging_force` are asked where a force stands out at an
+end of the way, or repeats along it. `torque_speed_limit` and `load_friction` are asked where a command is the force
+that drives a coordinate. `payload`, `armature`, `gravity_tilt` and `joint_offset` are for [MuJoCo models](../how-to/mujoco.md).
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a
 function of*: what a free curve is drawn over, to see whether the law holds; `nothing` where no curve can be
@@ -112,7 +114,11 @@ def _row(family: str, effect: Effect) -> list[str]:
         f"`{family}`",
         "`pose`" if pose else OF_MODELS.get(family, ACTS_ON[effect.site]),
         _law(effect),
-        ", ".join(f"`{p.name}` [{p.unit}]" for v in effect.variants for p in effect.parameters(PLACE, v)),
+        ", ".join(
+            dict.fromkeys(
+                f"`{p.name}` [{p.unit}]" for v in effect.variants for p in effect.parameters(PLACE, v)
+            )
+        ),
         effect.function_of,
         "region only" if effect.needs_region else "yes" if effect.gated else "no",
     ]

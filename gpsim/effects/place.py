@@ -64,10 +64,10 @@ class Place:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
     positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate went;
     turned: whether something pushed it back at either end of that; ripples: (period, phase) of what a scan over its
-    positions found. speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
-    parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
-    centre: of a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be
-    less in truth.
+    positions found. speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's
+    step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of a difference
+    from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction: what the
+    simulator itself has of a coordinate's, which may be less in truth.
     """
 
     on: str

@@ -63,7 +63,7 @@ RETURNS: Mapping[str, str] = {
     "vehicle": "v, lateral and w, three arrays",
     "sensor": "what is read",
 }
-BASES: Mapping[str, type[Effect]] = {
+BASES: Mapping[str, Any] = {
     "force": ForceEffect,
     "friction": ForceEffect,
     "actuator": ActuatorEffect,
@@ -84,8 +84,8 @@ def adapted(instance: Any, reference: str) -> Effect:
                 raise UsageError(f"{reference}: '{name}' must be said, as in a family of gpsim.effects")
         vars(instance)["asked"] = False  # nobody asks for it but who brought it
         return instance
-    site = getattr(instance, "site", None)
-    if site not in INPUTS:
+    site: Any = getattr(instance, "site", None)
+    if not isinstance(site, str) or site not in INPUTS:
         raise UsageError(f"{reference}: 'site' must be one of {', '.join(INPUTS)}, got {site!r}")
     plain = _Plain(instance, site, reference)
     _check_law(instance, site, reference)
@@ -103,7 +103,9 @@ def adapted(instance: Any, reference: str) -> Effect:
         "_plain": plain,
     }
     made |= _methods(site)
-    return type(type(instance).__name__, (_Brought, BASES[site]), made)()  # type: ignore[no-any-return]
+    made_class: Any = type(type(instance).__name__, (_Brought, BASES[site]), made)
+    found: Effect = made_class()
+    return found
 
 
 class _Plain:
@@ -200,8 +202,8 @@ def _methods(site: Site) -> dict[str, Callable[..., Any]]:
         out[:, column] = self._plain((measured[:, column],), values)[0]
         return out
 
-    actuator = {"actuate": actuate, "begin": begin, "remembers": remembers}
-    return {
+    actuator: dict[str, Callable[..., Any]] = {"actuate": actuate, "begin": begin, "remembers": remembers}
+    methods: dict[str, dict[str, Callable[..., Any]]] = {
         "force": {"force": one},
         "friction": {"grip": grip},
         "actuator": actuator,
@@ -209,7 +211,8 @@ def _methods(site: Site) -> dict[str, Callable[..., Any]]:
         "parameter": {"corrected": one},
         "vehicle": {"twist": twist},
         "sensor": {"measure": measure},
-    }[site]
+    }
+    return methods[site]
 
 
 def _family(instance: Any, reference: str) -> str:
@@ -223,10 +226,11 @@ def _family(instance: Any, reference: str) -> str:
 
 
 def _function_of(instance: Any, reference: str) -> FunctionOf:
-    of = getattr(instance, "of", "nothing")
-    if of not in get_args(FunctionOf):
-        raise UsageError(f"{reference}: 'of' must be one of {', '.join(get_args(FunctionOf))}, got {of!r}")
-    return of  # type: ignore[no-any-return]
+    said = getattr(instance, "of", "nothing")
+    found: FunctionOf | None = next((of for of in get_args(FunctionOf) if of == said), None)
+    if found is None:
+        raise UsageError(f"{reference}: 'of' must be one of {', '.join(get_args(FunctionOf))}, got {said!r}")
+    return found
 
 
 def _parameters(instance: Any, reference: str) -> tuple[EffectParameter, ...]:

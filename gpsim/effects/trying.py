@@ -75,28 +75,35 @@ def _asked(effect: Effect, rng: np.random.Generator) -> tuple[list[FloatArray], 
     """Inputs of a batch, at rest and of either sign among them, and how the law is asked."""
     one, two, three = (_some(rng) for _ in range(3))
     if isinstance(effect, ForceEffect):
-
-        def force(inputs: Sequence[FloatArray], values: Values) -> list[FloatArray]:
-            found = effect.grip(*inputs, values, None) if effect.dry else effect.force(*inputs, values)
-            assert found is not None
-            return [np.asarray(found)]
-
-        return [one, two], force
+        return [one, two], lambda inputs, values: [_force(effect, inputs, values)]
     if isinstance(effect, DriveEffect):
-        return [one, two], lambda inputs, values: [effect.delivered(*inputs, values)]
+        return [one, two], lambda inputs, values: [effect.delivered(inputs[0], inputs[1], values)]
     if isinstance(effect, ParameterEffect):
-        return [np.abs(one) + 0.1], lambda inputs, values: [effect.corrected(*inputs, values)]
+        return [np.abs(one) + 0.1], lambda inputs, values: [effect.corrected(inputs[0], values)]
     if isinstance(effect, VehicleEffect):
-        return [one, two, three], lambda inputs, values: list(effect.twist(*inputs, values))
+        return [one, two, three], lambda inputs, values: list(
+            effect.twist(inputs[0], inputs[1], inputs[2], values)
+        )
     if isinstance(effect, SensorEffect):
-        return [one], lambda inputs, values: [
-            effect.measure(inputs[0][:, None], (0,), values, {}, np.full(len(inputs[0]), STEP))[:, 0]
-        ]
+        return [one], lambda inputs, values: [_measured(effect, inputs[0], values)]
     if isinstance(effect, ActuatorEffect):
-        return [np.stack([_some(rng) for _ in range(STEPS)], axis=1)], lambda inputs, values: [
-            _actuated(effect, inputs[0], values)
-        ]
+        commands = np.stack([_some(rng) for _ in range(STEPS)], axis=1)
+        return [commands], lambda inputs, values: [_actuated(effect, inputs[0], values)]
     raise UsageError(f"{effect.family}: a law at the site {effect.site} cannot be tried alone")
+
+
+def _force(effect: ForceEffect, inputs: Sequence[FloatArray], values: Values) -> FloatArray:
+    position, speed = inputs
+    found = (
+        effect.grip(position, speed, values, None) if effect.dry else effect.force(position, speed, values)
+    )
+    assert found is not None
+    return found
+
+
+def _measured(effect: SensorEffect, reading: FloatArray, values: Values) -> FloatArray:
+    step = np.full(len(reading), STEP)
+    return effect.measure(reading[:, None], (0,), values, {}, step)[:, 0]
 
 
 def _actuated(effect: ActuatorEffect, commands: FloatArray, values: Values) -> FloatArray:

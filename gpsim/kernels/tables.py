@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from gpsim.effects import CATALOGUE, ActuatorEffect, DriveEffect, Effect, ForceEffect, VehicleEffect
+from gpsim.effects import CATALOGUE, ActuatorEffect, DriveEffect, ForceEffect, VehicleEffect
 from gpsim.kernels import codes
 from gpsim.simulators import Ackermann, CartPole, Pendulum, ServoJoint, Simulator, Slider, Unicycle
 
@@ -32,7 +32,7 @@ OWN: Mapping[str, int] = {
 """The number of every family that writes its law as one formula: compiled code takes it from there."""
 
 
-def _own(site: type[Effect], *, dry: bool = False) -> dict[str, Law]:
+def _own(site: type[Any], *, dry: bool = False) -> dict[str, Law]:
     """Those of a site, with what they read."""
     return {
         family: (number, tuple(CATALOGUE[family].takes))

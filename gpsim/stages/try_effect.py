@@ -122,7 +122,7 @@ def made(
     read = np.stack(seen)
     sd = NOISE * np.maximum(read.std(axis=(0, 1)), 1e-9)
     read = read + sd * rng.normal(size=read.shape)
-    t = DT * np.arange(len(read))
+    t = np.asarray(DT * np.arange(len(read)), dtype=np.float64)
     return Recording(
         system=simulator.name,
         parameters=parameters,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gpsim.channels import FloatArray
+from gpsim.channels import BoolArray, FloatArray
 
 FOUND = 3  # periods that are told, the strongest first
 LONGEST, SHORTEST = 1.0, 80.0  # periods in the way that was visited: of the first and of the last wave number
@@ -67,7 +67,7 @@ def pushed_back(q: FloatArray, force: FloatArray) -> tuple[bool, bool]:
     edge = OUTER * (highest - lowest)
     usual = 1.48 * float(np.median(np.abs(force - np.median(force))))
 
-    def stands_out(outward: FloatArray, where: FloatArray) -> bool:
+    def stands_out(outward: FloatArray, where: BoolArray) -> bool:
         return bool(where.any()) and float(np.quantile(-outward[where], 0.75)) > STANDS_OUT * usual
 
     return stands_out(-force, q < lowest + edge), stands_out(force, q > highest - edge)

@@ -100,10 +100,16 @@ class Sizes:
         if effect.site == "actuator":
             unit = self._simulator.action.units[on]
             driven = next((c for c in self._simulator.coordinates if c.name == self._driven.get(on)), None)
-            moves = {"speed": self._spans[driven.velocity]} if driven else {}
+            speed = self._spans[driven.velocity] if driven else 1.0
             length = self._simulator.state.units[driven.name] if driven else ""
             return Place(
-                on, unit, span=self._spans[on], reach=self._duration, dt=self._dt, length=length, **moves
+                on,
+                unit,
+                span=self._spans[on],
+                reach=self._duration,
+                dt=self._dt,
+                length=length,
+                speed=speed,
             )
         if effect.site == "sensor" and on in self._deviations:
             return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)

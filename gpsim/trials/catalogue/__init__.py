@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from gpsim.channels import FloatArray
 from gpsim.trials.catalogue import actuators, laws, strengths, words
 from gpsim.trials.catalogue.actuators import Actuator
 from gpsim.trials.catalogue.sensors import SENSORS, read
@@ -16,7 +17,10 @@ from gpsim.trials.worlds import Values
 
 SMOOTH: Mapping[str, Callable[..., Any]] = {**laws.SMOOTH, **words.at_site("smooth")}
 GRIP: Mapping[str, Callable[..., Any]] = {**laws.GRIP, **words.at_site("grip")}
-TWIST: Mapping[str, Callable[..., Any]] = {**laws.TWIST, **words.at_site("twist")}
+TWIST: Mapping[
+    str,
+    Callable[[Values, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
+] = {**laws.TWIST, **words.at_site("twist")}
 ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
     **actuators.ACTUATORS,
     **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},

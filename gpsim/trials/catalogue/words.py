@@ -155,4 +155,4 @@ class Driven:
 
     def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
         """What acts; a vehicle, whose state has no speed, is no place of a law that looks at one."""
-        return np.asarray(self._law(self._k, u, s[:, 1]))
+        return np.asarray(self._law(self._k, u, s[:, 1]), dtype=np.float64)
