@@ -144,6 +144,8 @@ class Effect:
         was = self.level
         if self.family == "actuator_dead_zone":
             return 0.0 if abs(u) < v["width"] else u
+        if self.family == "actuator_dead_band":
+            return math.copysign(max(abs(u) - v["width"], 0.0), u)
         if self.family == "actuator_saturation":
             return min(max(u, -v["limit"]), v["limit"])
         if self.family == "actuator_gain":

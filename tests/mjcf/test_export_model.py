@@ -41,6 +41,7 @@ REGION = Gate(region={"elbow": (-0.4, 0.4)})
 WRAPPED = {
     "backlash": [Term("actuator_backlash", "m1", {"half_width": 0.1})],
     "dead zone": [Term("actuator_dead_zone", "m1", {"width": 0.3})],
+    "dead band": [Term("actuator_dead_band", "m1", {"width": 0.3})],
     "asymmetry": [Term("actuator_asymmetry", "m1", {"gain_positive": 0.8, "gain_negative": 1.1})],
     "rate limit": [Term("actuator_rate_limit", "m1", {"rate": 9.0})],
     "lag": [Term("actuator_lag", "m1", {"time_constant": 0.03})],
