@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import gpsim
 from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, read_settings
@@ -196,3 +198,13 @@ def test_noise_is_no_ripple():
     rng = np.random.default_rng(5)
     q, v, u = np.cumsum(rng.normal(0, 0.02, 1500)), rng.normal(size=1500), rng.normal(size=(1500, 1))
     assert ripples(q, v, rng.normal(size=1500) - 2.0 * v, u, 0.01, False) == ()
+
+
+def test_a_family_is_its_own_file_its_truth_and_a_test():
+    """What names it elsewhere in the library: an export that is no matter of the law, a kind that it was before."""
+    elsewhere = {"mjcf/robot_template.py", "trials/outside/forces_of_position.py"}
+    room = Path(gpsim.__file__).parent
+    texts = {p.relative_to(room).as_posix(): p.read_text() for p in room.rglob("*.py")}
+    for family in catalogue.WORDS:
+        files = {name for name, text in texts.items() if f'"{family}"' in text} - elsewhere
+        assert files == {f"effects/families/{family}.py", "trials/catalogue/words.py"}
