@@ -20,7 +20,8 @@ STAGES = {
     "fit-gp": ("Fit one Gaussian process per rate to the residuals.", ""),
     "train-gp-policy": (
         "Train a policy in the corrected simulator.",
-        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does.",
+        "correction=gp|effects|effects+gp says what corrects it, prediction=mean|sample how the Gaussian process does; "
+        "robustness=posterior draws each episode from what a diagnosis leaves open.",
     ),
     "certify": ("Search which starts of the evaluation can be solved.", ""),
     "evaluate": (

@@ -3,22 +3,38 @@
 from gpsim.corrected.command_filter import CommandFilter, fit_filter, mean_rates, settled_rows
 from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant_from
 from gpsim.corrected.features import Feature, Features
+from gpsim.corrected.function_correction import FunctionCorrection
 from gpsim.corrected.gp_plant import PREDICTIONS, CorrectedPlant, GpCorrection, Prediction, arrived_inputs
+from gpsim.corrected.posterior_plant import (
+    Explanation,
+    PosteriorPlant,
+    Size,
+    Spread,
+    describe_posterior,
+    posterior_from,
+)
 
 __all__ = [
     "PREDICTIONS",
     "CommandFilter",
     "CorrectedPlant",
     "EffectsPlant",
+    "Explanation",
     "Feature",
     "Features",
+    "FunctionCorrection",
     "GpCorrection",
+    "PosteriorPlant",
     "Prediction",
+    "Size",
+    "Spread",
     "ages_of",
     "arrived_inputs",
     "describe",
+    "describe_posterior",
     "fit_filter",
     "mean_rates",
     "plant_from",
+    "posterior_from",
     "settled_rows",
 ]

@@ -74,7 +74,8 @@ class EffectsPlant:
     ) -> FloatArray:
         """(B, S): the true state after one control step."""
         count = len(state)
-        effects, values, seen = part_of(memory, "effects/"), self._values(count), self._seen(state, memory)
+        effects, seen = part_of(memory, "effects/"), self._seen(state, memory)
+        values = self._values(count, memory)
         extra = None
         if self.correction is not None:
             extra = self.correction.rates(state, action, part_of(memory, "gp/"), rng)
@@ -100,7 +101,7 @@ class EffectsPlant:
     ) -> FloatArray:
         """All substeps of a control step in one call of a simulator that owns its integration."""
         count, several, begin = len(state), round(self.dt / self._step), memory["clock"].copy()
-        values, seen = self._values(count), self._seen(state, memory)
+        values, seen = self._values(count, memory), self._seen(state, memory)
         step, lengths = np.full(count, self._step), np.full((count, several), self._step)
         commands = self.chain.commands(
             np.repeat(action[:, None], several, axis=1),
@@ -120,7 +121,7 @@ class EffectsPlant:
         """(B, S): what the corrected sensors say, their noise left out."""
         count = len(state)
         return self.chain.sensors.measure(
-            state, self._values(count), self._seen(state, memory), np.full(count, self._step)
+            state, self._values(count, memory), self._seen(state, memory), np.full(count, self._step)
         )
 
     @cached_property
@@ -140,8 +141,13 @@ class EffectsPlant:
         said = chain.commands(nothing, still, self._values(1), settled, steps, t)
         return settled if said.any() else rest
 
-    def _values(self, count: int) -> list[dict[str, FloatArray]]:
-        return [{k: np.full(count, v) for k, v in term.values.items()} for term in self.terms]
+    def _values(self, count: int, memory: Memory | None = None) -> list[dict[str, FloatArray]]:
+        """Of each term its values (count,): those that the memory holds of an episode are the episode's own."""
+        drawn = memory or {}
+        return [
+            {k: drawn.get(value_key(i, k), np.full(count, v)) for k, v in term.values.items()}
+            for i, term in enumerate(self.terms)
+        ]
 
     def _seen(self, state: FloatArray, memory: Memory) -> Memory:
         """What the sensors remember; those of a new episode have seen its first state only, standing still."""
@@ -174,6 +180,11 @@ class EffectsPlant:
     @property
     def _step(self) -> float:
         return self.dt / (self.substeps * self.chain.refinement if self.scheme == "fine" else 1)
+
+
+def value_key(term: int, name: str) -> str:
+    """Under what an episode's memory may hold its own value of a parameter, which a plant of draws puts there."""
+    return f"values/{term}/{name}"
 
 
 def ages_of(recording: Recording) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from gpsim.evaluation.one_step import OneStep, coverage_warnings, outside_range
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.returns import episode_returns, summarise_all
+from gpsim.evaluation.robustness import mean_and_worst, robustness_lines, worst_tenth
 from gpsim.evaluation.rollout import compare, roll_out
 from gpsim.evaluation.statistics import nrmse
 from gpsim.evaluation.summary import start_sets, summarise_seeds
@@ -17,10 +18,12 @@ __all__ = [
     "compare",
     "coverage_warnings",
     "episode_returns",
+    "mean_and_worst",
     "nrmse",
     "outside_range",
     "path_length",
     "replay",
+    "robustness_lines",
     "roll_out",
     "start_sets",
     "success_by_set",
@@ -29,4 +32,5 @@ __all__ = [
     "take_trips",
     "turning",
     "windows_of",
+    "worst_tenth",
 ]

@@ -4,6 +4,7 @@ from gpsim.gp.arrays import from_arrays, to_arrays
 from gpsim.gp.exact import JITTER, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood
 from gpsim.gp.fit_report import AtBound, FitOutcome, FitReport
 from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, fit, fit_outputs
+from gpsim.gp.functions import DrawnFunctions
 from gpsim.gp.kernels import Bounds, HyperParameters, Interval, covariance
 from gpsim.gp.predictor import Predictor
 from gpsim.gp.starts import first_start
@@ -14,6 +15,7 @@ __all__ = [
     "MOST_ROWS",
     "AtBound",
     "Bounds",
+    "DrawnFunctions",
     "FitOutcome",
     "FitReport",
     "FitSettings",

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
-from gpsim.corrected import EffectsPlant
+from gpsim.corrected import EffectsPlant, PosteriorPlant, posterior_from
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.effects import again, bring, installed, origins, read_effects
@@ -20,7 +20,7 @@ from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosing import Question, answer, plant_of, title_of
-from gpsim.stages.diagnosis_files import write_diagnosis
+from gpsim.stages.diagnosis_files import POSTERIOR, write_diagnosis
 from gpsim.stages.policy_files import read_gp
 from gpsim.stages.stage import Request, Stage
 from gpsim.stages.users_code import blamed
@@ -119,6 +119,16 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
         simulator or open_simulator(name),
         (lambda channels: read_gp(artifact.path, channels)) if gp else None,
     )
+
+
+def read_posterior(folder: Path, leader: EffectsPlant) -> PosteriorPlant:
+    """What a finished diagnosis leaves open; raises UsageError without it. leader: its corrected simulator."""
+    path = folder / POSTERIOR
+    if not path.is_file():
+        raise UsageError(
+            f"{folder}: no {POSTERIOR}, which earlier versions did not write; diagnose the recording again"
+        )
+    return posterior_from(read_object(path), leader, str(path))
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsim.artifacts import Mishaps
-from gpsim.corrected import ages_of
+from gpsim.corrected import ages_of, describe_posterior
 from gpsim.diagnosis import Diagnosis, Outcome
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
@@ -25,11 +25,11 @@ from gpsim.stages.policy_files import write_gp
 if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture
 
-TRACE, FIGURES = "trace.jsonl", "figures"
+TRACE, FIGURES, POSTERIOR = "trace.jsonl", "figures", "posterior.json"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
-    """diagnosis.json and corrected.json, then the Gaussian process, pictures and page; what went wrong with these."""
+    """The result (three JSON files), then the Gaussian process, pictures and page; what went wrong with these."""
     from gpsim.reports.diagnosis_page import page  # here, as in `drawn`: it draws
 
     mishaps = Mishaps(found.comparison.mishaps)
@@ -60,6 +60,7 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
 def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
     write_json(folder / "diagnosis.json", diagnosis.to_dict())
     write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
+    write_json(folder / POSTERIOR, plain(describe_posterior(found.posterior)))
 
 
 def _write_trace(folder: Path, decisions: Sequence[Decision]) -> None:

@@ -20,6 +20,7 @@ from gpsim.evaluation import (
     coverage_warnings,
     episode_returns,
     outside_range,
+    robustness_lines,
     roll_out,
     start_sets,
     success_by_set,
@@ -44,6 +45,7 @@ from gpsim.stages import (
 )
 from gpsim.stages.building import base_plant, drivable, make_task, randomised_plant, target_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
+from gpsim.stages.evaluate_robustness import robustness, what_is_open
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.stages.stand_in import measured_on
@@ -55,11 +57,16 @@ TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
     "GP-Mean": (train_gp_policy.STAGE, {"correction": "gp", "prediction": "mean"}),
     "GP-Sample": (train_gp_policy.STAGE, {"correction": "gp", "prediction": "sample"}),
     "Effects": (train_gp_policy.STAGE, {"correction": "effects"}),
+    "Posterior": (train_gp_policy.STAGE, {"correction": "effects+gp", "robustness": "posterior"}),
     "Target": (train_source.STAGE, {"variant": "target"}),
 }
 """The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
+
+
+DIAGNOSED = ("Effects", "Posterior")
+"""Policies that need a diagnosis."""
 
 
 def full_return(task: Task) -> int | None:
@@ -78,9 +85,19 @@ def policy_names(request: Request) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(names) if name != "Target" or drivable(request.config))
 
 
+def needs_diagnosis(request: Request) -> bool:
+    """Whether a policy that is compared was trained in what a diagnosis found."""
+    return not set(DIAGNOSED).isdisjoint(policy_names(request))
+
+
 def check(request: Request) -> None:
     """Raise UsageError for settings of the evaluation that would only fail when everything else is done."""
     policy_names(request)
+    if train_gp_policy.robust(request):
+        raise UsageError(
+            "robustness=posterior is for train-gp-policy alone; here the policy that is trained so is called "
+            "Posterior: evaluate.policies=[Effects,Posterior,...]"
+        )
     _ = request.start_seed
     truth(request.config["sample_noise"], "sample_noise")
     for key in ("episodes", "one_step_episodes", "rollouts", "rollout_steps"):
@@ -96,14 +113,14 @@ def recipe(request: Request) -> Recipe:
         return evaluate_deployed.recipe(request)
     check(request)
     if not drivable(request.config):
-        return evaluate_recording.recipe(request, with_effects="Effects" in policy_names(request))
+        return evaluate_recording.recipe(request, with_effects=needs_diagnosis(request))
     parents = {
         "residuals": build_residuals_stage.STAGE.need(request),
         "gp": fit_gp.STAGE.need(request),
         "certified": certify.STAGE.need(request),
     }
     source = train_source.STAGE.need(request.having(variant="source"))
-    if "Effects" in policy_names(request):
+    if needs_diagnosis(request):
         parents["diagnosis"] = find_diagnosis(request)
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
@@ -164,6 +181,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             name: outside_range(one_step.own_inputs(request, data), training)
             for name, data in visited.items()
         },
+        **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),
         "one_step": scores["policy"],
         "one_step_random": scores["random"],
         "rollout": rollout,
@@ -191,6 +209,8 @@ def _success(trips: Mapping[str, Trips], away: BoolArray, sets: Mapping[str, Boo
 def _training_plants(request: Request, recipe: Recipe) -> dict[str, Plant]:
     """What each policy was trained in, by its name; of what domain randomisation draws, the middle."""
     found = train_gp_policy.simulators_of(request, recipe.parents["gp"].path, recipe.parents.get("diagnosis"))
+    if "Posterior" in recipe.parents:
+        found["Posterior"] = what_is_open(request, recipe)
     return {**found, "Domain randomisation": found["Source"], "Target": target_plant(request.config)}
 
 
@@ -285,6 +305,7 @@ def notes(artifact: Artifact) -> list[str]:
         return [f"judged on {evaluation['judged_on']}", str(evaluation["not_driven"])]
     said = [f"measured on {evaluation['measured_on']}"] if "measured_on" in evaluation else []
     warnings = coverage_warnings(evaluation.get("outside_recording") or {})
+    said += robustness_lines(evaluation.get("robustness") or {})
     return [*said, *(f"warning: {text}" for text in warnings)]
 
 

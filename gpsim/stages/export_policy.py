@@ -13,6 +13,7 @@ from gpsim.policies import Policy
 from gpsim.policies.export import ros_node, to_onnx
 from gpsim.settings import build
 from gpsim.stages.policy_files import read_policy
+from gpsim.stages.survives import survival_lines
 from gpsim.tasks import GoalReaching
 
 NODE = "drive_to_goal.py"
@@ -44,6 +45,8 @@ def export_policy(path: Path, out: Path) -> list[str]:
             origin = {
                 "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
             }  # fmt: skip
+            if survives := survival_lines(path):
+                origin["survives"] = survives
             write_json(made / "policy.json", origin)
             if config["task"]["name"] == "goal":
                 node = made / NODE

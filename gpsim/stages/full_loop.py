@@ -90,14 +90,14 @@ def _plan_seed(request: Request, seed: int) -> list[Job]:
     residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, behind)
     fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
     found = Job(f"diagnose · seed {seed}", "diagnose", request, behind)
-    diagnosed = [found] if "Effects" in policy_names(request) and request.config["diagnosis"] is None else []
+    diagnosed = [found] if evaluate.needs_diagnosis(request) and request.config["diagnosis"] is None else []
     # What waits for no policy goes first: logs that cannot be read are found at once.
     jobs = [source, *recorded] if driver else [*recorded, source]
     jobs += [residuals, fit, *diagnosed]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         after: tuple[str, ...] = (fit.label,) if stage.name == "train-gp-policy" else ()
-        if name == "Effects":
+        if name in evaluate.DIAGNOSED:
             after = tuple(job.label for job in diagnosed)
         job = Job(f"{name} · seed {seed}", stage.name, request.having(**settings), after)
         if name != "Source":

@@ -107,7 +107,7 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         if getattr(training_settings(request.config), "expert_rounds", 0)
         else {},
         slices=_slices(first),
-        named=_named(requests) if "Effects" in evaluate.policy_names(request) else {},
+        named=_named(requests) if evaluate.needs_diagnosis(request) else {},
         given=_given(request),
         fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
         outside={
@@ -185,7 +185,7 @@ def _settings(request: Request) -> Json:
 def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
     """(role, seed, artifact) of everything that the report rests on; None where the seeds share it."""
     found: list[tuple[str, int | None, Artifact]] = []
-    given, with_effects = _given(request), "Effects" in evaluate.policy_names(request)
+    given, with_effects = _given(request), evaluate.needs_diagnosis(request)
     if "recording" in given:
         folder = build_residuals.recording_folder(request)
         # A folder that gpsim did not make has no manifest; its digests stand in that of the residuals.

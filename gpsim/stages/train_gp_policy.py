@@ -6,9 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe
-from gpsim.corrected import PREDICTIONS, CorrectedPlant, EffectsPlant, GpCorrection
+from gpsim.corrected import (
+    PREDICTIONS,
+    CorrectedPlant,
+    EffectsPlant,
+    FunctionCorrection,
+    GpCorrection,
+    PosteriorPlant,
+)
 from gpsim.errors import UsageError
 from gpsim.files import Json
+from gpsim.gp import DrawnFunctions
 from gpsim.policies.training.settings import TRAINING_FORMAT
 from gpsim.settings import choice
 from gpsim.simulators import Plant, SimulatorPlant
@@ -16,13 +24,17 @@ from gpsim.stages import fit_gp, tracking
 from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.code import IN_NUMBERS
-from gpsim.stages.diagnose import read_corrected, why_no_gp
+from gpsim.stages.diagnose import read_corrected, read_posterior, why_no_gp
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_filter, read_gp_correction
-from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.survives import survival_lines, write_survives
 from gpsim.stages.train_source import train
 
 CORRECTIONS = ("gp", "effects", "effects+gp")
+ROBUSTNESS = ("none", "posterior")
+FUNCTIONS = 64
+"""So many functions of the Gaussian process are drawn; every episode has one of them."""
 
 
 def recipe(request: Request) -> Recipe:
@@ -30,7 +42,9 @@ def recipe(request: Request) -> Recipe:
     settled = _settled(request)
     correction = settled.config["correction"]
     keys = ["simulator", "task", "policy", "correction"]
-    if correction != "effects":
+    if robust(settled):
+        keys.append("robustness")
+    elif correction != "effects":
         keys.append("prediction")
         if choice(request.config["prediction"], PREDICTIONS, "prediction") == "sample":
             keys.append("sample_noise")  # a mean is the same whatever a sample is of
@@ -43,6 +57,8 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train and write the policy and its learning curve."""
     request = _settled(request)
+    if robust(request):
+        return _train_robust(request, recipe, folder)
     correction, prediction = request.config["correction"], request.config["prediction"]
     make = _gp_plant if correction == "gp" else effects_plant
     parent = recipe.parents["gp" if correction == "gp" else "diagnosis"]
@@ -51,6 +67,16 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     task, purpose = make_task(request.config), f"train-gp-policy/{purpose}"
     events = tracking.events_of(request, recipe, purpose)
     return train(request, plant, task, purpose, folder, expected, events)
+
+
+def _train_robust(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """Train in draws of the posterior, and write beside the policy what it was trained to survive."""
+    drawn = posterior_plant(request, recipe.parents["diagnosis"])
+    purpose = f"train-gp-policy/posterior/{request.config['correction']}"
+    events = tracking.events_of(request, recipe, purpose)
+    made = train(request, drawn, make_task(request.config), purpose, folder, None, events)
+    write_survives(folder, drawn)
+    return made
 
 
 def _gp_plant(request: Request, gp: Artifact) -> CorrectedPlant:
@@ -63,10 +89,22 @@ def _settled(request: Request) -> Request:
     Where the diagnosis left the Gaussian process out, `effects+gp` is the simulator that `effects` is: one policy.
     """
     said = request.config["correction"]
+    if robust(request) and said in (None, "gp"):
+        if said == "gp":
+            raise UsageError(
+                "robustness=posterior draws what a diagnosis leaves open; choose correction=effects, or "
+                "correction=effects+gp with the Gaussian process on the rest"
+            )
+        request, said = request.having(correction="effects+gp"), "effects+gp"
     if said is None:
         return request.having(correction="gp" if request.config["diagnosis"] is None else "effects")
     choice(said, CORRECTIONS, "correction")
     return request.having(correction="effects") if _left_out(request) else request
+
+
+def robust(request: Request) -> bool:
+    """Whether episodes draw from the posterior; raises UsageError for another word."""
+    return choice(request.config["robustness"], ROBUSTNESS, "robustness") == "posterior"
 
 
 def _left_out(request: Request) -> str | None:
@@ -100,6 +138,25 @@ def effects_plant(request: Request, diagnosis: Artifact) -> EffectsPlant:
     prediction = choice(request.config["prediction"], PREDICTIONS, "prediction")
     sampled = replace(plant.correction, prediction=prediction, sample_noise=_noise(request))  # type: ignore[arg-type]
     return replace(plant, correction=sampled)
+
+
+def posterior_plant(request: Request, diagnosis: Artifact) -> PosteriorPlant:
+    """What the diagnosis leaves open, with `effects+gp` a function an episode of the Gaussian process on the rest too.
+
+    It was fitted beside the leading explanation, and goes with that one alone; nor with any where it stands in the
+    place of the effects.
+    """
+    _check_fits(leader := read_corrected(diagnosis.path), base_plant(request.config), diagnosis.path)
+    drawn = read_posterior(diagnosis.path, leader)
+    if request.config["correction"] != "effects+gp":
+        return drawn
+    first, correction = drawn.explanations[0], read_corrected(diagnosis.path, gp=True)
+    if not isinstance(correction.correction, GpCorrection) or correction.terms != leader.terms:
+        return drawn
+    rng = generator(request.seed, "train-gp-policy/functions")
+    functions = DrawnFunctions(correction.correction.predictor, FUNCTIONS, rng)
+    with_gp = replace(first.plant, correction=FunctionCorrection(functions, correction.correction.features))
+    return PosteriorPlant((replace(first, plant=with_gp), *drawn.explanations[1:]))
 
 
 def simulators_of(request: Request, gp_folder: Path, diagnosis: Artifact | None) -> dict[str, Plant]:
@@ -143,6 +200,7 @@ STAGE = Stage(
     "train-gp-policy",
     recipe,
     write,
+    lambda artifact: survival_lines(artifact.path),
     remarks=remarks,
     format=TRAINING_FORMAT,
     code=IN_NUMBERS,

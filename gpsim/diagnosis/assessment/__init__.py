@@ -7,7 +7,7 @@ from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.estimates import Sizes, estimates
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.gated import acts_in
-from gpsim.diagnosis.assessment.intervals import intervals
+from gpsim.diagnosis.assessment.intervals import correlations, intervals
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.model_error import model_error, with_model_error
 from gpsim.diagnosis.assessment.replay import replayed
@@ -31,6 +31,7 @@ __all__ = [
     "by_recording",
     "combinations",
     "compare",
+    "correlations",
     "course",
     "depends_on",
     "estimates",

@@ -41,6 +41,15 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
     return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
 
 
+def correlations(problem: Problem, fit: Fit) -> FloatArray:
+    """(P, P): how the parameters of a fit vary together where the data leave them open; ones on the diagonal."""
+    covariance = _covariance(problem, fit, curvature(problem, fit))
+    deviation = np.sqrt(np.maximum(np.diag(covariance), LEAST_INFORMATION))
+    found = covariance / np.outer(deviation, deviation)
+    np.fill_diagonal(found, 1.0)
+    return np.asarray(np.clip(found, -1.0, 1.0))
+
+
 def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
     inverse = _inverse(around.information, problem.run.settings.intervals.undetermined)

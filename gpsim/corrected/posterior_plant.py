@@ -1,0 +1,194 @@
+"""Simulators drawn from what a diagnosis leaves open: an explanation, its sizes, one function of what has no name.
+
+Ambiguity and intervals are what a recording could not decide. A policy that is trained in draws of them meets worlds
+that the data allow; domain randomisation draws from a box that nobody has measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from gpsim.channels import Channels, FloatArray, IntArray
+from gpsim.corrected.effects_plant import EffectsPlant, value_key
+from gpsim.effects import from_json, to_json
+from gpsim.errors import UsageError
+from gpsim.simulators import Memory, part_of
+
+SCHEMA = "gpsim.posterior/1"
+WHICH = "which"
+
+
+@dataclass(frozen=True)
+class Size:
+    """A parameter of one term: its value, the ends of its interval, and the bounds that no draw leaves."""
+
+    term: int
+    name: str
+    value: float
+    low: float
+    high: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How the sizes of an explanation vary together: their intervals of probability `level`, and correlations (P, P).
+
+    A draw is Gaussian with these correlations; each size is stretched to its own interval, above its value and below.
+    """
+
+    sizes: tuple[Size, ...]
+    correlations: FloatArray
+    level: float
+
+    @cached_property
+    def _root(self) -> FloatArray:
+        """(P, P): root root' are the correlations; rounding may have made them slightly indefinite."""
+        values, vectors = np.linalg.eigh(self.correlations)
+        return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """(count, P) sizes."""
+        normal = rng.standard_normal((count, len(self.sizes))) @ self._root.T
+        value, low, high, least, most = (
+            np.array([getattr(size, part) for size in self.sizes])
+            for part in ("value", "low", "high", "least", "most")
+        )
+        half = np.where(normal > 0.0, high - value, value - low) / ndtri(0.5 + self.level / 2.0)
+        return np.asarray(np.clip(value + normal * half, least, most))
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A corrected simulator that the data allow, how probable it is, and how its sizes vary."""
+
+    plant: EffectsPlant
+    probability: float
+    spread: Spread
+
+
+@dataclass(frozen=True)
+class PosteriorPlant:
+    """Every episode is driven in a simulator of its own: an explanation by its probability, its sizes by their spread.
+
+    What an explanation's Gaussian process draws is its own affair (see `FunctionCorrection`: one function an episode).
+    """
+
+    explanations: tuple[Explanation, ...]
+
+    @property
+    def state(self) -> Channels:
+        """The simulator's state channels."""
+        return self.explanations[0].plant.state
+
+    @property
+    def action(self) -> Channels:
+        """The simulator's action channels."""
+        return self.explanations[0].plant.action
+
+    @property
+    def dt(self) -> float:
+        """The control step [s]."""
+        return self.explanations[0].plant.dt
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """Draws (count,) of the explanation and of the sizes of each, and what every explanation remembers."""
+        odds = np.array([explanation.probability for explanation in self.explanations])
+        memory: Memory = {WHICH: rng.choice(len(odds), size=count, p=odds / odds.sum()).astype(float)}
+        for i, explanation in enumerate(self.explanations):
+            own, sizes = explanation.plant.begin(count, rng), explanation.spread.sizes
+            drawn = explanation.spread.draw(count, rng)
+            own |= {value_key(size.term, size.name): drawn[:, j].copy() for j, size in enumerate(sizes)}
+            memory |= {f"{i}/{key}": values for key, values in own.items()}
+        return memory
+
+    def step(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
+        """(B, S): the true state after one control step, each episode in its own simulator."""
+        out = np.empty_like(state)
+        for plant, rows, own in self._parts(memory):
+            out[rows] = plant.step(state[rows], action[rows], own, rng)
+        return out
+
+    def measure(self, state: FloatArray, memory: Memory, rng: np.random.Generator) -> FloatArray:
+        """(B, S): what each episode's own sensors say."""
+        out = np.empty_like(state)
+        for plant, rows, own in self._parts(memory):
+            out[rows] = plant.measure(state[rows], own, rng)
+        return out
+
+    def _parts(self, memory: Memory) -> Iterator[tuple[EffectsPlant, IntArray, Memory]]:
+        """Each explanation that some episodes live in, these rows, and copies of their memory, which are put back."""
+        for i, explanation in enumerate(self.explanations):
+            rows = np.flatnonzero(memory[WHICH] == i)
+            if not rows.size:
+                continue
+            whole = part_of(memory, f"{i}/")
+            own = {key: values[rows] for key, values in whole.items()}
+            yield explanation.plant, rows, own
+            for key, values in own.items():
+                whole[key][rows] = values
+
+
+def describe_posterior(explanations: Sequence[Explanation]) -> dict[str, Any]:
+    """posterior.json; what all explanations share is in corrected.json."""
+    return {
+        "schema": SCHEMA,
+        "explanations": [
+            {
+                "probability": explanation.probability,
+                "scheme": explanation.plant.scheme,
+                "terms": [to_json(term) for term in explanation.plant.terms],
+                "level": explanation.spread.level,
+                "parameters": [vars(size) for size in explanation.spread.sizes],
+                "correlations": explanation.spread.correlations.tolist(),
+            }
+            for explanation in explanations
+        ],
+    }
+
+
+def posterior_from(data: Mapping[str, Any], leader: EffectsPlant, where: str) -> PosteriorPlant:
+    """The inverse of `describe_posterior`; raises UsageError, led by `where`. leader: the corrected simulator."""
+    try:
+        if data["schema"] != SCHEMA:
+            raise UsageError(f"{where}: schema '{data['schema']}', expected {SCHEMA}")
+        explanations = tuple(_explanation(entry, leader, where) for entry in data["explanations"])
+        if not sum(explanation.probability for explanation in explanations) > 0.0:
+            raise UsageError(f"{where}: no explanation has a probability; diagnose the recording again")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UsageError(f"{where}: not a posterior that this version reads ({error!r})") from error
+    return PosteriorPlant(explanations)
+
+
+def _explanation(entry: Mapping[str, Any], leader: EffectsPlant, where: str) -> Explanation:
+    terms = tuple(from_json(term) for term in entry["terms"])
+    plant = EffectsPlant(
+        leader.simulator, leader.parameters, terms, entry["scheme"], leader.substeps, leader.dt,
+        leader.correction, leader.ages,
+    )  # fmt: skip
+    for size in entry["parameters"]:
+        if size["low"] is None or size["high"] is None:
+            term = terms[size["term"]]
+            raise UsageError(
+                f"{where}: the posterior is singular, the recording does not determine {size['name']} of "
+                f"{term.family} on {term.on}; record what does (the account's Next says what), or leave "
+                "robustness=posterior out"
+            )
+    sizes = tuple(Size(int(s["term"]), str(s["name"]), *map(float, _numbers(s))) for s in entry["parameters"])
+    correlations = np.array(entry["correlations"], dtype=np.float64).reshape(len(sizes), len(sizes))
+    if not np.isfinite(correlations).all():
+        raise UsageError(f"{where}: the posterior is singular: its correlations are not finite")
+    return Explanation(plant, float(entry["probability"]), Spread(sizes, correlations, float(entry["level"])))
+
+
+def _numbers(size: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(size[key] for key in ("value", "low", "high", "least", "most"))

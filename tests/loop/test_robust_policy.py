@@ -1,0 +1,117 @@
+"""robustness=posterior: trained in draws of a diagnosis, said beside the policy, and compared in `evaluate`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gpsim.cli.configuration import resolve
+from made_diagnoses import made_diagnosis
+
+from gpsim.artifacts import Recipe, Store
+from gpsim.corrected import EffectsPlant, Explanation, Size, Spread, describe, describe_posterior
+from gpsim.effects import Term
+from gpsim.errors import UsageError
+from gpsim.evaluation import worst_tenth
+from gpsim.files import plain, write_json
+from gpsim.simulators import make_simulator
+from gpsim.stages import evaluate_robustness, train_gp_policy
+from gpsim.stages.diagnose_loop import find_diagnosis
+from gpsim.stages.diagnosis_files import POSTERIOR
+from gpsim.stages.export_policy import export_policy
+from gpsim.stages.stage import Request
+
+TINY = (
+    "policy.total_steps=128",
+    "policy.n_envs=2",
+    "policy.n_steps=32",
+    "policy.n_epochs=1",
+    "evaluate.episodes=6",
+)
+CARTPOLE = make_simulator("cartpole")
+
+
+def rubbing(force):
+    terms = (Term("coulomb_friction", "x", {"force": force}),)
+    return EffectsPlant(CARTPOLE, CARTPOLE.defaults(), terms, "euler", 1, 0.02)
+
+
+def diagnosed(folder, low=4.0, *, posterior=True):
+    """A diagnosis of friction somewhere between `low` and 9 N, or, less probably, of none."""
+    size = Size(0, "force", 6.0, low, 9.0, 0.0, 20.0)
+    plain_pole = EffectsPlant(CARTPOLE, CARTPOLE.defaults(), (), "euler", 1, 0.02)
+    explanations = [
+        Explanation(rubbing(6.0), 0.8, Spread((size,), np.eye(1), 0.9)),
+        Explanation(plain_pole, 0.2, Spread((), np.empty((0, 0)), 0.9)),
+    ]
+
+    def write(out: Path):
+        write_json(out / "corrected.json", describe(rubbing(6.0), gp=False))
+        write_json(out / "diagnosis.json", made_diagnosis().to_dict())
+        if posterior:
+            write_json(out / POSTERIOR, plain(describe_posterior(explanations)))
+        return {}
+
+    return Store(folder, "").publish(Recipe("diagnose", {}, {}, {}), write, out=folder / "found").path
+
+
+def request(tmp_path, *words):
+    words = (*TINY, f"runs_dir={tmp_path / 'runs'}", *words)
+    return Request(resolve(list(words), None), words)
+
+
+def test_a_policy_is_trained_in_draws_and_says_what_it_survives(tmp_path):
+    asked = request(tmp_path, f"diagnosis={diagnosed(tmp_path)}", "robustness=posterior")
+    made, existed = train_gp_policy.STAGE.make(asked)
+    assert not existed
+    assert made.manifest["config"]["correction"] == "effects"
+    assert made.manifest["config"]["robustness"] == "posterior"
+    survives = json.loads((made.path / "survives.json").read_text())["explanations"]
+    assert [round(e["share_of_episodes"], 6) for e in survives] == [0.8, 0.2]
+    said = train_gp_policy.STAGE.notes(made)
+    assert said == [
+        "survives, in 80 % of its episodes: force of coulomb_friction on x 4 to 9 (90 % intervals)",
+        "survives, in 20 % of its episodes: the base simulator as it is",
+    ]
+    assert all(line in (made.path / "survives.md").read_text() for line in said)
+    export_policy(made.path, tmp_path / "deploy")
+    assert json.loads((tmp_path / "deploy" / "policy.json").read_text())["survives"] == said
+    plain, _ = train_gp_policy.STAGE.make(asked.having(robustness="none", correction="effects"))
+    assert "robustness" not in plain.manifest["config"]
+    assert train_gp_policy.STAGE.notes(plain) == []
+
+
+def test_what_is_drawn_to_be_driven_is_what_was_drawn_to_be_trained(tmp_path):
+    asked = request(tmp_path, f"diagnosis={diagnosed(tmp_path)}")
+    made, _ = train_gp_policy.STAGE.make(asked.having(robustness="posterior"))
+
+    recipe = Recipe("evaluate", {}, {"diagnosis": find_diagnosis(asked), "Posterior": made}, {})
+    found = evaluate_robustness.robustness(asked, recipe, {"Posterior": np.arange(20.0)})["robustness"]
+    assert found["target"]["Posterior"]["worst_tenth"] == 0.5
+    on_drawn = found["posterior"]["Posterior"]
+    assert on_drawn["worst_tenth"] <= on_drawn["mean"]
+    low, high = on_drawn["worst_tenth_interval"]
+    assert low <= on_drawn["worst_tenth"] <= high
+
+
+@pytest.mark.parametrize(
+    ("words", "low", "posterior", "said"),
+    [
+        (("robustness=posterior", "correction=gp"), 4.0, True, "choose correction=effects"),
+        (("robustness=maybe",), 4.0, True, "robustness: 'maybe' is not one of none, posterior"),
+        (("robustness=posterior",), float("nan"), True, "singular"),
+        (("robustness=posterior",), 4.0, False, "diagnose the recording again"),
+    ],
+)
+def test_what_cannot_be_drawn_from_is_one_line(tmp_path, words, low, posterior, said):
+    where = diagnosed(tmp_path, low, posterior=posterior)
+    asked = request(tmp_path, f"diagnosis={where}", *words)
+    with pytest.raises(UsageError, match=said) as refused:
+        train_gp_policy.STAGE.make(asked)
+    assert "\n" not in str(refused.value)
+    assert not list((tmp_path / "runs").glob("*/train-gp-policy/v*"))
+
+
+def test_the_worst_tenth_is_the_mean_of_the_lowest_tenth():
+    assert worst_tenth(np.arange(100.0)) == 4.5
+    assert worst_tenth(np.array([3.0, 1.0])) == 1.0
