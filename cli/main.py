@@ -25,6 +25,7 @@ from gpsim.trust import trusting
 from gpsim.workers import ends_when_asked
 
 from . import answers
+from .deploy import deploy_command
 from .diagnose import diagnose_command
 from .effects import effects_app
 from .everywhere import add_everywhere
@@ -101,6 +102,11 @@ app.command(
 app.command(
     "diagnose", short_help="Say which physics the simulator lacks.", rich_help_panel="Everything at once"
 )(diagnose_command)
+app.command(
+    "deploy",
+    short_help="Watch recorded drives of a policy as a monitor would have.",
+    rich_help_panel="Everything at once",
+)(deploy_command)
 app.add_typer(
     prove_app,
     name="prove",

@@ -40,6 +40,7 @@ from gpsim.stages import (
     evaluate_recording,
     fit_gp,
     one_step,
+    safety,
     train_gp_policy,
     train_source,
 )
@@ -125,7 +126,17 @@ def recipe(request: Request) -> Recipe:
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         parents[name] = stage.need(request.having(**settings))
-    config = request.section("simulator", "target", "task", "evaluate", "sample_noise", "gp")
+    keys = ["simulator", "target", "task", "evaluate", "sample_noise", "gp"]
+    if safety.safe(request):
+        safety.check(request)
+        keys += ["deploy", "correction"]
+        parents |= safety.rests_on(request)
+        if request.config["deploy"]["policy"] not in parents:
+            raise UsageError(
+                f"deploy.policy: '{request.config['deploy']['policy']}' is not one of evaluate.policies: "
+                f"{', '.join(policy_names(request))}"
+            )
+    config = request.section(*keys)
     if (words := measured_on(request)) is not None:
         config["measured_on"] = words
     return Recipe("evaluate", config, {**parents, "driver": source}, {"seed": request.seed})
@@ -182,6 +193,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             for name, data in visited.items()
         },
         **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),
+        **(_deployed_safely(request, recipe) if safety.safe(request) else {}),
         "one_step": scores["policy"],
         "one_step_random": scores["random"],
         "rollout": rollout,
@@ -296,6 +308,11 @@ def _promised(request: Request, recipe: Recipe) -> dict[str, float]:
     return found
 
 
+def _deployed_safely(request: Request, recipe: Recipe) -> dict[str, Any]:
+    policy = recipe.parents[str(request.config["deploy"]["policy"])]
+    return {"safe_deployment": safety.safe_deployment(request, policy)}
+
+
 def notes(artifact: Artifact) -> list[str]:
     """What was found of recorded deployments; or what was judged or measured on, and where to be wary."""
     evaluation = read_object(artifact.path / "evaluation.json")
@@ -306,6 +323,8 @@ def notes(artifact: Artifact) -> list[str]:
     said = [f"measured on {evaluation['measured_on']}"] if "measured_on" in evaluation else []
     warnings = coverage_warnings(evaluation.get("outside_recording") or {})
     said += robustness_lines(evaluation.get("robustness") or {})
+    if "safe_deployment" in evaluation:
+        said += safety.safety_lines(evaluation["safe_deployment"])
     return [*said, *(f"warning: {text}" for text in warnings)]
 
 
