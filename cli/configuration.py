@@ -22,7 +22,7 @@ from gpsim.trust import consent
 _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 SECTIONS = (
     "simulator", "target", "task", "policy", "gp", "collect",
-    "randomise", "residuals", "diagnose", "certify", "evaluate", "deploy", "launcher",
+    "randomise", "residuals", "diagnose", "certify", "evaluate", "deploy", "active", "launcher",
 )  # fmt: skip
 """Settings that hold settings; the rest are values."""
 NAMING = (("simulator", "name"), ("target", "model"), ("task", "name"))

@@ -1,19 +1,26 @@
 """Environments: a simulator or target with a task, to be driven and recorded."""
 
+from gpsim.environments.active import ActiveSettings, Model, collect_actively
 from gpsim.environments.collect import Act, collect_episodes, dithered_actor, policy_actor, random_actor
 from gpsim.environments.envs import BatchedEnv, Episodes
+from gpsim.environments.sensors import as_sensed, first_of
 from gpsim.environments.single import SingleEnv
 from gpsim.environments.stand_in import Sweep, drive_plan
 
 __all__ = [
     "Act",
+    "ActiveSettings",
     "BatchedEnv",
     "Episodes",
+    "Model",
     "SingleEnv",
     "Sweep",
+    "as_sensed",
+    "collect_actively",
     "collect_episodes",
     "dithered_actor",
     "drive_plan",
+    "first_of",
     "policy_actor",
     "random_actor",
 ]

@@ -7,12 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from gpsim.artifacts import Recipe
-from gpsim.environments import Act, collect_episodes, dithered_actor, policy_actor, random_actor
+from gpsim.environments import (
+    Act,
+    as_sensed,
+    collect_episodes,
+    dithered_actor,
+    first_of,
+    policy_actor,
+    random_actor,
+)
 from gpsim.errors import UsageError
 from gpsim.files import Json
-from gpsim.recordings import ImportReport, Recording, write_recording
+from gpsim.recordings import Episode, ImportReport, Recording, write_recording
 from gpsim.settings import choice, number, positive
-from gpsim.stages import train_source
+from gpsim.stages import collect_active, gp_settings, train_source
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.import_log import (
     changes_of,
@@ -36,19 +44,22 @@ def recipe(request: Request) -> Recipe:
         return _import_recipe(request)
     check(request)
     driver = request.config["collect"]["policy"]
-    parents = (
-        {}
-        if driver in ("random", "sweep")
-        else {"policy": train_source.STAGE.need(request.having(variant="source"))}
-    )
+    by_policy = driver not in ("random", "sweep") and not collect_active.active(request)
+    parents = {"policy": train_source.STAGE.need(request.having(variant="source"))} if by_policy else {}
     config = request.section("simulator", "target", "task", "collect")
+    if collect_active.active(request):
+        config |= request.section("strategy", "active", "gp")
+        return Recipe("collect", config, {}, {"seed": request.seed})
     if driver == "sweep":  # which reads what it logged through the mapping
         config["mapping"] = read_mapping(sweep_mapping(request.config))
     return Recipe("collect", config, parents, {"seed": request.seed})
 
 
-def waits_for_policy(section: Mapping[str, Any]) -> bool:
+def waits_for_policy(request: Request) -> bool:
     """Whether the configuration's `collect` is driven by the source policy."""
+    section = request.config["collect"]
+    if collect_active.active(request):
+        return False
     return section["source"] is None and section["policy"] in ("source", "dithered")
 
 
@@ -60,7 +71,10 @@ def check(request: Request) -> None:
         _check_logs(request)
         return
     target_plant(request.config)
-    if choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
+    _check_sensors(section)
+    if collect_active.active(request):
+        collect_active.settings_of(request), gp_settings.check(request)
+    elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
         check_sweep(request.config)
     else:
         positive(section["episodes"], "collect.episodes")
@@ -75,34 +89,57 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         write_import(recording, report, folder)
         return {"transitions": recording.transition_count}
     section: dict[str, Any] = request.config["collect"]
-    if section["policy"] == "sweep":
+    if section["policy"] == "sweep" and not collect_active.active(request):
         return run_sweep(request, folder)
-    task, plant, base = (
-        make_task(request.config).on_target(),
-        target_plant(request.config),
-        base_plant(request.config),
-    )
-    episodes = collect_episodes(
-        plant,
-        task,
-        _driver(request, recipe, section),
-        positive(section["episodes"], "collect.episodes"),
-        generator(request.seed, "collect/episodes"),
+    base = base_plant(request.config)
+    episodes, driver = _driven(request, recipe), collect_active.ACTIVE
+    if not collect_active.active(request):
+        driver = section["policy"]
+    sensed, noise = as_sensed(
+        first_of(episodes, section["transitions"]),
+        base.state,
+        float(section["noise"]),
+        float(section["missing"]),
+        generator(request.seed, "collect/sensors"),
     )
     recording = Recording(
         system=base.simulator.name,
         state=base.state,
         action=base.action,
-        episodes=episodes,
+        episodes=sensed,
         dt=base.dt,
         parameters=base.parameters,
         integrator=base.integrator,
         velocities="measured" if base.simulator.coordinates else None,
         clock="episode",
-        provenance={"driver": section["policy"], "seed": request.seed},
+        noise=noise,
+        provenance={"driver": driver, "seed": request.seed},
     )
     write_recording(recording, folder)
     return {"transitions": recording.transition_count}
+
+
+def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
+    """The episodes, as they truly were."""
+    if collect_active.active(request):
+        return collect_active.drive_actively(request)
+    section = request.config["collect"]
+    return collect_episodes(
+        target_plant(request.config),
+        make_task(request.config).on_target(),
+        _driver(request, recipe, section),
+        positive(section["episodes"], "collect.episodes"),
+        generator(request.seed, "collect/episodes"),
+    )
+
+
+def _check_sensors(section: Mapping[str, Any]) -> None:
+    if section["transitions"] is not None:
+        positive(section["transitions"], "collect.transitions")
+    if not number(section["noise"], "collect.noise") >= 0:
+        raise UsageError(f"collect.noise: expected a number of at least 0, got {section['noise']!r}")
+    if not 0 <= number(section["missing"], "collect.missing") < 1:
+        raise UsageError(f"collect.missing: expected a number in [0, 1), got {section['missing']!r}")
 
 
 def _import_recipe(request: Request) -> Recipe:

@@ -11,17 +11,14 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.corrected import CommandFilter, Features, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
 from gpsim.files import Json, read_object, write_json
-from gpsim.gp import MOST_ROWS, Bounds, FitSettings, Interval, Predictor, fit_outputs
+from gpsim.gp import MOST_ROWS, Predictor, fit_outputs
 from gpsim.residuals import Residuals
-from gpsim.settings import build, number, positive, texts, truth, whole
 from gpsim.simulators import SimulatorPlant
 from gpsim.stages import build_residuals
 from gpsim.stages.building import base_plant
+from gpsim.stages.gp_settings import check, count_of, fit_settings, input_names, settle_of
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Request, Stage, generator
-
-OF_THE_STAGE = ("n_train", "inputs", "settle", "filter")
-"""Settings of `gp` that say what is fitted, not how."""
 
 
 def recipe(request: Request) -> Recipe:
@@ -36,8 +33,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     section = request.config["gp"]
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
     features = Features.of(input_names(request), residuals.channels)
-    base, settle, filtered = base_plant(request.config), _settle(request), section.get("filter", False)
-    count, rows = _count(request), rows_of(request, residuals)
+    base, settle, filtered = base_plant(request.config), settle_of(request), section.get("filter", False)
+    count, rows = count_of(request), rows_of(request, residuals)
     if len(rows) < 10:
         late = f" whose action has stood for {settle} steps (gp.settle)" if settle else ""
         raise UsageError(
@@ -87,43 +84,9 @@ def _check_size(
     )
 
 
-def check(request: Request) -> None:
-    """Raise UsageError for settings that no fit can have."""
-    section = request.config["gp"]
-    truth(section.get("filter", False), "gp.filter")
-    _count(request), _settle(request), fit_settings(request)
-    base = base_plant(request.config)
-    Features.of(input_names(request), base.state + base.action)
-
-
-def input_names(request: Request) -> list[str]:
-    """The names of the Gaussian processes' inputs, as configured."""
-    return texts(request.config["gp"]["inputs"], "gp.inputs")
-
-
-def fit_settings(request: Request) -> FitSettings:
-    """How the Gaussian processes are fitted, as configured."""
-    section = request.config["gp"]
-    rest = {key: value for key, value in section.items() if key not in OF_THE_STAGE}
-    floor = rest.pop("noise_floor", Bounds().noise_std.low)
-    try:
-        bounds = Bounds(noise_std=Interval(number(floor, "gp.noise_floor"), Bounds().noise_std.high))
-    except ValueError as error:
-        raise UsageError(f"gp.noise_floor: {error}") from error
-    return build(FitSettings, rest, "gp", bounds=bounds)
-
-
-def _settle(request: Request) -> int:
-    return whole(request.config["gp"].get("settle", 0), "gp.settle")
-
-
-def _count(request: Request) -> int:
-    return positive(request.config["gp"]["n_train"], "gp.n_train")
-
-
 def rows_of(request: Request, residuals: Residuals) -> IntArray:
     """The rows that the configuration's GPs are conditioned on."""
-    return chosen_rows(residuals, base_plant(request.config), _count(request), _settle(request))
+    return chosen_rows(residuals, base_plant(request.config), count_of(request), settle_of(request))
 
 
 def chosen_rows(residuals: Residuals, base: SimulatorPlant, count: int, settle: int) -> IntArray:

@@ -75,7 +75,7 @@ def _check_episodes(request: Request) -> None:
     if asked is None:
         return
     positive(asked, "diagnose.episodes")
-    driven = request.config["recording"] is None and collect.waits_for_policy(section)
+    driven = request.config["recording"] is None and collect.waits_for_policy(request)
     if driven and asked > positive(section["episodes"], "collect.episodes"):
         raise UsageError(f"diagnose.episodes={asked}: collect.episodes={section['episodes']} are recorded")
 
@@ -83,7 +83,7 @@ def _check_episodes(request: Request) -> None:
 def _plan_seed(request: Request, seed: int) -> list[Job]:
     """What is given, `recording=` or `diagnosis=`, is not made."""
     source = Job(f"Source · seed {seed}", "train-source", request.having(variant="source"))
-    driver = (source.label,) if collect.waits_for_policy(request.config["collect"]) else ()
+    driver = (source.label,) if collect.waits_for_policy(request) else ()
     collected = Job(f"collect · seed {seed}", "collect", request, driver)
     recorded = [collected] if request.config["recording"] is None else []
     behind = tuple(job.label for job in recorded)

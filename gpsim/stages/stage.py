@@ -23,7 +23,10 @@ from gpsim.stages.users_code import blamed
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note); of no total: the note alone, which is said at once"""
 
-LATER: Mapping[str, Mapping[str, Any]] = {"gp": {"noise_floor": 1e-3}}
+LATER: Mapping[str, Mapping[str, Any]] = {
+    "gp": {"noise_floor": 1e-3},
+    "collect": {"transitions": None, "noise": 0.0, "missing": 0.0},
+}
 """Settings that came after artifacts were made, at the value that these have: so they are still found."""
 
 
