@@ -13,6 +13,7 @@ from gpsim.corrected.posterior_plant import (
     describe_posterior,
     posterior_from,
 )
+from gpsim.corrected.smoothing import Smoother
 
 __all__ = [
     "PREDICTIONS",
@@ -27,6 +28,7 @@ __all__ = [
     "PosteriorPlant",
     "Prediction",
     "Size",
+    "Smoother",
     "Spread",
     "ages_of",
     "arrived_inputs",

@@ -116,9 +116,9 @@ def drive(
     rng: np.random.Generator,
     fallback: Act | None = None,
 ) -> Drives:
-    """Drive `count` times for `steps` control steps at most; a stop, or leaving the limits, ends a drive.
+    """Drive `count` times for `steps` control steps at most; a stop ends a drive.
 
-    endless: an episode that ends is followed by another, under the same monitor; otherwise a drive is one episode.
+    endless: an episode that ends, or leaves the limits, is followed by another under one monitor; else a drive is one.
     fallback: drives on where the monitor stops, if there is one.
     """
     running = Episodes(plant, task, count, rng)
@@ -138,12 +138,11 @@ def drive(
         out = limits.left(running.states) & alive
         left[out & (left == NEVER)] = step
         stopped[alarm & ~out] = step
-        alive &= ~out
-        if fallback is None:
-            alive &= ~alarm
-        over = terminated | truncated
+        over = terminated | truncated | out
         if not endless:
             alive &= ~over
+        if fallback is None:
+            alive &= ~alarm
         if not alive.any():
             break
         if over.any():

@@ -1,6 +1,7 @@
 """Gaussian processes: what nobody can name. Exact fit, fast prediction, float64 (thesis section 4.2.3)."""
 
 from gpsim.gp.arrays import from_arrays, to_arrays
+from gpsim.gp.chained import ChainedPredictor, ChainSettings, fit_chain
 from gpsim.gp.exact import JITTER, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood
 from gpsim.gp.fit_report import AtBound, FitOutcome, FitReport
 from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, fit, fit_outputs
@@ -15,6 +16,8 @@ __all__ = [
     "MOST_ROWS",
     "AtBound",
     "Bounds",
+    "ChainSettings",
+    "ChainedPredictor",
     "DrawnFunctions",
     "FitOutcome",
     "FitReport",
@@ -32,6 +35,7 @@ __all__ = [
     "covariance",
     "first_start",
     "fit",
+    "fit_chain",
     "fit_outputs",
     "from_arrays",
     "log_marginal_likelihood",

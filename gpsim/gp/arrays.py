@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from .chained import ChainedPredictor
 from .exact import PosteriorTerms
 from .kernels import FloatArray, HyperParameters, read_only
 from .predictor import Output, Predictor
 from .training_data import Standardisation
 
-SCHEMA = "gpsim.gp/1"
+SCHEMA, CHAIN = "gpsim.gp/1", "gpsim.gp-chain/1"
 
 _PARTS = ("hyper_parameters", "input_mean", "input_scale", "target", "support", "weights", "root")
 
@@ -24,6 +25,8 @@ def to_arrays(predictor: Predictor) -> tuple[dict[str, FloatArray], dict[str, An
     (D,), `r/target` (2,) mean and scale, `r/support` (M, D), `r/weights` (M,), `r/root` (M, P). The root is
     what makes the file large (8 M P bytes, P at most M).
     """
+    if isinstance(predictor, ChainedPredictor):
+        return _chain_to_arrays(predictor)
     arrays: dict[str, FloatArray] = {}
     for index, output in enumerate(predictor.outputs):
         scaling, terms = output.standardisation, output.terms
@@ -49,6 +52,8 @@ def to_arrays(predictor: Predictor) -> tuple[dict[str, FloatArray], dict[str, An
 
 def from_arrays(arrays: Mapping[str, FloatArray], metadata: Mapping[str, Any]) -> Predictor:
     """Inverse of `to_arrays`; ValueError for another schema, a missing array, a wrong dtype or shape."""
+    if metadata.get("schema") == CHAIN:
+        return _chain_from_arrays(arrays, metadata)
     if metadata.get("schema") != SCHEMA:
         raise ValueError(f"expected GP arrays of schema {SCHEMA!r}, got {metadata.get('schema')!r}")
     count, dimension = int(metadata["outputs"]), int(metadata["dimension"])
@@ -56,6 +61,28 @@ def from_arrays(arrays: Mapping[str, FloatArray], metadata: Mapping[str, Any]) -
     if missing:
         raise ValueError(f"GP arrays are missing: {', '.join(missing)}")
     return Predictor([_output(arrays, r, dimension) for r in range(count)])
+
+
+def _chain_to_arrays(predictor: ChainedPredictor) -> tuple[dict[str, FloatArray], dict[str, Any]]:
+    """The arrays of part p are `p:NAME`."""
+    found = [to_arrays(part) for part in predictor.parts]
+    arrays = {f"{p}:{name}": array for p, (of_part, _) in enumerate(found) for name, array in of_part.items()}
+    return arrays, {
+        "schema": CHAIN,
+        "dimension": predictor.dimension,
+        "parts": [metadata for _, metadata in found],
+        "noise_variances": predictor.noise_variances.tolist(),
+    }
+
+
+def _chain_from_arrays(arrays: Mapping[str, FloatArray], metadata: Mapping[str, Any]) -> ChainedPredictor:
+    parts = []
+    for p, of_part in enumerate(metadata["parts"]):
+        own = {name.partition(":")[2]: a for name, a in arrays.items() if name.startswith(f"{p}:")}
+        parts.append(from_arrays(own, of_part))
+    if not parts:
+        raise ValueError("a chain of Gaussian processes needs parts")
+    return ChainedPredictor(parts)
 
 
 def _output(arrays: Mapping[str, FloatArray], index: int, dimension: int) -> Output:

@@ -11,19 +11,19 @@ from gpsim.channels import FloatArray, IntArray
 from gpsim.corrected import CommandFilter, Features, fit_filter, mean_rates, settled_rows
 from gpsim.errors import UsageError
 from gpsim.files import Json, read_object, write_json
-from gpsim.gp import MOST_ROWS, Predictor, fit_outputs
+from gpsim.gp import MOST_ROWS, Predictor, fit_chain, fit_outputs
 from gpsim.residuals import Residuals
 from gpsim.simulators import SimulatorPlant
-from gpsim.stages import build_residuals
+from gpsim.stages import build_residuals, observed
 from gpsim.stages.building import base_plant
-from gpsim.stages.gp_settings import check, count_of, fit_settings, input_names, settle_of
+from gpsim.stages.gp_settings import chain_of, check, count_of, fit_settings, input_names, settle_of
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Request, Stage, generator
 
 
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
-    check(request)
+    check(request), observed.settings_of(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})
 
@@ -31,7 +31,10 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Fit and write gp.safetensors, gp.json and fit.json (likelihoods, hyper-parameters, convergence, warnings)."""
     section = request.config["gp"]
+    states = observed.settings_of(request)
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
+    if states is not None:
+        residuals = observed.observed(request, states)
     features = Features.of(input_names(request), residuals.channels)
     base, settle, filtered = base_plant(request.config), settle_of(request), section.get("filter", False)
     count, rows = count_of(request), rows_of(request, residuals)
@@ -43,13 +46,20 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     settings = fit_settings(request)
     _check_size(residuals, base, features, count, settle)
     inputs, targets = features(residuals.inputs[rows]), residuals.values[rows]
-    gps = fit_outputs(inputs, targets, settings, generator(request.seed, "fit-gp"))
-    predictor = Predictor(gps)
+    chain, rng, names = chain_of(request), generator(request.seed, "fit-gp"), residuals.rate.names
+    if chain is None:
+        gps = fit_outputs(inputs, targets, settings, rng)
+        predictor, fitted = Predictor(gps), dict(zip(names, gps, strict=True))
+    else:
+        predictor, slow, fast = fit_chain(inputs, targets, settings, chain, rng)
+        fitted = {
+            f"{name}, {pace}": gp
+            for pace, gps in (("slow", slow), ("fast", fast))
+            for name, gp in zip(names, gps, strict=True)
+        }
     found = find_filter(residuals, base, predictor, features) if filtered else None
     write_gp(folder, predictor, features, found, wraps=features.wraps)
-    reports = {
-        name: gp.report.to_dict() for name, gp in zip(residuals.rate.names, gps, strict=True) if gp.report
-    }
+    reports = {name: gp.report.to_dict() for name, gp in fitted.items() if gp.report}
     warnings = [f"{name}: {text}" for name, report in reports.items() for text in report["warnings"]]
     if len(rows) < count and not settle:
         warnings.append(f"asked for {count} training transitions, the recording has {len(rows)}")

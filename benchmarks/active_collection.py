@@ -1,0 +1,121 @@
+"""One-step error and return against the number of transitions, driven actively, by policy or at random.
+
+python benchmarks/active_collection.py [--experiment cartpole] [--transitions 250 500 1000 2000] [--seeds 1]
+    [--strategies active source random] [--train STEPS] [--runs DIR] [KEY=VALUE ...]
+
+Every row is a recording of that many transitions of the stand-in and the Gaussian processes that `fit-gp` conditions on
+it, or on gp.n_train of it. NRMSE is the mean over the rates, over the range of the residual, on fresh episodes that
+nothing was learnt from: driven at random, and by the source policy where one was trained. --train: steps of the source
+policy and of one in the corrected simulator (prediction=mean), whose mean return on the target is printed.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import argparse
+import tempfile
+
+import numpy as np
+from gpsim.cli.configuration import resolve
+
+from gpsim.corrected import GpCorrection
+from gpsim.environments import collect_episodes, policy_actor, random_actor
+from gpsim.evaluation import episode_returns, nrmse
+from gpsim.recordings import Recording
+from gpsim.residuals import Residuals, build_residuals
+from gpsim.stages import build_residuals as residual_stage
+from gpsim.stages import certify, collect, fit_gp, train_gp_policy, train_source
+from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.policy_files import read_policy
+from gpsim.stages.stage import Request
+from gpsim.stages.train_gp_policy import corrected_plant
+
+
+def fresh(request: Request, by_policy: bool) -> Residuals:
+    base, rng = base_plant(request.config), np.random.default_rng(12345)
+    task = make_task(request.config).on_target()
+    act = random_actor(task, rng)
+    if by_policy:
+        policy = train_source.STAGE.make(request.having(variant="source"))[0]
+        act = policy_actor(read_policy(policy.path), rng)
+    episodes = collect_episodes(target_plant(request.config), task, act, 40, rng)
+    recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
+    return build_residuals(
+        recording,
+        base.simulator,
+        base.parameters,
+        base.integrator,
+        test_fraction=0.0,
+        rng=rng,
+        learnt_from=False,
+    )
+
+
+def error(request: Request, data: Residuals) -> float:
+    correction = corrected_plant(
+        request.having(prediction="mean"), fit_gp.STAGE.need(request).path
+    ).correction
+    assert isinstance(correction, GpCorrection)
+    predicted = correction.predictor.mean(correction.features(data.inputs))
+    return float(np.mean([nrmse(predicted[:, i], data.values[:, i]) for i in range(predicted.shape[1])]))
+
+
+def mean_return(request: Request) -> float:
+    policy, _ = train_gp_policy.STAGE.make(request.having(correction="gp", prediction="mean"))
+    task, start = make_task(request.config).on_target(), certify.evaluation_starts(request)
+    act = policy_actor(read_policy(policy.path))
+    returns = episode_returns(target_plant(request.config), task, act, start, np.random.default_rng(0))
+    return float(returns.mean())
+
+
+def words_of(strategy: str, count: int) -> list[str]:
+    if strategy == "active":
+        return ["strategy=active", f"active.transitions={count}"]
+    # Episodes at random last some twenty steps on the cart-pole: so many that there are transitions enough.
+    return [
+        f"collect.policy={strategy}",
+        f"collect.transitions={count}",
+        f"collect.episodes={max(20, count // 8)}",
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--experiment", default="cartpole")
+    parser.add_argument("--transitions", type=int, nargs="+", default=[250, 500, 1000, 2000])
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--strategies", nargs="+", default=["active", "source", "random"])
+    parser.add_argument("--train", type=int, default=0)
+    parser.add_argument("--runs")
+    parser.add_argument("words", nargs="*")
+    given = parser.parse_args()
+    runs = given.runs or tempfile.mkdtemp()
+    by_policy = "source" in given.strategies
+    print("| strategy | transitions | seed | NRMSE, random | NRMSE, policy | return |")
+    print("|---|---|---|---|---|---|")
+    for seed in range(given.seeds):
+        common = [f"experiment={given.experiment}", f"runs_dir={runs}", f"seed={seed}", *given.words]
+        data = None
+        for strategy in given.strategies:
+            for count in given.transitions:
+                trained = [f"policy.total_steps={given.train}"] if given.train else []
+                words = (*common, *words_of(strategy, count), "residuals.test_fraction=0", *trained)
+                request = Request(resolve(list(words), None), words)
+                data = data or [fresh(request, False), *([fresh(request, True)] if by_policy else [])]
+                if strategy == "source":
+                    train_source.STAGE.make(request.having(variant="source"))
+                for stage in (collect.STAGE, residual_stage.STAGE, fit_gp.STAGE):
+                    stage.make(request)
+                errors = [f"{100 * error(request, part):.2f} %" for part in data]
+                errors += [] if by_policy else ["-"]
+                earned = f"{mean_return(request):.0f}" if given.train else "-"
+                print(f"| {strategy} | {count} | {seed} | {' | '.join(errors)} | {earned} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
