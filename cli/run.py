@@ -19,7 +19,7 @@ from .cores import CORES
 from .launching import launcher_of
 from .options import ConfigDir, DryRun, ShowConfig, Words, show, show_standing, shown_words, told
 from .printing import console, say
-from .progress import Board, note, warn
+from .progress import Board, note, single_progress, warn
 
 if TYPE_CHECKING:
     from gpsim.artifacts import Artifact
@@ -82,6 +82,36 @@ def full_loop(
     note(f"finished in {time.monotonic() - started:.0f} s")
     answer(jobs=jobs_done)
     show_report(artifact.path, chosen, tables, notes)
+
+
+@run_app.command("iterate")
+def iterate(words: Words = None, config_dir: ConfigDir = None, show_config: ShowConfig = False) -> None:
+    """Round after round: deploy the best policy, record, refit, train; what is there already is kept.
+
+    rounds= says how many there are at most. It stops before where a round's policy gains no more over the best one than
+    the standard error of that gain, on starts of the target that the evaluation does not use.
+    """
+    from .configuration import resolve  # as in `full_loop`
+
+    config = resolve(words or [], config_dir)
+    if show_config:
+        show(config)
+        return
+    from gpsim.stages import iterate as iterating
+    from gpsim.stages.stage import Request
+
+    made: list[dict[str, object]] = []
+
+    def told(what: str, artifact: Artifact, existed: bool) -> None:
+        say(f"{'kept' if existed else 'made'} {what:<14} {artifact.path}")
+        made.append({"job": what, "folder": str(artifact.path.absolute()), "made": not existed})
+
+    with single_progress("iterate") as progress:
+        artifact = iterating.run(Request(config, shown_words(words, config_dir), progress), told)
+    notes = iterating.lines(artifact)
+    for line in notes:
+        say(f"  {line}")
+    answer({"folder": artifact.path, "iteration": artifact.path / iterating.SUMMARY}, jobs=made, notes=notes)
 
 
 def status_command(

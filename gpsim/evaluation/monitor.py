@@ -75,14 +75,7 @@ def usual_errors(
 
     Raises UsageError where no two samples follow each other.
     """
-    stretches = [
-        (episode.states[low : high + 1], episode.actions[low:high])
-        for episode in episodes
-        for low, high in pieces(np.flatnonzero(gaps(episode.t, plant.dt)).tolist(), len(episode))
-        if high > low
-    ]
-    if not stretches:
-        raise UsageError("the recording has no two samples in a row: nothing says which errors are usual")
+    stretches = _stretches(episodes, plant.dt)
     errors = [_errors(plant, states, actions, channels, rng) for states, actions in stretches]
     changes = np.concatenate([difference(s[1:], s[:-1], channels) for s, _ in stretches])
     every = np.concatenate(errors)
@@ -97,6 +90,29 @@ def usual_errors(
     share = float((2.0 * noise**2 / known.scale**2).mean())
     worst = max(means, default=float(np.concatenate(scores).mean())) + share
     return Usual(known.scale, settings.margin * max(float(worst), 1.0), len(every))
+
+
+def one_step_errors(
+    plant: Plant, episodes: Sequence[Episode], channels: Channels, rng: np.random.Generator
+) -> FloatArray:
+    """(N, S): observed minus predicted of every step of recorded episodes; UsageError as in `usual_errors`."""
+    found = [
+        _errors(plant, states, actions, channels, rng) for states, actions in _stretches(episodes, plant.dt)
+    ]
+    return np.concatenate(found)
+
+
+def _stretches(episodes: Sequence[Episode], dt: float) -> list[tuple[FloatArray, FloatArray]]:
+    """States (K + 1, S) and actions (K, A) of the parts of episodes without a gap."""
+    found = [
+        (episode.states[low : high + 1], episode.actions[low:high])
+        for episode in episodes
+        for low, high in pieces(np.flatnonzero(gaps(episode.t, dt)).tolist(), len(episode))
+        if high > low
+    ]
+    if not found:
+        raise UsageError("the recording has no two samples in a row: nothing says which errors are usual")
+    return found
 
 
 def _errors(

@@ -1,0 +1,247 @@
+"""run iterate: deploy, record, say what is new, refit, train - round after round, until one gains nothing.
+
+Thesis, section 5.3. Every part of a round is an artifact of its own, found again where it exists: a run that was cut
+off goes on where it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.artifacts import Artifact, Recipe
+from gpsim.channels import FloatArray
+from gpsim.environments import as_sensed, collect_episodes, policy_actor
+from gpsim.errors import UsageError
+from gpsim.evaluation import episode_returns
+from gpsim.evaluation.monitor import one_step_errors
+from gpsim.files import Json, plain, read_object, write_json
+from gpsim.recordings import Episode, Recording, read_recording, write_recording
+from gpsim.settings import positive
+from gpsim.simulators import Plant
+from gpsim.stages import build_residuals, certify, collect, fit_gp, safety, train_gp_policy, train_source
+from gpsim.stages import diagnose_loop as diagnosing
+from gpsim.stages.building import base_plant, drivable, make_task, target_plant
+from gpsim.stages.policy_files import read_policy
+from gpsim.stages.stage import Request, Stage, generator
+from gpsim.tasks import Start
+
+Told = Callable[[str, Artifact, bool], None]
+"""told(what, artifact, whether it existed)"""
+DRIVE, SUMMARY = "drive", "iteration.json"
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round: what its policy earned, and how new what it met was.
+
+    trial: mean return on the trial's starts, by which policies are chosen; gain: over the best before, and its standard
+    error; returns: mean on the evaluation's starts, which decide nothing; new: what the simulator of the round before
+    leaves of the base's one-step error on this round's drives, None in the first; transitions: recorded so far.
+    """
+
+    trial: float
+    gain: float | None
+    gain_error: float | None
+    returns: float
+    adopted: bool
+    new: float | None = None
+    transitions: int | None = None
+
+
+def check(request: Request) -> int:
+    """The number of rounds; raises UsageError for settings with which nothing can be iterated."""
+    rounds = positive(request.config["rounds"], "rounds")
+    if not drivable(request.config):
+        raise UsageError(
+            "run iterate: target=recording cannot be driven; deploy the policy of each round yourself and give its log "
+            "to the next as recording=DIR"
+        )
+    if request.config["recording"] is not None or request.config["diagnosis"] is not None:
+        raise UsageError(
+            "run iterate: every round makes its own recording; leave recording= and diagnosis= out"
+        )
+    if train_gp_policy.robust(request) and request.config["correction"] is None:
+        raise UsageError("run iterate: with robustness=posterior say correction=effects or effects+gp")
+    positive(request.config["collect"]["episodes"], "collect.episodes")
+    collect.check(request), build_residuals.check(request), fit_gp.check(request)
+    target_plant(request.config), certify.recipe(request)
+    return rounds
+
+
+def run(request: Request, told: Told) -> Artifact:
+    """Go on until a round gains no more than its standard error, or all rounds are done; the summary."""
+    rounds = check(request)
+    policy = _made(train_source.STAGE, request.having(variant="source"), "policy 0", told)
+    best, kept, done = policy, _trial(request, policy), []
+    parents: dict[str, Artifact] = {"policy-0": policy}
+    done.append(Round(float(kept.mean()), None, None, _evaluated(request, policy), adopted=True))
+    recording: Artifact | None = None
+    known: Plant | None = None
+    stopped = f"all {rounds} rounds are done"
+    for turn in range(rounds):
+        recording = _made(_drive_stage(best, recording), request, f"drive {turn}", told)
+        parents[f"recording-{turn}"] = recording
+        done[-1] = replace(
+            done[-1],
+            new=None if known is None else _new(request, known, recording),
+            transitions=read_recording(recording.path).transition_count,
+        )
+        asked = request.having(recording=str(recording.path))
+        policy, known = _refitted(asked, turn, told)
+        parents[f"policy-{turn + 1}"] = policy
+        earned = _trial(request, policy)
+        gain, error = _gain(earned, kept)
+        adopted = gain > 0.0
+        done.append(Round(float(earned.mean()), gain, error, _evaluated(request, policy), adopted))
+        if adopted:
+            best, kept = policy, earned
+        if gain <= error:
+            stopped = (
+                f"round {turn + 1} gained {gain:.3g}, which is no more than its standard error of {error:.3g}"
+            )
+            break
+    return _made(_summary_stage(done, stopped, parents), request, "iterate", told)
+
+
+def _made(stage: Stage, request: Request, what: str, told: Told) -> Artifact:
+    artifact, existed = stage.make(request)
+    told(what, artifact, existed)
+    return artifact
+
+
+def _refitted(request: Request, turn: int, told: Told) -> tuple[Artifact, Plant]:
+    """The policy of what was recorded so far, and the simulator that it was trained in, by its mean."""
+    if request.config["correction"] in (None, "gp"):
+        request = request.having(correction="gp")
+        _made(build_residuals.STAGE, request, f"residuals {turn}", told)
+        _made(fit_gp.STAGE, request, f"fit {turn}", told)
+    else:
+        _made(diagnosing.STAGE, request, f"diagnosis {turn}", told)
+    policy = _made(train_gp_policy.STAGE, request, f"policy {turn + 1}", told)
+    return policy, safety.predictor(request)
+
+
+def _drive_stage(policy: Artifact, before: Artifact | None) -> Stage:
+    """A policy's drives on the target, and behind them all that was recorded before."""
+    parents = {"policy": policy, **({} if before is None else {"before": before})}
+
+    def recipe(request: Request) -> Recipe:
+        config = request.section("simulator", "target", "task", "collect")
+        return Recipe(DRIVE, config, parents, {"seed": request.seed})
+
+    def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+        return _drive(request, recipe, folder)
+
+    return Stage(DRIVE, recipe, write, format=1)
+
+
+def _drive(request: Request, recipe: Recipe, folder: Path) -> Json:
+    """The newest episodes come first: what is held out are then the oldest."""
+    section, base = request.config["collect"], base_plant(request.config)
+    purpose = f"iterate/{recipe.parents['policy'].digest}"
+    act = policy_actor(
+        read_policy(recipe.parents["policy"].path), generator(request.seed, f"{purpose}/driver")
+    )
+    episodes = collect_episodes(
+        target_plant(request.config),
+        make_task(request.config).on_target(),
+        act,
+        int(section["episodes"]),
+        generator(request.seed, f"{purpose}/episodes"),
+    )
+    rng = generator(request.seed, f"{purpose}/sensors")
+    sensed, noise = as_sensed(episodes, base.state, float(section["noise"]), float(section["missing"]), rng)
+    before = read_recording(recipe.parents["before"].path) if "before" in recipe.parents else None
+    older = () if before is None else before.episodes
+    turn = 0 if before is None else 1 + int(before.provenance["round"])
+    recording = Recording(
+        system=base.simulator.name,
+        state=base.state,
+        action=base.action,
+        episodes=(*(replace(e, name=f"{turn}.{e.name}") for e in sensed), *older),
+        dt=base.dt,
+        parameters=base.parameters,
+        integrator=base.integrator,
+        velocities="measured" if base.simulator.coordinates else None,
+        clock="episode",
+        noise=noise,
+        provenance={"driver": "iterate", "seed": request.seed, "round": turn, "new": len(sensed)},
+    )
+    write_recording(recording, folder)
+    return {"transitions": recording.transition_count}
+
+
+def _new(request: Request, known: Plant, recording: Artifact) -> float:
+    """The root mean square of the one-step error that a simulator leaves, over the base's; mean over the channels."""
+    read = read_recording(recording.path)
+    newest: tuple[Episode, ...] = read.episodes[: int(read.provenance["new"])]
+    left, base = (
+        one_step_errors(plant, newest, read.state, generator(request.seed, "iterate/new"))
+        for plant in (known, base_plant(request.config))
+    )
+    size = np.sqrt((base**2).mean(axis=0))
+    counts = size > 1e-9  # the base is right about a position's change
+    return float((np.sqrt((left**2).mean(axis=0))[counts] / size[counts]).mean())
+
+
+def _gain(earned: FloatArray, kept: FloatArray) -> tuple[float, float]:
+    """The mean gain from the same starts, and its standard error."""
+    difference = earned - kept
+    return float(difference.mean()), float(difference.std(ddof=1) / np.sqrt(len(difference)))
+
+
+def _trial(request: Request, policy: Artifact) -> FloatArray:
+    """(N,) returns on the target, of starts that no evaluation knows."""
+    count = int(request.config["evaluate"]["episodes"])
+    rng = generator(request.seed, "iterate/trial")
+    return _returns(request, policy, make_task(request.config).start(count, rng), "iterate/trial")
+
+
+def _evaluated(request: Request, policy: Artifact) -> float:
+    return float(_returns(request, policy, certify.evaluation_starts(request), "evaluate/returns").mean())
+
+
+def _returns(request: Request, policy: Artifact, start: Start, purpose: str) -> FloatArray:
+    act, task = policy_actor(read_policy(policy.path)), make_task(request.config).on_target()
+    rng = generator(request.start_seed, purpose)
+    return episode_returns(target_plant(request.config), task, act, start, rng)
+
+
+def _summary_stage(done: list[Round], stopped: str, parents: dict[str, Artifact]) -> Stage:
+    def recipe(request: Request) -> Recipe:
+        config = request.section("rounds", "simulator", "target", "task", "evaluate", "correction")
+        return Recipe("iterate", config, parents, {"seed": request.seed})
+
+    def write(request: Request, recipe: Recipe, folder: Path) -> Json:
+        best = max(i for i, r in enumerate(done) if r.adopted)
+        content: dict[str, Any] = {
+            "rounds": [asdict(r) for r in done],
+            "best": best,
+            "policy": str(parents[f"policy-{best}"].path),
+            "stopped": stopped,
+        }
+        write_json(folder / SUMMARY, plain(content))
+        return {}
+
+    return Stage("iterate", recipe, write, lines, format=1)
+
+
+def lines(artifact: Artifact) -> list[str]:
+    """A line a round, and why it stopped."""
+    found = read_object(artifact.path / SUMMARY)
+    out = []
+    for turn, r in enumerate(found["rounds"]):
+        gained = "" if r["gain"] is None else f", gained {r['gain']:.1f} ± {r['gain_error']:.1f} in the trial"
+        new = (
+            ""
+            if r["new"] is None
+            else f"; {100 * r['new']:.0f} % of the base's one-step error was new on its drives"
+        )
+        kept = "" if r["adopted"] else ", not adopted"
+        out.append(f"round {turn}: return {r['returns']:.1f}{gained}{kept}{new}")
+    return [*out, f"stopped: {found['stopped']}", f"best: round {found['best']}, {found['policy']}"]
