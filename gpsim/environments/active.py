@@ -77,7 +77,8 @@ def collect_actively(
     running = Episodes(target, task, 1, rng)
     while count < settings.transitions:
         running.begin()
-        states, actions, over = [running.states[0]], [], False
+        states, over = [running.states[0]], False
+        actions: list[FloatArray] = []
         plan: list[Actions] = []
         while not over and count < settings.transitions:
             if known is None or count - fitted_at >= settings.refit:
@@ -147,4 +148,4 @@ def _drawn(task: Task, count: int, rng: np.random.Generator) -> Actions:
 
 
 def _episode(name: str, states: Sequence[FloatArray], actions: Sequence[FloatArray], dt: float) -> Episode:
-    return Episode(name, dt * np.arange(len(states)), np.array(states), np.array(actions))
+    return Episode(name, dt * np.arange(len(states), dtype=np.float64), np.array(states), np.array(actions))
