@@ -148,4 +148,5 @@ def _drawn(task: Task, count: int, rng: np.random.Generator) -> Actions:
 
 
 def _episode(name: str, states: Sequence[FloatArray], actions: Sequence[FloatArray], dt: float) -> Episode:
-    return Episode(name, dt * np.arange(len(states), dtype=np.float64), np.array(states), np.array(actions))
+    t = np.asarray(dt * np.arange(len(states)), dtype=np.float64)
+    return Episode(name, t, np.array(states), np.array(actions))

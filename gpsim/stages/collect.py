@@ -73,7 +73,8 @@ def check(request: Request) -> None:
     target_plant(request.config)
     _check_sensors(section)
     if collect_active.active(request):
-        collect_active.settings_of(request), gp_settings.check(request)
+        collect_active.settings_of(request)
+        gp_settings.check(request)
     elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
         check_sweep(request.config)
     else:

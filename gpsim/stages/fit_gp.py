@@ -23,7 +23,8 @@ from gpsim.stages.stage import Request, Stage, generator
 
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
-    check(request), observed.settings_of(request)
+    check(request)
+    observed.settings_of(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})
 

@@ -23,7 +23,16 @@ from gpsim.files import Json, plain, read_object, write_json
 from gpsim.recordings import Episode, Recording, read_recording, write_recording
 from gpsim.settings import positive
 from gpsim.simulators import Plant
-from gpsim.stages import build_residuals, certify, collect, fit_gp, safety, train_gp_policy, train_source
+from gpsim.stages import (
+    build_residuals,
+    certify,
+    collect,
+    fit_gp,
+    gp_settings,
+    safety,
+    train_gp_policy,
+    train_source,
+)
 from gpsim.stages import diagnose_loop as diagnosing
 from gpsim.stages.building import base_plant, drivable, make_task, target_plant
 from gpsim.stages.policy_files import read_policy
@@ -68,8 +77,11 @@ def check(request: Request) -> int:
     if train_gp_policy.robust(request) and request.config["correction"] is None:
         raise UsageError("run iterate: with robustness=posterior say correction=effects or effects+gp")
     positive(request.config["collect"]["episodes"], "collect.episodes")
-    collect.check(request), build_residuals.check(request), fit_gp.check(request)
-    target_plant(request.config), certify.recipe(request)
+    collect.check(request)
+    build_residuals.check(request)
+    gp_settings.check(request)
+    target_plant(request.config)
+    certify.recipe(request)
     return rounds
 
 

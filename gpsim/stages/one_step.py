@@ -9,7 +9,7 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import Features, GpCorrection, arrived_inputs
 from gpsim.evaluation import OneStep
 from gpsim.residuals import Residuals
-from gpsim.stages import fit_gp, train_gp_policy
+from gpsim.stages import fit_gp, gp_settings, train_gp_policy
 from gpsim.stages.stage import Request, generator
 
 EVERY = slice(None)
@@ -45,4 +45,4 @@ def training_inputs(request: Request, residuals: Residuals) -> FloatArray:
 
 def own_inputs(request: Request, data: Residuals) -> FloatArray:
     """(N, D): the GPs' inputs of transitions."""
-    return Features.of(fit_gp.input_names(request), data.channels)(data.inputs)
+    return Features.of(gp_settings.input_names(request), data.channels)(data.inputs)
