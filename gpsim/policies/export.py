@@ -71,11 +71,12 @@ def to_onnx(policy: Policy) -> bytes:
 
 
 def ros_node(
-    policy: Policy, rate: float, goal_radius: float, goal: tuple[float, float], max_steps: int
+    policy: Policy, rate: float, goal_radius: float, goal: tuple[float, float], max_steps: int, floor: float
 ) -> str:
     """A ROS 1 node (Python) that drives to a goal with policy.onnx beside it, `rate` times a second.
 
-    goal (x, y) [m], goal_radius [m] and max_steps (commands) are the defaults of its parameters: the policy's task.
+    goal (x, y) [m], goal_radius [m], max_steps (commands) and floor [m], the edge of the square about the origin that
+    it does not leave, are the defaults of its parameters: the policy's task.
     Raises UsageError for a policy that does not take a goal in the plane and give a velocity command.
     """
     if policy.bounds is None or policy.bounds.shape != (2, 2) or len(policy.scale) != 2:
@@ -88,6 +89,7 @@ def ros_node(
         goal_x=f"{goal[0]:g}",
         goal_y=f"{goal[1]:g}",
         max_steps=max_steps,
+        limit=f"{floor / 2.0:g}",
     )
 
 
@@ -98,8 +100,8 @@ _NODE = '''#!/usr/bin/env python3
 
 Reads a pose (geometry_msgs/PoseStamped) and writes velocity commands (geometry_msgs/Twist); ~pose_topic,
 ~command_topic, ~goal_x, ~goal_y [m] and ~goal_radius [m] are parameters. It stops at the goal, after ~max_steps
-commands, and while no pose is newer than 0.3 s. Record both topics to score the trip: gpsim evaluate
-experiment=limo deployed=BAG.
+commands, where x or y is beyond ~limit [m], and while no pose is newer than 0.3 s. Record both topics to score the
+trip: gpsim evaluate experiment=limo deployed=BAG.
 Needs rospy, numpy and onnxruntime.
 """
 
@@ -132,6 +134,7 @@ class Driver:
         self.goal = rospy.get_param("~goal_x", $goal_x), rospy.get_param("~goal_y", $goal_y)
         self.radius = rospy.get_param("~goal_radius", $goal_radius)
         self.left = rospy.get_param("~max_steps", $max_steps)
+        self.limit = rospy.get_param("~limit", $limit)
         self.pose = None
         command = rospy.get_param("~command_topic", "/cmd_vel")
         self.publisher = rospy.Publisher(command, Twist, queue_size=1)
@@ -151,9 +154,10 @@ class Driver:
             return
         at = self.pose.pose
         near = math.hypot(self.goal[0] - at.position.x, self.goal[1] - at.position.y) <= self.radius
-        if near or self.left == 0:
+        outside = not max(abs(at.position.x), abs(at.position.y)) <= self.limit
+        if near or outside or self.left == 0:
             self.stop()
-            rospy.signal_shutdown("goal reached" if near else "out of steps")
+            rospy.signal_shutdown("goal reached" if near else "limit passed" if outside else "out of steps")
             return
         seen = observe(at.position.x, at.position.y, yaw_of(at.orientation), *self.goal)
         speed, turn = self.session.run(["action"], {"observation": seen})[0][0]

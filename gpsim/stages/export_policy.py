@@ -61,4 +61,4 @@ def export_policy(path: Path, out: Path) -> list[str]:
 def _node(policy: Policy, rate: float, section: Mapping[str, Any]) -> str:
     task = build(GoalReaching, section, "task")
     x, y = task.evaluation_goal
-    return ros_node(policy, rate, task.goal_radius, (x, y), task.max_steps)
+    return ros_node(policy, rate, task.goal_radius, (x, y), task.max_steps, task.floor)

@@ -1,6 +1,7 @@
 """What fails after the search costs a picture, a page or a Gaussian process, and never the result."""
 
 import errno
+import json
 import sys
 from dataclasses import replace
 
@@ -20,6 +21,8 @@ from gpsim.stages import diagnosing, diagnosis_files
 from gpsim.stages.diagnose import read_corrected, why_no_gp
 
 from .worlds import World, record
+
+RESULTS = ("diagnosis.json", "corrected.json", "posterior.json")
 
 
 def broken(*_, **__):
@@ -66,7 +69,16 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     whole, said = diagnosed()
     assert said.err == ""
     assert read_warnings(whole) == []
-    results = [(whole / name).read_bytes() for name in ("diagnosis.json", "corrected.json")]
+    left_open = json.loads((whole / "posterior.json").read_text())["explanations"]
+    leader = json.loads((whole / "diagnosis.json").read_text())["effects"]
+    assert [term["family"] for term in left_open[0]["terms"]] == [effect["family"] for effect in leader]
+    for size in left_open[0]["parameters"]:
+        told = leader[size["term"]]["parameters"][size["name"]]
+        assert [size[key] for key in ("value", "low", "high")] == [
+            told[key] for key in ("value", "low", "high")
+        ]
+    assert np.diag(left_open[0]["correlations"]).tolist() == [1.0] * len(left_open[0]["parameters"])
+    results = [(whole / name).read_bytes() for name in RESULTS]
     with monkeypatch.context() as patched:
         patched.setattr(diagnosis_figures, "_inputs", broken)
         patched.setattr(diagnosis_files, "traces", broken)
@@ -78,7 +90,7 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     assert read_warnings(made) == lines
     assert said.err.splitlines() == [f"warning: {line}" for line in lines]
     assert said.out.startswith("Verdict  ")
-    assert [(made / name).read_bytes() for name in ("diagnosis.json", "corrected.json")] == results
+    assert [(made / name).read_bytes() for name in RESULTS] == results
     left = {"curve_1.png", "decomposition.png", "residual_time.png"}
     assert {p.name for p in (made / "figures").iterdir()} == left
     page = (made / "report.html").read_text()

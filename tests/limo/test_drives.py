@@ -138,14 +138,20 @@ def test_exported_policies_act_alike(tmp_path):
         actions = session.run(["action"], {"observation": seen})[0]
         np.testing.assert_allclose(actions, policy.act(seen), rtol=1e-5, atol=1e-6)
         assert to_onnx(policy) == to_onnx(policy)
-    compile(ros_node(continuous, 10.0, 0.05, (0.5, -0.5), 500), "drive_to_goal.py", "exec")
+    compile(ros_node(continuous, 10.0, 0.05, (0.5, -0.5), 500, 4.0), "drive_to_goal.py", "exec")
     with pytest.raises(UsageError, match="only policies that drive a vehicle"):
-        ros_node(discrete, 50.0, 0.05, (0.5, -0.5), 500)
+        ros_node(discrete, 50.0, 0.05, (0.5, -0.5), 500, 4.0)
 
 
 def test_an_exported_node_drives_to_the_goal_of_its_policys_task(tmp_path):
     policy, _, _ = train()
-    task = {"name": "goal", "goal_radius": 0.1, "evaluation_goal": [1.25, 0.75], "max_steps": 80}
+    task = {
+        "name": "goal",
+        "goal_radius": 0.1,
+        "evaluation_goal": [1.25, 0.75],
+        "max_steps": 80,
+        "floor": 6.0,
+    }
     config = {"task": task, "simulator": {"dt": 0.1}}
     for name, section in (("own", task), ("default", {"name": "goal"})):
         made = Store(tmp_path / name, "limo").publish(
@@ -158,6 +164,7 @@ def test_an_exported_node_drives_to_the_goal_of_its_policys_task(tmp_path):
     assert '"~max_steps", 80)' in node
     assert '"~goal_radius", 0.1)' in node
     assert "_goal_x:=1.25 _goal_y:=0.75" in node
+    assert 'rospy.get_param("~limit", 3)' in node
     compile(node, "drive_to_goal.py", "exec")
     node = (tmp_path / "deploy_default" / "drive_to_goal.py").read_text()
     assert '"~goal_x", 0.5), rospy.get_param("~goal_y", -0.5)' in node
