@@ -220,6 +220,16 @@ def test_settings_with_which_nothing_can_be_deployed_are_one_line(word, said):
     assert str(refused.value).startswith(said)
 
 
+@pytest.mark.parametrize("experiment", ["cartpole", "limo", "mujoco"])
+def test_every_experiment_has_a_change_that_can_be_concealed(experiment):
+    words = (f"experiment={experiment}",)
+    asked = Request(resolve(list(words), None), words)
+    safety.check(asked)
+    changed = safety.changed_target(asked)
+    assert changed.state.names == ChangingPlant(changed, changed, 1).state.names
+    assert changed != safety.target_plant(asked.config)
+
+
 def test_a_log_that_is_not_there_is_one_line(tmp_path):
     with pytest.raises(UsageError, match="no such log"):
         deploy.replay(Request(resolve([], None)), [tmp_path / "no.bag"])
