@@ -27,10 +27,9 @@ from gpsim.evaluation import (
     summarise_all,
 )
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.gymtasks import GymTask
 from gpsim.recordings import Recording
 from gpsim.residuals import Residuals, build_residuals
-from gpsim.settings import positive, texts, truth
+from gpsim.settings import positive, truth
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
 from gpsim.stages import (
@@ -45,50 +44,15 @@ from gpsim.stages import (
     train_source,
 )
 from gpsim.stages.building import base_plant, drivable, make_task, randomised_plant, target_plant
+from gpsim.stages.compared import TRAINED_BY, full_return, needs_diagnosis, policy_names
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.evaluate_robustness import robustness, what_is_open
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.stages.stand_in import measured_on
-from gpsim.tasks import Task
 
-TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
-    "Source": (train_source.STAGE, {"variant": "source"}),
-    "Domain randomisation": (train_source.STAGE, {"variant": "randomised"}),
-    "GP-Mean": (train_gp_policy.STAGE, {"correction": "gp", "prediction": "mean"}),
-    "GP-Sample": (train_gp_policy.STAGE, {"correction": "gp", "prediction": "sample"}),
-    "Effects": (train_gp_policy.STAGE, {"correction": "effects"}),
-    "Posterior": (train_gp_policy.STAGE, {"correction": "effects+gp", "robustness": "posterior"}),
-    "Target": (train_source.STAGE, {"variant": "target"}),
-}
-"""The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
-
-
-DIAGNOSED = ("Effects", "Posterior")
-"""Policies that need a diagnosis."""
-
-
-def full_return(task: Task) -> int | None:
-    """The return that means that a start is solved; None of a task whose rewards are its own affair."""
-    return None if isinstance(task, GymTask) else task.max_steps
-
-
-def policy_names(request: Request) -> tuple[str, ...]:
-    """The policies to compare."""
-    names = texts(request.config["evaluate"]["policies"], "evaluate.policies")
-    unknown = [name for name in names if name not in TRAINED_BY]
-    if unknown or not names:
-        raise UsageError(
-            f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}"
-        )
-    return tuple(name for name in dict.fromkeys(names) if name != "Target" or drivable(request.config))
-
-
-def needs_diagnosis(request: Request) -> bool:
-    """Whether a policy that is compared was trained in what a diagnosis found."""
-    return not set(DIAGNOSED).isdisjoint(policy_names(request))
 
 
 def check(request: Request) -> None:

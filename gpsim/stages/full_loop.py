@@ -15,8 +15,8 @@ from gpsim.stages.building import (
     randomised_plant,
     target_plant,
 )
+from gpsim.stages.compared import DIAGNOSED, TRAINED_BY, needs_diagnosis, policy_names
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.evaluate import TRAINED_BY, policy_names
 from gpsim.stages.jobs import Finished, Job, run_jobs
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import effects_plant
@@ -90,14 +90,14 @@ def _plan_seed(request: Request, seed: int) -> list[Job]:
     residuals = Job(f"build-residuals · seed {seed}", "build-residuals", request, behind)
     fit = Job(f"fit-gp · seed {seed}", "fit-gp", request, (residuals.label,))
     found = Job(f"diagnose · seed {seed}", "diagnose", request, behind)
-    diagnosed = [found] if evaluate.needs_diagnosis(request) and request.config["diagnosis"] is None else []
+    diagnosed = [found] if needs_diagnosis(request) and request.config["diagnosis"] is None else []
     # What waits for no policy goes first: logs that cannot be read are found at once.
     jobs = [source, *recorded] if driver else [*recorded, source]
     jobs += [residuals, fit, *diagnosed]
     for name in policy_names(request):
         stage, settings = TRAINED_BY[name]
         after: tuple[str, ...] = (fit.label,) if stage.name == "train-gp-policy" else ()
-        if name in evaluate.DIAGNOSED:
+        if name in DIAGNOSED:
             after = tuple(job.label for job in diagnosed)
         job = Job(f"{name} · seed {seed}", stage.name, request.having(**settings), after)
         if name != "Source":
