@@ -108,8 +108,30 @@ class Descent:
         )
         damping = self.damping / shrinks if self.moved else self.damping * grows
         self.damping = float(np.clip(damping, self.least, most))
+        if self.dear and gain > 0:
+            self._learn(at, new)
         self.at = new if gain > 0 else replace(at, anchored=anchored)
         return gain
+
+    def _learn(self, before: Point, after: Point) -> None:
+        """Slopes that agree with what a step has changed, window by window (Broyden 1965): they serve several rounds.
+
+        Not in windows where they foresaw next to nothing of it: something jumped there.
+        """
+        by_start = after.starts - before.starts
+        by_theta = after.theta - before.theta
+        foreseen = np.einsum("wlsi,wi->wls", self.by_state, by_start) + self.by_theta @ by_theta
+        missed = after.residual - before.residual - foreseen
+        seen, scale = self.problem.observed, self.problem.scale
+        sizes = np.array([p.scale for p in self.hypothesis.parameters])
+        weight = ((by_start / scale) ** 2).sum(axis=1) + ((by_theta / sizes) ** 2).sum()
+        small, large = (((part[..., seen] / scale[seen]) ** 2).sum(axis=(1, 2)) for part in (missed, foreseen))
+        good = (small < large) & (weight > 0.0)
+        share = np.where(good, 1.0 / np.where(good, weight, 1.0), 0.0)[:, None, None]
+        missed = np.where(good[:, None, None], missed, 0.0) * share
+        self.by_state = self.by_state + missed[..., None] * (by_start / scale**2)[:, None, None, :]
+        if by_theta.size:
+            self.by_theta = self.by_theta + missed[..., None] * (by_theta / sizes**2)
 
     def stands(self, gain: float, tolerance: float) -> bool:
         """Whether it is at its end, after a step that gained this much [nats]; if not for sure, damping is given up.

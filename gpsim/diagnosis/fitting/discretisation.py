@@ -56,17 +56,20 @@ def stepped(problem: Problem) -> Problem:
 
 
 def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
-    """The question with the fewest steps of a transition that tell slopes as well as those it is simulated in.
+    """The question with the steps that cost least of those that tell slopes as well as those it is simulated in.
 
-    By the model's own method, which costs least; as always where no fewer will do.
+    Longer ones by the model's own method, or by the one it is simulated with; as always where neither will do.
     """
     settings, starts = problem.run.settings.closed_step, problem.windows.measured[None, :, 0]
     nothing, own = Hypothesis(), system.steps_of(problem.dt)
     theta = nothing.theta[None]
     exact = problem.residuals(nothing, theta, starts)[0]
-    plain = system.as_modelled()
-    for steps in sorted({-(-own // times) for times in settings.coarser}):
-        longer = replace(problem, slope_steps=steps, slope_simulator=plain)
+    plain, dear = system.as_modelled(), settings.cost_of_exact
+    choices = [(float(n), plain, n) for n in sorted({-(-own // times) for times in settings.coarser})]
+    if problem.substeps != own:
+        choices += [(dear * n, problem.simulator, n) for n in range(1, problem.substeps)]
+    for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
+        longer = replace(problem, slope_steps=steps, slope_simulator=simulator)
         change = longer.slopes.residuals(nothing, theta, starts)[0] - exact
         spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
         if (spread <= settings.tolerated * problem.scale)[problem.observed].all():

@@ -229,7 +229,10 @@ class ClosedStepSettings:
         "times as long as its own the steps may be in which slopes are found, the first that will do",
     )
     tolerated: float = setting(
-        0.03, "1", "of a channel's spread: what these longer steps may change in a window, root mean square"
+        0.003,
+        "1",
+        "of a channel's spread: what these longer steps may change in a window, root mean square",
+        "by hand, on an arm whose joints all rub: fits by worse slopes creep, and end far from where they should",
     )
     tolerated_error: float = setting(
         3e-4, "1", "of a channel's spread: what halving the steps may change, if it is more than noise hides"
