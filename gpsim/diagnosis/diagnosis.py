@@ -40,6 +40,7 @@ from gpsim.diagnosis.selection import (
     told_apart,
     told_apart_to_the_end,
     usual_machine,
+    whole_robot,
     without_idle,
     without_tails,
 )
@@ -140,7 +141,7 @@ def _supported(
         gone = before.hypothesis.claims - leader.hypothesis.claims
         left = [c for c in left if c.identity not in gone]
         contenders = replace(contenders, leader=leader)
-        if leader.hypothesis.terms:
+        if leader.hypothesis.terms and not whole_robot(question.everything, leader.hypothesis):
             contenders = stepwise(question, contenders, left, lambda text: None, gates=False)
             contenders = prune_on_held_out(question, contenders)
         judgement = judge(question, contenders, found, settled=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import RolloutErrors
-from gpsim.reports.account_effects import Row, row_of, slight_text, told_effects
+from gpsim.reports.account_effects import Row, rows_of, slight_text, told_effects
 from gpsim.reports.account_left import left
 from gpsim.reports.account_next import command, following
 from gpsim.reports.account_rivals import rivals
@@ -105,7 +105,7 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
         verdict=told.verdict,
         sentence=verdict_sentence(told, headline),
         where=where(told),
-        rows=tuple(row_of(effect, told) for effect in headline),
+        rows=tuple(rows_of(headline, told)),
         slight=slight_text(slight),
         rivals=tuple(rivals(told)),
         differs=tuple(differences(told)),

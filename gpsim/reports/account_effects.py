@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from gpsim.reports.sheets import MISSING
 
 SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
 """Of a gain by the command's direction, short enough for a table."""
+MANY_JOINTS = 3  # with the same effect, which are told as one group
 LARGE = 0.1  # of the mismatch: what is no claim and yet as much has others in its place
 LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "roughly", "untested": "not tested"}
 
@@ -26,7 +28,8 @@ class Row:
 
     whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes:
     of each parameter its name, empty of the only one, and how large; share: of the mismatch, None where nobody computed
-    it; percent, interval: the same in words.
+    it; percent, interval: the same in words. members: of a group (`Coulomb friction on 6 joints`) each joint and how
+    large it is there.
     """
 
     effect: str
@@ -39,6 +42,7 @@ class Row:
     odds: str
     law: str
     approximate: bool
+    members: tuple[tuple[str, str], ...] = ()
 
 
 def told_effects(diagnosis: Diagnosis) -> tuple[list[NamedEffect], list[NamedEffect]]:
@@ -60,6 +64,56 @@ def effect_name(effect: NamedEffect) -> str:
 def claim_name(family: str, place: str) -> str:
     """The same, of a family and a place."""
     return f"{noun(family)} on {shortened(place)}"
+
+
+def rows_of(headline: Sequence[NamedEffect], diagnosis: Diagnosis) -> list[Row]:
+    """A row for every effect, and one for all joints where many have an effect of the same kind."""
+    out, grouped = [], set[str]()
+    for effect in headline:
+        group = [e for e in headline if e.family == effect.family and _may_be_grouped(e)]
+        if not _may_be_grouped(effect) or len(group) < MANY_JOINTS:
+            out.append(row_of(effect, diagnosis))
+        elif effect.family not in grouped:
+            grouped.add(effect.family)
+            out.append(_group_of(group))
+    return sorted(out, key=lambda row: -1.0 if row.share is None else row.share, reverse=True)
+
+
+def _may_be_grouped(effect: NamedEffect) -> bool:
+    return (
+        (effect.site == "force" or effect.family == "armature")
+        and not (effect.region or effect.since or effect.recordings)
+        and len(effect.parameters) == 1
+    )
+
+
+def _group_of(group: Sequence[NamedEffect]) -> Row:
+    """One row of the same effect on several joints: what it is worth altogether, the weakest odds, each size."""
+    shares = [e.importance.share for e in group if e.importance is not None]
+    share = sum(shares) if shares and math.isfinite(sum(shares)) else None
+    forms = {e.form for e in group}
+    form: Form = next((f for f in ("approximate", "untested") if f in forms), "holds")
+    weakest = min(group, key=lambda e: math.inf if e.odds is None or e.odds.nats is None else e.odds.nats)
+    name = f"{noun(group[0].family)} on {len(group)} joints"
+    members = sorted((e.place, _sizes(e)[0][1]) for e in group)
+    return Row(
+        effect=name,
+        whole=name,
+        gate="",
+        sizes=(("", "each below"),),
+        share=share,
+        percent=MISSING if share is None else f"{percent(share)} %",
+        interval="",
+        odds=odds_text(weakest.odds),
+        law=LAW[form],
+        approximate=form == "approximate",
+        members=tuple(sorted(members, key=lambda m: _natural(m[0]))),
+    )
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Names in the order in which people count: j2 before j10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 
 def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:

@@ -29,11 +29,15 @@ NAME = 24  # letters of a channel in the line of the fit
 
 @dataclass(frozen=True)
 class Limits:
-    """How many lines each part may take. gates: whether rows say where they act; sizes: of a row."""
+    """How many lines each part may take.
+
+    gates: whether rows say where they act; sizes: of a row; members: lines for the joints of a group.
+    """
 
     rows: int
     sizes: int
     gates: bool
+    members: int
     verdict: int
     where: int
     slight: int
@@ -46,22 +50,88 @@ class Limits:
 
 LIMITS = (
     Limits(
-        rows=7, sizes=3, gates=True, verdict=2, where=3, slight=2, rival=2, differs=5, left=5, fit=2, next=3
+        rows=7,
+        sizes=3,
+        gates=True,
+        members=4,
+        verdict=2,
+        where=3,
+        slight=2,
+        rival=2,
+        differs=5,
+        left=5,
+        fit=2,
+        next=3,
     ),
     Limits(
-        rows=7, sizes=3, gates=True, verdict=2, where=2, slight=2, rival=2, differs=4, left=4, fit=1, next=2
+        rows=7,
+        sizes=3,
+        gates=True,
+        members=4,
+        verdict=2,
+        where=2,
+        slight=2,
+        rival=2,
+        differs=4,
+        left=4,
+        fit=1,
+        next=2,
     ),
     Limits(
-        rows=7, sizes=2, gates=True, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+        rows=7,
+        sizes=2,
+        gates=True,
+        members=3,
+        verdict=2,
+        where=2,
+        slight=1,
+        rival=1,
+        differs=3,
+        left=3,
+        fit=1,
+        next=2,
     ),
     Limits(
-        rows=7, sizes=1, gates=True, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+        rows=7,
+        sizes=1,
+        gates=True,
+        members=3,
+        verdict=2,
+        where=2,
+        slight=1,
+        rival=1,
+        differs=3,
+        left=3,
+        fit=1,
+        next=2,
     ),
     Limits(
-        rows=7, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+        rows=7,
+        sizes=1,
+        gates=False,
+        members=2,
+        verdict=2,
+        where=2,
+        slight=1,
+        rival=1,
+        differs=3,
+        left=3,
+        fit=1,
+        next=2,
     ),
     Limits(
-        rows=5, sizes=1, gates=False, verdict=2, where=2, slight=1, rival=1, differs=3, left=3, fit=1, next=2
+        rows=5,
+        sizes=1,
+        gates=False,
+        members=2,
+        verdict=2,
+        where=2,
+        slight=1,
+        rival=1,
+        differs=3,
+        left=3,
+        fit=1,
+        next=2,
     ),
 )
 """The first that fits is taken: the last always does."""
@@ -148,6 +218,10 @@ def _table(rows: Sequence[Row], limits: Limits) -> list[str]:
         first, *others = [_labelled(*size, widths[1]) for size in sizes] or [""]
         lines.append(_line((effect, first, share, odds, law), widths))
         lines += [_line(("", other, "", "", ""), widths) for other in others]
+        joints = [f"{name} {size} ·" for name, size in row.members]
+        if joints:
+            told = filled([*joints[:-1], joints[-1].removesuffix(" ·")], COLUMNS - INDENT - 2, limits.members)
+            lines += [f"  {line}" for line in told]
         if row.gate and limits.gates:
             lines += wrapped(f"  {row.gate}", COLUMNS - INDENT, 1)
     if len(rows) > len(shown):

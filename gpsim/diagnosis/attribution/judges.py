@@ -22,6 +22,8 @@ from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
 
+LEAD_STEPS = 3  # of a fit of start states alone, by slopes that are known and learn from its steps
+
 
 class Judge(Protocol):
     """What an account is judged by.
@@ -219,7 +221,8 @@ def foretold(
         return predicted(problem, windows, hypothesis)
     part, steps = _led(windows, lead), problem.run.settings.schedules
     begun = problem.on(part), hypothesis.frozen(), part.measured[:, 0]
-    starts = fit(*begun, iterations=steps.glance, tolerance=steps.rough, known=known).starts
+    count = steps.glance if known is None else LEAD_STEPS
+    starts = fit(*begun, iterations=count, tolerance=steps.rough, known=known).starts
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     theta = hypothesis.theta[None]
     said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta)

@@ -19,7 +19,7 @@ from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.report import Share
-from gpsim.diagnosis.selection import required_in
+from gpsim.diagnosis.selection import is_row, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
@@ -44,7 +44,8 @@ def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> F
             continue
         less = fits_without(problem, leader, null)
         free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]
-        unseen = _unseen(problem, leader, found, free)
+        robot = whole_robot(problem, leader.hypothesis)
+        unseen = _unseen(problem, leader, found, _of_no_joint(leader, free) if robot else free)
         if len(unseen) > 1:
             fewer = without_all(problem, leader, unseen)
             names = (leader.hypothesis.names, fewer.hypothesis.names)
@@ -77,6 +78,8 @@ def _unsupported(
 
     asked = [i for i in free if found.grows[i] < settings.support.grows]  # no channel surely needs it
     harm = [i for i in asked if needed[i] < -settings.support.harms and _most(found.needed[i]) < 0.0]
+    if whole_robot(problem, leader.hypothesis):
+        structured, free = False, _of_no_joint(leader, free)
     if harm:
         return least(harm, "held-out rollouts are better without it")
     hidden = _unseen(problem, leader, found, free)
@@ -92,6 +95,11 @@ def _unsupported(
     answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
     return least(fails, "one half alone supports it") if fails else None
+
+
+def _of_no_joint(leader: Fit, free: Sequence[int]) -> list[int]:
+    """Without what every joint of a robot has: that stands by what it costs to leave out, which was asked before."""
+    return [i for i in free if not is_row(leader.hypothesis.terms[i].effect)]
 
 
 def _unseen(problem: Problem, leader: Fit, found: Attribution, free: Sequence[int]) -> list[int]:

@@ -10,7 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.gauss_newton import damped_step, jacobians, promised_gain
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.pattern_search import searched_pattern
-from gpsim.diagnosis.fitting.point import point_at
+from gpsim.diagnosis.fitting.point import Point, point_at
 from gpsim.diagnosis.fitting.problem import Problem, variance_of
 from gpsim.diagnosis.fitting.steps import stepped, stepped_dearly
 from gpsim.effects import closed
@@ -114,7 +114,7 @@ class Descent:
         return gain
 
     def _learn(self, before: Point, after: Point) -> None:
-        """Slopes that agree with what a step has changed, window by window (Broyden 1965): they serve several rounds.
+        """Slopes that agree with what a step changed, window by window (Broyden 1965): they serve several rounds.
 
         Not in windows where they foresaw next to nothing of it: something jumped there.
         """
@@ -125,7 +125,9 @@ class Descent:
         seen, scale = self.problem.observed, self.problem.scale
         sizes = np.array([p.scale for p in self.hypothesis.parameters])
         weight = ((by_start / scale) ** 2).sum(axis=1) + ((by_theta / sizes) ** 2).sum()
-        small, large = (((part[..., seen] / scale[seen]) ** 2).sum(axis=(1, 2)) for part in (missed, foreseen))
+        small, large = (
+            ((part[..., seen] / scale[seen]) ** 2).sum(axis=(1, 2)) for part in (missed, foreseen)
+        )
         good = (small < large) & (weight > 0.0)
         share = np.where(good, 1.0 / np.where(good, weight, 1.0), 0.0)[:, None, None]
         missed = np.where(good[:, None, None], missed, 0.0) * share

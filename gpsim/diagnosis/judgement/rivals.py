@@ -18,7 +18,7 @@ from gpsim.diagnosis.fitting import (
     fit_all,
     scores,
 )
-from gpsim.diagnosis.selection import held_out_fit, pays
+from gpsim.diagnosis.selection import held_out_fit, pays, whole_robot
 from gpsim.diagnosis.setup import Question
 
 ALIKE = 0.02  # of a probability: what differs by less is as likely, and either may lead
@@ -178,6 +178,10 @@ def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
     if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
         return True
     steps = problem.run.settings.schedules
-    parts = [rival.hypothesis.without(i) for i in range(len(rival.hypothesis.terms))]
+    asked = range(len(rival.hypothesis.terms))
+    if whole_robot(problem, rival.hypothesis):  # what both have the leader has earned
+        theirs = leader.hypothesis.claims
+        asked = [i for i in asked if rival.hypothesis.terms[i].identity not in theirs]
+    parts = [rival.hypothesis.without(i) for i in asked]
     orders = [Order(part, rival.starts, steps.refit, steps.close) for part in parts]
     return all(pays(problem, rival, less) for less in fit_all(problem, orders))

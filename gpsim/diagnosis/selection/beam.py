@@ -29,7 +29,7 @@ from gpsim.diagnosis.fitting import (
     stretched,
     whiteness,
 )
-from gpsim.diagnosis.selection.elimination import doubtful
+from gpsim.diagnosis.selection.elimination import doubtful, whole_robot
 from gpsim.diagnosis.selection.required import with_required
 from gpsim.diagnosis.settings import SearchSettings
 from gpsim.effects import Scheme, closed
@@ -241,8 +241,8 @@ def ranked(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _reduced(problem: Problem, best: Fit) -> list[Fit]:
-    """Backward elimination: the best hypothesis with each of its terms left out."""
-    if len(best.hypothesis.terms) < 2:
+    """Backward elimination: the best hypothesis with each of its terms left out; of a whole robot that was done."""
+    if len(best.hypothesis.terms) < 2 or whole_robot(problem, best.hypothesis):
         return []
     parts = [best.hypothesis.without(i) for i in doubtful(problem, best)]
     steps = problem.run.settings.schedules

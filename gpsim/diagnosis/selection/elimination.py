@@ -22,7 +22,7 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.gate_edges import placed
-from gpsim.effects import Gate, closed
+from gpsim.effects import Effect, Gate, closed
 from gpsim.recordings import evenly
 
 
@@ -91,6 +91,19 @@ def on_some_windows(problem: Problem, at: Fit, most: int) -> tuple[Problem, Fit]
     return problem.on(problem.windows.take(rows)), replace(
         at, starts=at.starts[rows], residuals=at.residuals[rows]
     )
+
+
+def whole_robot(problem: Problem, hypothesis: Hypothesis) -> bool:
+    """Whether it is a large account of a simulator whose steps are dear: one fit of it stands for many of its parts."""
+    return (
+        len(hypothesis.terms) > problem.run.settings.elimination.small
+        and closed(problem.simulator) is not None
+    )
+
+
+def is_row(effect: Effect) -> bool:
+    """Whether it is one of what every joint of a robot usually has: friction, a motor's inertia, an offset."""
+    return bool(effect.usual) and (effect.site == "force" or effect.family == "armature")
 
 
 def for_screening(problem: Problem) -> int:

@@ -27,6 +27,7 @@ from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.chi_square import beyond
 from gpsim.diagnosis.selection.elimination import on_some_windows
 from gpsim.diagnosis.selection.impulses import impulses, visited
+from gpsim.effects import closed
 
 LEAST = 1e-6  # nats, of a simulation without an error: what rounding leaves is none
 NEGLIGIBLE = (
@@ -74,16 +75,27 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 
     problem, at: the hypothesis fitted to these windows.
     """
-    some, part = on_some_windows(problem, at, problem.run.settings.lack_of_fit.windows)
+    some, part, directions = _looked_at(problem, at)
     more = len(problem.windows) / len(some.windows)
     single = _single(some)
     if not single:
         return None
-    shared = (some, part, Directions(some, part))
+    shared = (some, part, directions)
     found = _all_tested(*shared, single)
     double = _double(some, single, [nats for nats, _ in found])
     found += _all_tested(*shared, double)
     return _best(some, part, [*single, *double], found, more)
+
+
+@kept
+def _looked_at(problem: Problem, at: Fit) -> tuple[Problem, Fit, Directions]:
+    """The windows that are looked at, fewer where every step is dear, and what changes around the fit there."""
+    settings = problem.run.settings
+    most = (
+        settings.lack_of_fit.windows if closed(problem.simulator) is None else settings.closed_step.screened
+    )
+    some, part = on_some_windows(problem, at, most)
+    return some, part, Directions(some, part)
 
 
 def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
@@ -91,11 +103,11 @@ def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
 
     Of what is commanded nobody doubts the past; that of a state is known through noise that the residual has, too.
     """
-    some, part = on_some_windows(problem, at, problem.run.settings.lack_of_fit.windows)
+    some, part, directions = _looked_at(problem, at)
     groups = _remembering(some)
     if not groups:
         return None
-    found = _all_tested(some, part, Directions(some, part), groups)
+    found = _all_tested(some, part, directions, groups)
     return _best(some, part, groups, found, len(problem.windows) / len(some.windows))
 
 

@@ -22,7 +22,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import Found
-from gpsim.diagnosis.selection.elimination import simplest
+from gpsim.diagnosis.selection.elimination import simplest, whole_robot
 from gpsim.diagnosis.selection.held_out import held_out_fit
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import Scheme, closed
@@ -86,6 +86,8 @@ def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     small = problem.run.settings.elimination.small
     starts = [measured if len(h.terms) <= small else begun for h in hypotheses]
     orders = [Order(*one, steps.trial, steps.rough) for one in zip(hypotheses, starts, strict=True)]
+    if any(whole_robot(problem, h) for h in hypotheses):  # the one that leads is followed to its end later
+        return fit_all(problem, orders)
     return fit_near(problem, orders, steps.finish, steps.final)
 
 

@@ -32,10 +32,12 @@ from gpsim.diagnosis.selection.change_points import begun_later
 from gpsim.diagnosis.selection.elimination import (
     doubtful,
     for_screening,
+    is_row,
     lean,
     likeliest,
     on_some_windows,
     simplest,
+    whole_robot,
 )
 from gpsim.diagnosis.selection.gates import (
     gated_children,
@@ -105,7 +107,7 @@ def improved(
                 tried += twins
                 break
             continue
-        if not gates:
+        if not gates or whole_robot(problem, leader.hypothesis):
             break
         tell(f"{leader.hypothesis.label}: is one more missing somewhere?")  # dear: last
         extended, children = _extended(problem, leader, offers, most, gates=True)
@@ -128,6 +130,8 @@ def _all_substitutes(
     """`substitutes` for one term of the leader after the other, until so much effort is spent."""
     count = len(leader.hypothesis.terms)
     asked = range(count) if closed(problem.simulator) is None else doubtful(problem, leader)
+    if whole_robot(problem, leader.hypothesis):  # what every joint has stands for nothing else
+        asked = [i for i in asked if not is_row(leader.hypothesis.terms[i].effect)]
     calls = [(problem, leader, i, offers, twins) for i in asked]
     return [f for found in problem.run.side_by_side(substitutes, calls, until) for f in found]
 
@@ -158,7 +162,7 @@ def _extended(
     firm, steps = leader, 0
     while not leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
         over = problem.run.budget.spent >= most  # to ask when what there is began costs next to nothing
-        if over and (gates or _whole_robot(problem, leader)):
+        if over and (gates or whole_robot(problem, leader.hypothesis)):
             break
         children = (
             begun_later(problem, leader, offers) if over else _children(problem, leader, offers, most, gates)
@@ -202,12 +206,14 @@ def _finished(problem: Problem, leader: Fit) -> Fit:
     """
     steps = problem.run.settings.schedules
     starts = [leader.starts, problem.windows.measured[:, 0]]
-    if _whole_robot(problem, leader):
+    longest, least = steps.finish, steps.final
+    if whole_robot(problem, leader.hypothesis):
         starts.pop()  # from which speeds that nobody measured would have to be found again
-    tried = fit_all(problem, [Order(leader.hypothesis, s, steps.glance, steps.final) for s in starts])
+        longest, least = steps.settle, steps.rough  # where joints stick a fit creeps on without end
+    tried = fit_all(problem, [Order(leader.hypothesis, s, steps.glance, least) for s in starts])
     best = min(tried, key=lambda f: f.objective)
     if not best.converged:
-        more = Order(best.hypothesis, best.starts, steps.finish, steps.final, near=True)
+        more = Order(best.hypothesis, best.starts, longest, least, near=True)
         best = fit_order(problem, more)
     return best if best.objective < leader.objective else leader
 
@@ -224,7 +230,7 @@ def _children(
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
-    if problem.run.budget.spent > most or _whole_robot(problem, leader):
+    if problem.run.budget.spent > most or whole_robot(problem, leader.hypothesis):
         return plain
     if not (_shows_in_a_place_only(problem, leader, better) if better else gates):  # other gates are dear
         return plain
@@ -248,12 +254,6 @@ def _children(
     return plain + fit_all(problem, orders)
 
 
-def _whole_robot(problem: Problem, leader: Fit) -> bool:
-    """Whether it is a large account of a simulator whose steps are dear: no gates are looked for then."""
-    large = len(leader.hypothesis.terms) > problem.run.settings.elimination.small
-    return large and closed(problem.simulator) is not None
-
-
 def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit]) -> bool:
     """Whether a smooth law of a place promises far more than those terms gain that act everywhere."""
     best = min(better, key=lambda f: f.objective)
@@ -272,7 +272,7 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, seen)
-    later = [] if _whole_robot(problem, leader) else begun_later(problem, leader, offers)
+    later = [] if whole_robot(problem, leader.hypothesis) else begun_later(problem, leader, offers)
     if leader.hypothesis.unusual >= settings.most_terms:
         return directions, later
     taken = leader.hypothesis.claims

@@ -22,17 +22,20 @@ from gpsim.diagnosis.fitting import (
     Hypothesis,
     Order,
     Problem,
+    Quadratic,
     child_of,
     fit_all,
     fit_order,
     quadratic,
     scores,
 )
+from gpsim.diagnosis.selection.elimination import is_row
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
+CHEAP = 10.0  # nats that a term may cost where every fit is dear, and still go with others without a fit between them
 MISJUDGED = (
     5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
 )
@@ -48,6 +51,8 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     )  # where friction stops a body matters when accounts are compared to the end
     path = [_full_model(problem, usual)]
     while len(path[-1].hypothesis.terms) > 1 and _near_the_best(problem, path):
+        if _dear(problem) and quadratic(problem, path[-1]).costs().min() > CHEAP:
+            break  # what may be left out besides is asked where accounts are compared
         path.append(_fewer_terms(problem, path[-1]))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
@@ -65,7 +70,7 @@ def _is_usual(problem: Problem, candidate: Candidate) -> bool:
     effect = effect_of(candidate.family)
     if not effect.usual or candidate.variant:
         return False
-    return closed(problem.simulator) is None or effect.site == "force" or effect.family == "armature"
+    return not _dear(problem) or is_row(effect)
 
 
 def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
@@ -101,6 +106,19 @@ def _begun(usual: Sequence[Candidate], which: dict[int, int]) -> Hypothesis:
     return out
 
 
+def _dear(problem: Problem) -> bool:
+    """Whether every fit costs simulations of a whole robot."""
+    return closed(problem.simulator) is not None
+
+
+def _spare(problem: Problem, around: Quadratic, gone: Sequence[int], index: int) -> bool:
+    """Whether a term may go together with those that are gone, without a fit between them."""
+    cost = around.cost([*gone, index])
+    if _dear(problem):
+        return cost - (around.cost(gone) if gone else 0.0) < CHEAP
+    return cost < FREE
+
+
 def _fewer_terms(problem: Problem, found: Fit) -> Fit:
     """The best account with less: all terms that cost nothing together, or else one of the cheapest."""
     around, steps = quadratic(problem, found), problem.run.settings.schedules
@@ -114,10 +132,10 @@ def _fewer_terms(problem: Problem, found: Fit) -> Fit:
         return Order(around.without(gone), found.starts, steps.trial, steps.rough, near=True)
 
     gone: list[int] = []
-    while len(gone) < len(ranks) - 1 and around.cost([*gone, (i := cheapest(gone)[0])]) < FREE:
+    while len(gone) < len(ranks) - 1 and _spare(problem, around, gone, (i := cheapest(gone)[0])):
         gone.append(i)
     if gone:
         less = fit_order(problem, order(gone))
-        if len(gone) == 1 or less.objective < found.objective + FREE + MISJUDGED:
+        if len(gone) == 1 or less.objective < found.objective + around.cost(gone) + FREE + MISJUDGED:
             return less
     return min(fit_all(problem, [order([i]) for i in cheapest([])[:NEXT]]), key=lambda f: f.objective)

@@ -55,7 +55,10 @@ def speed_of(path: FloatArray, t: FloatArray, noise: float | None = None) -> Flo
     step = float(np.median(np.diff(t)))
     best, least, first = np.gradient(path, t), np.inf, None
     for reach in REACHES:
-        slope, passed_on = _slopes(path, t, reach), (noise / step) ** 2 * 3.0 / (reach * (reach + 1) * (2 * reach + 1))
+        slope, passed_on = (
+            _slopes(path, t, reach),
+            (noise / step) ** 2 * 3.0 / (reach * (reach + 1) * (2 * reach + 1)),
+        )
         own = passed_on if first is None else max(first[1] - passed_on, 0.0)
         bent = 0.0 if first is None else max(float(np.mean((slope - first[0]) ** 2)) - own, 0.0)
         first = first or (slope, passed_on)

@@ -105,7 +105,9 @@ def prepare(
     observed = _observed(seen, simulator, hidden)
     training, held = _split(seen, observed, settings)
     problem = _problem(seen, simulator, parameters, training, hidden, log, run)
-    if system is None and hidden:  # else speeds are known from positions better than from a base that lacks much
+    if (
+        system is None and hidden
+    ):  # else speeds are known from positions better than from a base that lacks much
         seen = smoothed(problem, seen, Hypothesis(), hidden)
         training, held = _split(seen, observed, settings)
         before = problem
