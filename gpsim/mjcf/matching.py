@@ -11,6 +11,7 @@ from gpsim.errors import UsageError
 from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.recordings import Episode, Recording
 
+TORQUE = "_tau"  # ends the column of a torque or force that was measured at a joint, or of its motor
 OFF_LENGTH = (
     0.1  # that a quaternion's length may be off 1: rounding and filters, not another order of columns
 )
@@ -26,7 +27,8 @@ def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
         tuple(_as_recorded(c, recording.state.items[i]) for c, i in zip(wanted, columns, strict=True))
     )
     commanded = bool(len(recording.action))
-    action = [recording.action.index(name) for name in simulator.action.names] if commanded else []
+    given = [_given_as(name, recording, simulator) for name in simulator.action.names] if commanded else []
+    action = [recording.action.index(name) for name in given]
     episodes = tuple(_episode(e, columns, action, simulator) for e in recording.episodes)
     noise = {n: v for n, v in recording.noise.items() if n in (*state.names, *simulator.action.names)}
     made = replace(
@@ -38,6 +40,19 @@ def matched(recording: Recording, simulator: MjcfSimulator) -> Recording:
     )
     _check_start(made, simulator)
     return made
+
+
+def _given_as(action: str, recording: Recording, simulator: MjcfSimulator) -> str:
+    """The column that holds what an actuator was given: its own, or of a motor the torque that was measured.
+
+    A log of motor currents has no command beside them, and a torque that was measured is what drove the joint.
+    """
+    joint = simulator.drives.get(action)
+    force = {c.name: c.force_unit for c in simulator.coordinates}.get(joint or "")
+    if action in recording.action.names or simulator.action.units[action] != force:
+        return action
+    torques = [f"{name}{TORQUE}" for name in (joint, action)]
+    return next((name for name in torques if name in recording.action.names), action)
 
 
 def _as_recorded(channel: Channel, recorded: Channel) -> Channel:
@@ -52,7 +67,11 @@ def _all_there(recording: Recording, simulator: MjcfSimulator, needed: list[str]
             f"the recording has no column for {_listed('joint', lacking)} of {simulator.name}; it has: "
             f"{', '.join(recording.state.names)}; import the log with a mapping to these names"
         )
-    lacking = [name for name in simulator.action.names if name not in recording.action.names]
+    lacking = [
+        name
+        for name in simulator.action.names
+        if _given_as(name, recording, simulator) not in recording.action.names
+    ]
     if lacking and len(recording.action):
         raise UsageError(
             f"the recording has no column for {_listed('actuator', lacking)} of {simulator.name}; it has: "

@@ -313,3 +313,24 @@ def test_meshes_beside_the_model_are_hashed(tmp_path):
     assert load_mjcf(name).state.names == ("theta", "theta_dot")
     written(tmp_path / "parts", CUBE.replace("0.1", "0.2") + FACES, "cube.obj")
     assert files_digest(name) != before
+
+
+def test_a_measured_torque_drives_the_motor_where_no_command_was_recorded(tmp_path):
+    path = written(tmp_path, PENDULUM)
+    meta = {**PENDULUM_META, "action": {"theta_tau": "N m"}}
+    recording, simulator = open_recording(
+        Task(recorded(tmp_path, {"theta": 1.0, "theta_tau": 0.5}, meta), path)
+    )
+    assert recording.action.names == simulator.action.names == ("torque",)
+    assert recording.episodes[0].actions[5, 0] == pytest.approx(0.5 * np.sin(0.5 + 1), abs=1e-5)
+
+
+def test_a_measured_torque_is_no_target_of_a_servo(tmp_path):
+    path = written(tmp_path, SERVO)
+    simulator = open_simulator(path)
+    joint, servo = simulator.coordinates[0].name, simulator.action.names[0]
+    state = {c.name: simulator.state.units[c.name] for c in simulator.coordinates}
+    columns = {**dict.fromkeys(state, 0.1), f"{joint}_tau": 0.5}
+    meta = {"model": "robot.xml", "state": state, "action": {f"{joint}_tau": "N m"}}
+    with pytest.raises(UsageError, match=f"no column for the actuator.* {servo}"):
+        open_recording(Task(recorded(tmp_path, columns, meta), path))

@@ -28,15 +28,17 @@ def test_friction_on_six_joints_is_one_row_with_a_size_each():
     assert group.effect == "Coulomb friction on 6 joints"
     assert [name for name, _ in group.members] == sorted(JOINTS, key=lambda n: int(n.rpartition("_")[2]))
     assert group.members[-1] == (JOINTS[0], "1.00 ± 0.05 N m")
-    assert group.percent == "60 %" and other.members == ()
+    assert (group.percent, other.members) == ("60 %", ())
 
 
 def test_the_terminal_wraps_the_joints_and_cuts_no_name():
     lines = account_lines(account_of(_arm()))
-    assert len(lines) <= LINES and max(map(len, lines)) <= COLUMNS
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= COLUMNS
     assert all(any(f"{joint} " in line for line in lines) for joint in JOINTS)
 
 
 def test_what_acts_in_a_place_only_stands_by_itself():
     rows = account_of(_arm(region={"x": (0.0, 1.0)})).rows
-    assert len(rows) == 7 and not any(row.members for row in rows)
+    assert len(rows) == 7
+    assert not any(row.members for row in rows)

@@ -30,7 +30,7 @@ from gpsim.diagnosis.form import FreeCurve
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import BlackBox, Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
 from gpsim.diagnosis.setup import Completions, Question, apart, filters, undone
-from gpsim.effects import ParameterEffect, effect_of
+from gpsim.effects import ParameterEffect, closed, effect_of
 from gpsim.recordings import Recording, evenly
 
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
@@ -268,7 +268,8 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
         return base
     problem, settings = question.searched, question.searched.run.settings
     start, fits = problem.windows.measured[:, 0], settings.comparison
-    found = fit(problem, tuned, start, iterations=fits.tuned_iterations, tolerance=fits.tuned_tolerance)
+    count = settings.schedules.glance if closed(problem.simulator) is not None else fits.tuned_iterations
+    found = fit(problem, tuned, start, iterations=count, tolerance=fits.tuned_tolerance)
     plain = fit(problem, base, start, iterations=fits.base_iterations)
     share = 1.0 - found.variance / plain.variance
     good = share[problem.observed] > settings.acceptance.good_share

@@ -9,6 +9,7 @@ from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.verdict import misses
 from gpsim.diagnosis.report import Curve, Form, Share
+from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.setup import Question
 
 
@@ -27,8 +28,13 @@ class Laws:
 
 
 def laws_of(question: Question, judgement: Judgement, attribution: Attribution) -> Laws:
-    """Every group of headline laws beside a curve in its place; what is missing beside them all."""
+    """Every group of headline laws beside a curve in its place; what is missing beside them all.
+
+    Not of a whole robot: a curve is simulated step by step, and a robot has as many laws as joints several times over.
+    """
     problem, leader = question.everything, judgement.leader
+    if whole_robot(problem, leader.hypothesis):
+        return Laws(tuple("untested" for _ in leader.hypothesis.terms))
     lack = judgement.lack if judgement.lack is not None and judgement.lack.significant else None
     missing = None if lack is None else missing_curve(problem, leader, lack)
     if not leader.hypothesis.terms:

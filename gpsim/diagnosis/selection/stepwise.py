@@ -53,6 +53,10 @@ from gpsim.diagnosis.selection.substitution import left_open, specialised, subst
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import LooksAt, closed
 
+ROBOT_GAIN = (
+    20.0  # nats that a term promises beside all of a robot's rows, or it is not fitted: each fit is dear
+)
+
 
 def stepwise(
     question: Question,
@@ -278,7 +282,8 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     taken = leader.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     more = len(problem.windows) / len(part.windows)
-    chosen = [(c, start) for worth, c, start in found[: settings.added] if more * worth > settings.least_gain]
+    least = ROBOT_GAIN if whole_robot(problem, leader.hypothesis) else settings.least_gain
+    chosen = [(c, start) for worth, c, start in found[: settings.added] if more * worth > least]
     promised = more * found[0][0] if found else 0.0
     if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
         return directions, later
