@@ -42,9 +42,17 @@ def lean(problem: Problem, leader: Fit) -> Fit:
 
 @kept
 def without_a_term(problem: Problem, leader: Fit) -> list[Fit]:
-    """The leader with one term less each, fitted anew; those that it clearly needs are left out."""
-    parts = [leader.hypothesis.without(i) for i in doubtful(problem, leader)]
-    return _fitted_unless_needed(problem, leader, parts)
+    """The leader with one term less each, fitted anew; those that it clearly needs are left out.
+
+    Of a whole robot the others go where the quadratic says, and start states alone are fitted.
+    """
+    asked, near = doubtful(problem, leader), list[Fit]()
+    if whole_robot(problem, leader.hypothesis):
+        around = quadratic(problem, leader)
+        near = [around.refitted(problem, [i], STARTS) for i in asked if around.smooth[i]]
+        asked = [i for i in asked if not around.smooth[i]]
+    parts = [leader.hypothesis.without(i) for i in asked]
+    return near + _fitted_unless_needed(problem, leader, parts) if parts else near
 
 
 @kept
@@ -94,11 +102,18 @@ def on_some_windows(problem: Problem, at: Fit, most: int) -> tuple[Problem, Fit]
 
 
 def whole_robot(problem: Problem, hypothesis: Hypothesis) -> bool:
-    """Whether it is a large account of a simulator whose steps are dear: one fit of it stands for many of its parts."""
-    return (
-        len(hypothesis.terms) > problem.run.settings.elimination.small
-        and closed(problem.simulator) is not None
-    )
+    """Whether it is a large account of a simulator whose steps are dear, or one of rows alone: what joints have.
+
+    One fit of it stands for many of its parts, and no gates are looked for.
+    """
+    if closed(problem.simulator) is None:
+        return False
+    rows = [is_row(term.effect) and not term.gate for term in hypothesis.terms]
+    return len(rows) > problem.run.settings.elimination.small or (len(rows) >= ROWS and all(rows))
+
+
+STARTS = 3  # steps of a fit of start states by slopes that are known
+ROWS = 3  # of them are a machine, identified all at once
 
 
 def is_row(effect: Effect) -> bool:

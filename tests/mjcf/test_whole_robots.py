@@ -1,0 +1,126 @@
+"""Robots whose every joint rubs: speeds from positions, slopes that learn, and an account of rows asked all at once."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from mjcf_models import DOUBLE, written
+
+from gpsim.diagnosis.fitting import Hypothesis, Problem, child_of, fit, scores
+from gpsim.diagnosis.fitting.descent import Descent
+from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.selection import is_row, usual_machine, whole_robot
+from gpsim.diagnosis.setup import offers_of, prepare
+from gpsim.diagnosis.setup.guesses import speed_of
+from gpsim.effects import effect_of
+from gpsim.stages.diagnose import Task, open_recording
+
+NOISE, DT, SAMPLES = 5e-4, 0.02, 300
+DRY, VISCOUS, ROTOR = (0.3, 0.15), (0.2, 0.1), (0.03, 0.01)
+
+
+@pytest.fixture(scope="module")
+def rubbing(tmp_path_factory):
+    """A double pendulum with friction and rotors at both joints, positions only; the question and the true speeds."""
+    folder = tmp_path_factory.mktemp("rubbing")
+    rng, model = np.random.default_rng(3), mujoco.MjModel.from_xml_string(DOUBLE)
+    model.opt.timestep /= 4
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    for i in range(2):
+        model.dof_frictionloss[i] = DRY[i]
+        model.dof_solref[i] = (-1.0, -2.0 / model.opt.timestep)
+        model.dof_solimp[i] = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+        model.dof_damping[i] += VISCOUS[i]
+        model.dof_armature[i] += ROTOR[i]
+    data, rows, speeds = mujoco.MjData(model), ["episode,t,shoulder,elbow,m1,m2"], []
+    mujoco.mj_setConst(model, data)
+    for e in range(3):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:] = 0.3 * rng.normal(size=2)
+        tones, phases = rng.uniform(0.2, 1.5, (2, 5)), rng.uniform(0, 6.3, (2, 5))
+        for k in range(SAMPLES):
+            data.ctrl[:] = np.array([3.0, 1.0]) * np.sin(2 * np.pi * tones * DT * k + phases).sum(axis=1)
+            q = data.qpos + NOISE * rng.normal(size=2)
+            rows.append(f"{e},{DT * k:.3f}," + ",".join(f"{v:.7f}" for v in (*q, *data.ctrl)))
+            speeds.append(np.array(data.qvel))
+            mujoco.mj_step(model, data, round(DT / model.opt.timestep))
+    (folder / "recording.csv").write_text("\n".join(rows) + "\n")
+    meta = {"system": "mjcf", "model": "robot.xml", "dt": DT, "state": {"shoulder": "rad", "elbow": "rad"}}
+    meta |= {"action": {"m1": "N m", "m2": "N m"}, "noise": {"shoulder": NOISE, "elbow": NOISE}}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(meta))
+    written(folder, DOUBLE)
+    recording, simulator = open_recording(Task(folder, None))
+    return prepare(recording, simulator, simulator.defaults(), Run()), np.array(speeds).reshape(3, SAMPLES, 2)
+
+
+def test_a_speed_is_taken_over_as_many_samples_as_noise_asks_for():
+    t = DT * np.arange(400)
+    path, true = np.sin(3 * t), 3 * np.cos(3 * t)
+    clean = speed_of(path, t, 1e-9)
+    noisy = path + 2e-3 * np.random.default_rng(0).normal(size=len(t))
+    told, guessed = speed_of(noisy, t, 2e-3), speed_of(noisy, t)
+    naive = np.gradient(noisy, t)
+    assert np.abs(clean - true)[1:-1].max() < 0.01
+    for found in (told, guessed):
+        assert np.sqrt(np.mean((found - true) ** 2)) < 0.4 * np.sqrt(np.mean((naive - true) ** 2))
+
+
+def test_speeds_that_nobody_measured_are_near_the_truth_though_the_base_lacks_much(rubbing):
+    question, speeds = rubbing
+    names = question.everything.simulator.state.names
+    columns = [names.index(n) for n in ("shoulder_dot", "elbow_dot")]
+    for episode, true in zip(question.recording.episodes, speeds, strict=True):
+        off = episode.states[2:-2, columns] - true[2:-2]
+        assert (np.sqrt(np.mean(off**2, axis=0)) < 0.05 * true.std(axis=0)).all()
+
+
+def _row(offers, family, on, value):
+    (candidate,) = [c for c in offers if (c.family, c.place.on, c.variant) == (family, on, "")]
+    return candidate, (value,)
+
+
+def _frictions(question, at):
+    offers, account = offers_of(question), Hypothesis()
+    for i, on in enumerate(("shoulder", "elbow")):
+        account = child_of(account, *_row(offers, "coulomb_friction", on, at * DRY[i]))
+        account = child_of(account, *_row(offers, "viscous_friction", on, at * VISCOUS[i]))
+        account = child_of(account, *_row(offers, "armature", on, at * ROTOR[i]))
+    return account
+
+
+def test_slopes_that_learn_from_steps_end_nearer_in_as_many(rubbing, monkeypatch):
+    problem: Problem = replace(rubbing[0].searched, dry_steps={})
+    account, starts = _frictions(rubbing[0], 0.3), rubbing[0].searched.windows.measured[:, 0]
+    learnt = fit(problem, account, starts, iterations=5)
+    monkeypatch.setattr(Descent, "_learn", lambda *_: None)
+    assert learnt.objective < fit(problem, account, starts, iterations=5).objective
+
+
+def test_the_start_finds_friction_and_rotor_of_both_joints_with_their_sizes(rubbing):
+    question = rubbing[0]
+    path = usual_machine(question.searched, offers_of(question))
+    best = path[int(np.argmax(scores(question.searched, path)))]
+    said = {(t.family, t.on): next(iter(t.values.values())) for t in best.hypothesis.terms}
+    for i, on in enumerate(("shoulder", "elbow")):
+        assert said["coulomb_friction", on] == pytest.approx(DRY[i], rel=0.15)
+        assert said["viscous_friction", on] == pytest.approx(VISCOUS[i], rel=0.15)
+        assert said["armature", on] == pytest.approx(ROTOR[i], rel=0.15)
+
+
+def test_rows_of_joints_are_one_machine_and_a_mass_beside_two_of_them_is_not(rubbing):
+    question, account = rubbing[0], _frictions(rubbing[0], 1.0)
+    three = account
+    for index in (5, 4, 3):
+        three = three.without(index)
+    heavy, _ = _row(offers_of(question), "parameter_offset", "lower.mass", 1.1)
+    mixed = child_of(three.without(2), heavy, (1.1,))
+    assert whole_robot(question.everything, account)
+    assert whole_robot(question.everything, three)
+    assert not whole_robot(question.everything, mixed)
+    assert [is_row(effect_of(f)) for f in ("viscous_friction", "armature", "parameter_offset")] == [
+        True,
+        True,
+        False,
+    ]
