@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from gpsim.diagnosis.fitting import Fit, Problem, fit, quadratic
 from gpsim.diagnosis.run import kept
+from gpsim.diagnosis.selection import whole_robot
 from gpsim.effects import closed
 
 DEAR_STEPS = 2  # of a fit of start states, by slopes that are known, where every step is dear
@@ -15,7 +16,8 @@ DEAR_STEPS = 2  # of a fit of start states, by slopes that are known, where ever
 def fits_without(problem: Problem, leader: Fit, null: Fit) -> list[Fit]:
     """(T) fits without each term, integrated by the same scheme on as fine a grid. null: without any."""
     count, settings = len(leader.hypothesis.terms), problem.run.settings
-    if count > settings.elimination.small:  # of a whole machine: the others go where the quadratic says
+    large = count > settings.elimination.small or whole_robot(problem, leader.hypothesis)
+    if large and count > 1:  # of a whole machine: the others go where the quadratic says
         dear = closed(problem.simulator) is not None
         around, steps = quadratic(problem, leader), DEAR_STEPS if dear else settings.schedules.glance
         fits = {i: around.refitted(problem, [i], steps) for i in range(count) if around.smooth[i]}
