@@ -136,6 +136,7 @@ def _fewer_terms(problem: Problem, found: Fit) -> Fit:
         gone.append(i)
     if gone:
         less = fit_order(problem, order(gone))
-        if len(gone) == 1 or less.objective < found.objective + around.cost(gone) + FREE + MISJUDGED:
+        foreseen = around.cost(gone) if _dear(problem) else FREE
+        if len(gone) == 1 or less.objective < found.objective + foreseen + MISJUDGED:
             return less
     return min(fit_all(problem, [order([i]) for i in cheapest([])[:NEXT]]), key=lambda f: f.objective)
