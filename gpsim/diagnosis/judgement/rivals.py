@@ -178,7 +178,7 @@ def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
     if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
         return True
     steps = problem.run.settings.schedules
-    asked = range(len(rival.hypothesis.terms))
+    asked: Sequence[int] = range(len(rival.hypothesis.terms))
     if whole_robot(problem, rival.hypothesis):  # what both have the leader has earned
         theirs = leader.hypothesis.claims
         asked = [i for i in asked if rival.hypothesis.terms[i].identity not in theirs]
