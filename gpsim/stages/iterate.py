@@ -17,8 +17,7 @@ from gpsim.artifacts import Artifact, Recipe
 from gpsim.channels import FloatArray
 from gpsim.environments import as_sensed, collect_episodes, policy_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation import episode_returns
-from gpsim.evaluation.monitor import one_step_errors
+from gpsim.evaluation import episode_returns, one_step_errors
 from gpsim.files import Json, plain, read_object, write_json
 from gpsim.recordings import Episode, Recording, read_recording, write_recording
 from gpsim.settings import positive

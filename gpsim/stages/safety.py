@@ -12,8 +12,17 @@ from gpsim.artifacts import Artifact, read_artifact
 from gpsim.channels import Channels, FloatArray
 from gpsim.environments import Act, policy_actor
 from gpsim.errors import UsageError
-from gpsim.evaluation.monitor import Monitor, MonitorSettings, Usual, usual_errors
-from gpsim.evaluation.safe_drive import NEVER, ChangingPlant, Drives, Limits, drive
+from gpsim.evaluation import (
+    NEVER,
+    ChangingPlant,
+    Drives,
+    Limits,
+    Monitor,
+    MonitorSettings,
+    Usual,
+    drive,
+    usual_errors,
+)
 from gpsim.recordings import Recording, gaps, read_recording
 from gpsim.residuals import either_wraps, first_held_out, holding_out
 from gpsim.settings import build, choice, number, positive, truth
