@@ -84,9 +84,10 @@ def adapted(instance: Any, reference: str) -> Effect:
                 raise UsageError(f"{reference}: '{name}' must be said, as in a family of gpsim.effects")
         vars(instance)["asked"] = False  # nobody asks for it but who brought it
         return instance
-    site: Any = getattr(instance, "site", None)
-    if not isinstance(site, str) or site not in INPUTS:
-        raise UsageError(f"{reference}: 'site' must be one of {', '.join(INPUTS)}, got {site!r}")
+    said = getattr(instance, "site", None)
+    site: Site | None = next((one for one in get_args(Site) if one == said), None)
+    if site is None:
+        raise UsageError(f"{reference}: 'site' must be one of {', '.join(INPUTS)}, got {said!r}")
     plain = _Plain(instance, site, reference)
     _check_law(instance, site, reference)
     words = {name: str(getattr(instance, name, "")) for name in ("noun", "sentence", "source")}

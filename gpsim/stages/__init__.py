@@ -33,4 +33,5 @@ __all__ = [
     "status",
     "sweep",
     "train_gp_policy",
+    "try_effect",
 ]
