@@ -21,6 +21,8 @@ __all__ = [
     "grid",
     "import_log",
     "iterate",
+    "plan",
+    "play",
     "policy_files",
     "prove",
     "raw_logs",
@@ -33,4 +35,5 @@ __all__ = [
     "status",
     "sweep",
     "train_gp_policy",
+    "watch",
 ]
