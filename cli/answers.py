@@ -29,7 +29,15 @@ OPTION = "--json"
 AsJson = Annotated[
     bool, typer.Option(OPTION, help="One JSON object on stdout: paths, verdict, figures; all else on stderr.")
 ]
-KINDS = {1: "internal", 2: "bad_input", 3: "no_diagnosis", 130: "interrupted", 143: "terminated"}
+NO_LONGER_HOLDS = 4  # exit code of a watch, which has a result then
+KINDS = {
+    1: "internal",
+    2: "bad_input",
+    3: "no_diagnosis",
+    NO_LONGER_HOLDS: "no_longer_holds",
+    130: "interrupted",
+    143: "terminated",
+}
 """What went wrong, by exit code."""
 INTERRUPTED_CODE = 130
 STDOUT = 1  # its file descriptor
@@ -77,7 +85,8 @@ class Answer:
         if code:
             error = {"kind": KINDS.get(code, "failed"), "message": message or self.refused}
             made = {"paths": self.paths} if self.paths else {}
-            return head | {"error": error} | made | {"warnings": self.warnings}
+            said = self.content if code == NO_LONGER_HOLDS else {}
+            return head | {"error": error} | made | said | {"warnings": self.warnings}
         return head | {"paths": self.paths, **self.content, "warnings": self.warnings}
 
 

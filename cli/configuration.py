@@ -23,6 +23,7 @@ _KEY = re.compile(r"^[+~]{0,2}([\w./@]+)")
 SECTIONS = (
     "simulator", "target", "task", "policy", "gp", "collect",
     "randomise", "residuals", "diagnose", "certify", "evaluate", "deploy", "active", "launcher",
+    "plan", "watch",
 )  # fmt: skip
 """Settings that hold settings; the rest are values."""
 NAMING = (("simulator", "name"), ("target", "model"), ("task", "name"))

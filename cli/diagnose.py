@@ -15,7 +15,7 @@ from .answers import answer
 from .cores import CORES
 from .fleet import diagnose_each, refuse_several
 from .launching import refuse_launcher
-from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
+from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words, split_words
 from .printing import say
 from .progress import caution, note, single_progress, warn
 from .trusting import named, named_effects
@@ -98,7 +98,7 @@ def diagnose_command(
     """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
     from .configuration import resolve  # Hydra is no part of `--help`
 
-    recordings, settings = _split(words or [])
+    recordings, settings = split_words(words or [])
     named(simulator, settings)
     own = named_effects(effects)
     if not each:
@@ -294,9 +294,3 @@ def _check_each(recordings: list[Path], score: Path | None, explain: bool, dry_r
 def _top(word: str) -> str:
     """The setting that a word changes, or one within it."""
     return re.split(r"[.@/=]", word.lstrip("+~"))[0]
-
-
-def _split(words: list[str]) -> tuple[list[Path], list[str]]:
-    """The recordings and the settings; a word with = or a leading ~ is one, unless something of that name exists."""
-    recordings = [word for word in words if not ("=" in word or word.startswith("~")) or Path(word).exists()]
-    return [Path(word) for word in recordings], [word for word in words if word not in recordings]

@@ -31,6 +31,7 @@ from .effects import effects_app
 from .everywhere import add_everywhere
 from .export import export_app
 from .import_ import import_command
+from .plan import plan_command
 from .progress import INTERRUPTED, QUIET
 from .prove import prove_app
 from .quiet import FLAG as QUIETLY
@@ -40,6 +41,7 @@ from .simulators import simulators_app
 from .stages import add_stages
 from .sweep import sweep_command
 from .trusting import FLAG as TRUSTINGLY
+from .watch import watch_command
 
 LONGEST_NAME = 80  # of a file in an error
 CRASHED, BAD_INPUT, NO_DIAGNOSIS = 1, 2, 3  # exit codes; docs/reference/exit_codes.md
@@ -67,7 +69,10 @@ app = typer.Typer(
         "Stages read and write versioned artifacts below ./runs; each takes settings as key=value words, "
         "for example: gpsim fit-gp experiment=cartpole gp.n_train=500 seed=3"
     ),
-    epilog="Exit codes: 0 done, 2 bad input, 3 a sound recording of which no diagnosis is possible, 130 interrupted.",
+    epilog=(
+        "Exit codes: 0 done, 2 bad input, 3 a sound recording of which no diagnosis is possible, "
+        "4 an account that no longer holds (watch), 130 interrupted."
+    ),
     no_args_is_help=True,
     add_completion=True,
     pretty_exceptions_enable=False,
@@ -107,6 +112,16 @@ app.command(
     short_help="Watch recorded drives of a policy as a monitor would have.",
     rich_help_panel="Everything at once",
 )(deploy_command)
+app.command(
+    "plan",
+    short_help="Plan the next recording: safe commands that tell what is left open.",
+    rich_help_panel="Everything at once",
+)(plan_command)
+app.command(
+    "watch",
+    short_help="Say of new recordings whether an old account still holds.",
+    rich_help_panel="Everything at once",
+)(watch_command)
 app.add_typer(
     prove_app,
     name="prove",

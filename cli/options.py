@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from gpsim.errors import UsageError
 
 from . import completion
 from .answers import answer, asked, warned
@@ -42,6 +45,20 @@ def shown_words(words: Sequence[str] | None, config_dir: Path | None) -> tuple[s
     """What was typed, for the commands that messages and reports name; where it runs is no part of what is made."""
     kept = (word for word in words or () if not says_where(word))
     return (*kept, *((f"--config-dir={config_dir}",) if config_dir else ()))
+
+
+def split_words(words: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Paths and settings; a word with = or a leading ~ is a setting, unless something of that name exists."""
+    paths = [word for word in words if not ("=" in word or word.startswith("~")) or Path(word).exists()]
+    return [Path(word) for word in paths], [word for word in words if word not in paths]
+
+
+def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) -> None:
+    """Raise UsageError for settings that a command would ignore."""
+    refuse_launcher(command, settings)
+    for word in settings:
+        if re.split(r"[.@/=]", word.lstrip("+~"))[0] not in used:
+            raise UsageError(f"{command}: {word}: not used here; settings that count: {', '.join(used)}")
 
 
 def show(config: Mapping[str, Any]) -> None:

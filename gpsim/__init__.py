@@ -25,6 +25,7 @@ __all__ = [
     "Recording",
     "Settings",
     "UsageError",
+    "Watcher",
     "__version__",
     "diagnose",
     "effects",
@@ -33,6 +34,7 @@ __all__ = [
     "fit_gp",
     "load_simulator",
     "make_env",
+    "plan",
     "read_recording",
     "recording_from_frame",
 ]
@@ -44,11 +46,13 @@ _PLACES = {
     "Recording": "gpsim.recordings",
     "Settings": "gpsim.diagnosis.settings",
     "UsageError": "gpsim.errors",
+    "Watcher": "gpsim.face.planning",
     "diagnose": "gpsim.face.diagnosis",
     "evaluate": "gpsim.face.evaluation",
     "fit_gp": "gpsim.face.processes",
     "load_simulator": "gpsim.face.simulators",
     "make_env": "gpsim.face.environment",
+    "plan": "gpsim.face.planning",
     "read_recording": "gpsim.face.recordings",
     "recording_from_frame": "gpsim.face.recordings",
 }
@@ -64,6 +68,7 @@ if TYPE_CHECKING:
     from gpsim.face.diagnosis import Diagnosis, diagnose
     from gpsim.face.environment import make_env
     from gpsim.face.evaluation import Evaluation, evaluate
+    from gpsim.face.planning import Watcher, plan
     from gpsim.face.processes import fit_gp
     from gpsim.face.recordings import read_recording, recording_from_frame
     from gpsim.face.simulators import load_simulator

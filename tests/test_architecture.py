@@ -14,6 +14,7 @@ LEVELS = [
     {"face"},
     {"stages"},
     {"reports"},
+    {"planning", "watching"},
     {"trials"},
     {"trials.statistics"},
     {"trials.scoring"},

@@ -22,6 +22,8 @@ WHAT = {
     "policy": "How a policy is trained.",
     "gp": "What the Gaussian processes see, and how they are fitted.",
     "launcher": "Where independent jobs run ([run on a cluster](../how-to/cluster.md)).",
+    "plan": "What may be played next, and how it is chosen ([plan](../how-to/plan.md)).",
+    "watch": "When an account no longer holds ([watch](../how-to/watch.md)).",
     "mapping": "Which field of a log is which channel.",
 }
 

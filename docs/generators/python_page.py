@@ -30,6 +30,7 @@ GROUPS = {
     "Recordings and simulators": ("read_recording", "recording_from_frame", "Recording", "load_simulator"),
     "Diagnosis": ("diagnose", "Diagnosis", "Settings", "effects"),
     "Corrected simulators": ("CorrectedSimulator", "fit_gp", "evaluate", "Evaluation", "make_env"),
+    "The next recording, and later ones": ("plan", "Watcher"),
     "Errors": ("UsageError", "errors"),
 }
 WIDEST = 100  # columns of a call on one line

@@ -2,12 +2,16 @@
 
 from gpsim.diagnosis.assessment import score
 from gpsim.diagnosis.diagnosis import Outcome, diagnose
+from gpsim.diagnosis.left_open import Explanation, LeftOpen, Visited
 from gpsim.diagnosis.report import SCHEMA, Diagnosis, schema
 
 __all__ = [
     "SCHEMA",
     "Diagnosis",
+    "Explanation",
+    "LeftOpen",
     "Outcome",
+    "Visited",
     "diagnose",
     "schema",
     "score",

@@ -25,6 +25,7 @@ from gpsim.diagnosis.judgement import (
     withheld,
     without_claims,
 )
+from gpsim.diagnosis.left_open import LeftOpen, left_open_of
 from gpsim.diagnosis.posterior import posterior
 from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
@@ -67,6 +68,11 @@ class Outcome:
     question: Question
     decisions: tuple[Decision, ...]
     posterior: tuple[Explanation, ...]
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """What it leaves open, in numbers."""
+        return left_open_of(self.question, self.judgement)
 
     def score(self, recording: Recording, rng: np.random.Generator, run: Run | None = None) -> Score:
         """How the effects do on another recording; nothing is fitted (see `gpsim.diagnosis.score`)."""

@@ -8,6 +8,7 @@ __all__ = [
     "diagnosis",
     "environment",
     "evaluation",
+    "planning",
     "processes",
     "recordings",
     "registration",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsim.diagnosis import Diagnosis as Result
-from gpsim.diagnosis import score
+from gpsim.diagnosis import LeftOpen, score
 from gpsim.diagnosis.report import NamedEffect, Score, Verdict
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.run import cores as processes
@@ -157,6 +157,11 @@ class Diagnosis:
     def simulator(self) -> Simulator:
         """The base simulator."""
         return self._found.simulator
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """What it leaves open, in numbers: explanations with their covariances, noise, where the recording has been."""
+        return self._found.left_open
 
     def __str__(self) -> str:
         from gpsim.reports.account_lines import account_lines

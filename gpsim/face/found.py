@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 from gpsim.artifacts import Artifact, Mishaps, Recipe, Store, read_artifact
 from gpsim.channels import Channels
 from gpsim.corrected import EffectsPlant, Features
-from gpsim.diagnosis import Diagnosis, Outcome
+from gpsim.diagnosis import Diagnosis, LeftOpen, Outcome
 from gpsim.diagnosis.settings import as_mapping
 from gpsim.errors import UsageError
 from gpsim.files import Json, canonical, disk_errors, written_whole
@@ -23,7 +23,7 @@ from gpsim.recordings import Recording
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
 from gpsim.stages.code import SOURCES
-from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis
+from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis, read_left_open
 from gpsim.stages.diagnosing import Question, described, plant_of, title_of
 from gpsim.stages.diagnosis_files import FIGURES, drawn, write_diagnosis
 
@@ -59,6 +59,11 @@ class Found(Protocol):
         """Name -> picture."""
         ...
 
+    @property
+    def left_open(self) -> LeftOpen:
+        """What it leaves open."""
+        ...
+
     def corrected(self, gp: bool) -> EffectsPlant:
         """The corrected simulator."""
         ...
@@ -91,6 +96,11 @@ class Made:
     def pictures(self) -> Mapping[str, Picture]:
         """Those that can be drawn."""
         return drawn(self.result, self.outcome, Mishaps())
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """Of what was found."""
+        return self.outcome.left_open
 
     def corrected(self, gp: bool) -> EffectsPlant:
         """As it is written down and read again."""
@@ -162,6 +172,11 @@ class Kept:
 
         paths = sorted((self.artifact.path / FIGURES).glob("*.png"))
         return {path.stem: Picture(path.stem.replace("_", " "), "", path.read_bytes()) for path in paths}
+
+    @property
+    def left_open(self) -> LeftOpen:
+        """As it was written down."""
+        return read_left_open(self.artifact.path)
 
     def corrected(self, gp: bool) -> EffectsPlant:
         """As training reads it."""

@@ -21,6 +21,8 @@ __all__ = [
     "loop_report",
     "not_asked_text",
     "page",
+    "plan_page",
+    "plan_text",
     "printable",
     "prove_misses",
     "prove_page",

@@ -21,6 +21,8 @@ __all__ = [
     "grid",
     "import_log",
     "iterate",
+    "plan",
+    "play",
     "policy_files",
     "prove",
     "raw_logs",
@@ -34,4 +36,5 @@ __all__ = [
     "sweep",
     "train_gp_policy",
     "try_effect",
+    "watch",
 ]

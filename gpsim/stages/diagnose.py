@@ -9,7 +9,7 @@ from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
 from gpsim.corrected import EffectsPlant, PosteriorPlant, posterior_from
-from gpsim.diagnosis import Diagnosis
+from gpsim.diagnosis import Diagnosis, LeftOpen
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.effects import again, bring, installed, origins, read_effects
 from gpsim.errors import UsageError
@@ -20,7 +20,7 @@ from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnosing import Question, answer, plant_of, title_of
-from gpsim.stages.diagnosis_files import POSTERIOR, write_diagnosis
+from gpsim.stages.diagnosis_files import LEFT_OPEN, POSTERIOR, write_diagnosis
 from gpsim.stages.policy_files import read_gp
 from gpsim.stages.stage import Request, Stage
 from gpsim.stages.users_code import blamed
@@ -90,6 +90,14 @@ def read_diagnosis(folder: Path) -> Diagnosis:
     """What a finished diagnosis found; raises UsageError where its diagnosis.json is none."""
     path = read_artifact(folder, "diagnose").path / "diagnosis.json"
     return Diagnosis.from_dict(read_object(path), str(path))
+
+
+def read_left_open(folder: Path) -> LeftOpen:
+    """What a finished diagnosis leaves open; raises UsageError where an earlier version made it."""
+    path = read_artifact(folder, "diagnose").path / LEFT_OPEN
+    if not path.is_file():
+        raise UsageError(f"{folder}: has no {LEFT_OPEN}, which came with a later version; diagnose again")
+    return LeftOpen.from_dict(read_object(path), str(path))
 
 
 def why_no_gp(folder: Path) -> str | None:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture
 
 TRACE, FIGURES, POSTERIOR = "trace.jsonl", "figures", "posterior.json"
+LEFT_OPEN = "left_open.json"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
@@ -36,6 +37,8 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
     diagnosis = worded(found.diagnosis)
     _write_result(folder, found, diagnosis, simulator)
     _write_trace(folder, found.decisions)
+    with mishaps.contained(f"{LEFT_OPEN} is left out: nothing can be planned or watched with this diagnosis"):
+        write_json(folder / LEFT_OPEN, found.left_open.to_dict())
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
         _write_process(folder, found)

@@ -28,6 +28,7 @@ FILES: Mapping[str, Mapping[str, str]] = {
     "evaluate": {"evaluation": "evaluation.json", "returns": "returns.csv", "deployments": "deployments.csv"},
     "diagnose": {"diagnosis": "diagnosis.json", "report": "report.html", "corrected": "corrected.json"},
     "score": {"score": "score.json"},
+    "plan": {"plan": "plan.csv", "facts": "plan.yaml", "report": "report.html"},
     "report": {"summary": "summary.json", "report": "report.html"},
 }  # fmt: skip
 """The files of a stage's artifact that somebody looks for, by what they are; of these, those that are there."""

@@ -61,6 +61,6 @@ def test_the_page_lists_the_codes_that_help_does(gpsim):
     code, shown, _ = gpsim("--help")
     assert code == 0
     listed = re.findall(r"\| `(\d+)` \|", (ROOT / "docs/reference/exit_codes.md").read_text())
-    assert listed == ["0", "1", "2", "3", "130", "143"]
-    for code in ("0 done", "2 bad input", "3 a sound recording", "130 interrupted"):
+    assert listed == ["0", "1", "2", "3", "4", "130", "143"]
+    for code in ("0 done", "2 bad input", "3 a sound recording", "4 an account", "130 interrupted"):
         assert code in " ".join(shown.split())

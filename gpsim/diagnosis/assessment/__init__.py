@@ -7,11 +7,11 @@ from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
 from gpsim.diagnosis.assessment.estimates import Sizes, estimates
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.gated import acts_in
-from gpsim.diagnosis.assessment.intervals import correlations, intervals
+from gpsim.diagnosis.assessment.intervals import correlations, covariance, intervals
 from gpsim.diagnosis.assessment.location import SINCE_REVERSAL, depends_on, locate, most_telling
 from gpsim.diagnosis.assessment.model_error import model_error, with_model_error
 from gpsim.diagnosis.assessment.replay import replayed
-from gpsim.diagnosis.assessment.scoring import score
+from gpsim.diagnosis.assessment.scoring import posed, score
 from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Traces, course, traces
 
 __all__ = [
@@ -33,12 +33,14 @@ __all__ = [
     "compare",
     "correlations",
     "course",
+    "covariance",
     "depends_on",
     "estimates",
     "intervals",
     "locate",
     "model_error",
     "most_telling",
+    "posed",
     "replayed",
     "score",
     "tell_apart",

@@ -41,11 +41,18 @@ def intervals(problem: Problem, fit: Fit, level: float | None = None) -> FloatAr
     return np.stack([np.maximum(low, bounds[:, 0]), np.minimum(high, bounds[:, 1])], axis=1)
 
 
+def covariance(problem: Problem, fit: Fit) -> FloatArray:
+    """(P, P): how uncertain the parameters are together, widened as the intervals are."""
+    if not fit.hypothesis.theta.size:
+        return np.empty((0, 0))
+    return _covariance(problem, fit, curvature(problem, fit))
+
+
 def correlations(problem: Problem, fit: Fit) -> FloatArray:
     """(P, P): how the parameters of a fit vary together where the data leave them open; ones on the diagonal."""
-    covariance = _covariance(problem, fit, curvature(problem, fit))
-    deviation = np.sqrt(np.maximum(np.diag(covariance), LEAST_INFORMATION))
-    found = covariance / np.outer(deviation, deviation)
+    every = _covariance(problem, fit, curvature(problem, fit))
+    deviation = np.sqrt(np.maximum(np.diag(every), LEAST_INFORMATION))
+    found = every / np.outer(deviation, deviation)
     np.fill_diagonal(found, 1.0)
     return np.asarray(np.clip(found, -1.0, 1.0))
 

@@ -27,6 +27,7 @@ from gpsim.diagnosis.fitting.problem import Problem, mean_squares, window_costs
 from gpsim.diagnosis.fitting.quadratic import Quadratic, quadratic
 from gpsim.diagnosis.fitting.rollout import Extra, Pushes
 from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, starts_of, stretched, stronger
+from gpsim.diagnosis.fitting.simulate import simulate
 
 __all__ = [
     "Candidate",
@@ -67,6 +68,7 @@ __all__ = [
     "scores",
     "screened",
     "settled",
+    "simulate",
     "starts_of",
     "state_jacobian",
     "stepped",

@@ -1,0 +1,21 @@
+"""Planning: the commands to play next, so that explanations which a recording left open separate, and safely."""
+
+from gpsim.planning.fixed import FIXED
+from gpsim.planning.limits import STATED, Limits, limits_of
+from gpsim.planning.models import Machine
+from gpsim.planning.plan import Apart, Piece, Plan, Safety, make_plan
+from gpsim.planning.settings import PlanSettings
+
+__all__ = [
+    "FIXED",
+    "STATED",
+    "Apart",
+    "Limits",
+    "Machine",
+    "Piece",
+    "Plan",
+    "PlanSettings",
+    "Safety",
+    "limits_of",
+    "make_plan",
+]

@@ -1,0 +1,123 @@
+"""What each explanation says of planned commands, at its estimate, beside it, and at draws of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis import Explanation
+from gpsim.diagnosis.data import Windows
+from gpsim.diagnosis.fitting import Hypothesis, has_sensors, simulate, without_sensors
+from gpsim.diagnosis.run import Run
+from gpsim.effects import PRE_ROLL, Chain
+from gpsim.simulators import Simulator
+
+AFTERWARDS = 2**31  # number of an episode that comes after all others
+NUDGE, SMALLEST = 0.5, 1e-4  # of a standard deviation, and of a typical size: a step of a finite difference
+
+
+@dataclass(frozen=True)
+class Machine:
+    """The simulator that explanations correct. substeps: of a control step of dt [s] where the scheme is fine."""
+
+    simulator: Simulator
+    parameters: Mapping[str, float]
+    dt: float
+    substeps: int
+    run: Run
+
+    def chain(self, hypothesis: Hypothesis) -> Chain:
+        """What simulates an explanation."""
+        return hypothesis.chain(self.simulator, self.parameters, self.dt)
+
+    def steps(self, chain: Chain) -> int:
+        """Of a control step."""
+        if chain.closed is not None:
+            return self.substeps
+        return self.substeps * chain.refinement if chain.scheme == "fine" else 1
+
+
+@dataclass(frozen=True)
+class Model:
+    """One explanation, simulated in C copies: the estimate, P beside it, then draws of the posterior."""
+
+    machine: Machine
+    explanation: Explanation
+    nudges: FloatArray  # (P,)
+    thetas: FloatArray  # (C, P)
+
+    @property
+    def size(self) -> int:
+        """How many parameters it has."""
+        return len(self.nudges)
+
+    @cached_property
+    def _bare(self) -> Hypothesis:
+        return without_sensors(self.explanation.hypothesis)
+
+    def said(
+        self, starts: FloatArray, actions: FloatArray, idle: FloatArray, begin: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """(C, E, L + 1, S) twice: what the sensors would say, and the true states.
+
+        starts: (C, S); actions: (E, L, A), each after a long time of `idle` commands (A,); begin: s on the clock.
+        """
+        windows = _windows(starts, actions, idle, begin, self.machine.dt)
+        everywhere = np.repeat(starts[:, None], len(actions), axis=1)
+        hypothesis = self.explanation.hypothesis
+        measured = self._simulated(hypothesis, windows, everywhere, self.thetas)
+        if not has_sensors(hypothesis):
+            return measured, measured
+        kept = [
+            np.full(len(group), t.effect.site != "sensor")
+            for t, group in zip(hypothesis.terms, hypothesis.declared, strict=True)
+        ]
+        columns = np.concatenate(kept) if kept else np.empty(0, dtype=np.bool_)
+        return measured, self._simulated(self._bare, windows, everywhere, self.thetas[:, columns])
+
+    def _simulated(
+        self, hypothesis: Hypothesis, windows: Windows, starts: FloatArray, thetas: FloatArray
+    ) -> FloatArray:
+        chain = self.machine.chain(hypothesis)
+        steps = self.machine.steps(chain)
+        return simulate(self.machine.run, chain, windows, starts, hypothesis.spread, thetas, steps)
+
+
+def model_of(machine: Machine, explanation: Explanation, draws: int, rng: np.random.Generator) -> Model:
+    """The estimate, a step beside it for each parameter, and draws."""
+    hypothesis = explanation.hypothesis
+    theta, deviation = hypothesis.theta, np.sqrt(np.diag(explanation.covariance))
+    scales = np.array([p.scale for p in hypothesis.parameters])
+    nudges = np.maximum(NUDGE * deviation, SMALLEST * scales)
+    low, high = (np.array([getattr(p, edge) for p in hypothesis.parameters]) for edge in ("low", "high"))
+    nudges = np.where(theta + nudges > high, -nudges, nudges)
+    beside = np.clip(theta + np.diag(nudges), low, high) if theta.size else np.empty((0, 0))
+    thetas = np.concatenate([theta[None], beside, explanation.drawn(rng, draws)])
+    return Model(machine, explanation, nudges, thetas)
+
+
+def drawn_model(machine: Machine, explanation: Explanation, draws: int, rng: np.random.Generator) -> Model:
+    """Draws of the posterior alone, the estimate first among them."""
+    theta = explanation.hypothesis.theta
+    thetas = np.concatenate([theta[None], explanation.drawn(rng, max(draws - 1, 0))])
+    return Model(machine, explanation, np.empty(0), thetas)
+
+
+def _windows(starts: FloatArray, actions: FloatArray, idle: FloatArray, begin: float, dt: float) -> Windows:
+    count, steps = actions.shape[:2]
+    start, t = np.median(starts, axis=0), begin + dt * np.arange(-PRE_ROLL, steps + 1)
+    return Windows(
+        np.tile(start, (count, steps + 1, 1)),
+        actions,
+        np.tile(t[PRE_ROLL:], (count, 1)),
+        np.ones((count, steps + 1), dtype=np.bool_),
+        np.tile(start, (count, PRE_ROLL, 1)),
+        np.tile(idle, (count, PRE_ROLL, 1)),
+        np.tile(t[: PRE_ROLL + 1], (count, 1)),
+        np.full(count, AFTERWARDS),
+        np.ones(count, dtype=np.bool_),
+    )

@@ -1,0 +1,99 @@
+"""A plan as one self-contained page: what is played, how it goes under each explanation, and what it teaches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from gpsim.channels import Channels
+from gpsim.planning import FIXED, Plan
+from gpsim.reports.canvas import data_uri, legend_above, panels, style
+from gpsim.reports.html import page_of
+from gpsim.reports.lettering import LABEL, named
+from gpsim.reports.palette import FAINT, OTHERS
+from gpsim.reports.plan_text import plan_facts, told
+from gpsim.reports.prove_page import STYLE
+from gpsim.reports.sheets import MISSING, Cell, Sheet, row, significant, unit
+
+MORE = """
+td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; } img { max-width: 100%; }
+"""
+PAGE = """<!doctype html>
+<html lang="en"><head>{{ head }}<title>gpsim plan</title></head><body>
+<h1>What to play next</h1>
+{% for line in lines %}<p>{{ line }}</p>
+{% endfor %}
+<img src="{{ picture }}" alt="Commands and the motion under each explanation">
+<p>Above: the commands. Below: the motion that each explanation foresees, at its estimate; dashed: the box.</p>
+{% for sheet in sheets if sheet.rows %}<h2>{{ sheet.title }}</h2><div class="wide"><table class="words">
+<tr>{% for name in sheet.columns %}<th>{{ name }}</th>{% endfor %}</tr>
+{% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
+{{- cell.text }}</td>{% endfor %}</tr>
+{% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}
+{% endfor %}
+</body></html>
+"""
+NOTE = (
+    "Nats are what the explanation that is not true loses in log likelihood after its parameters have moved to where "
+    "they mimic the true one best, as far as the first recording lets them; 2.3 nats are odds of ten. The noise is "
+    "that of the first recording. A fixed excitation is as large as is safe in each piece; of the old recording it is "
+    "the log odds that it gave."
+)
+
+
+def plan_page(plan: Plan, state: Channels, action: Channels, box: Mapping[str, Sequence[float]]) -> str:
+    """The page; equal plans give equal pages."""
+    return page_of(
+        PAGE,
+        STYLE + MORE,
+        lines=told(plan_facts(plan)),
+        picture=data_uri(plan_figure(plan, state, action, box)),
+        sheets=[pairs_sheet(plan), pieces_sheet(plan)],
+    )
+
+
+def pairs_sheet(plan: Plan) -> Sheet:
+    """A row a pair: nats a minute of the plan and of what else could be played."""
+    rows = tuple(
+        row(
+            f"{p.first} / {p.second}",
+            Cell(significant(p.nats), marked=not p.separated),
+            significant(p.a_minute),
+            *(significant(p.fixed.get(kind)) for kind in FIXED),
+            significant(p.recorded),
+            "; ".join(p.sensors) or MISSING,
+        )
+        for p in plan.pairs
+    )
+    columns = ("pair", "nats in all", "a minute: plan", *FIXED, "the old recording", "sensor that would tell")
+    return Sheet("What it tells apart", columns, rows, labels=1, note=NOTE)
+
+
+def pieces_sheet(plan: Plan) -> Sheet:
+    """A row a piece."""
+    rows = tuple(row(f"{i + 1}", p.kind, f"{p.begin:g}", f"{p.seconds:g}") for i, p in enumerate(plan.pieces))
+    return Sheet("Pieces", ("piece", "grew from", "begins [s]", "lasts [s]"), rows, labels=2)
+
+
+def plan_figure(plan: Plan, state: Channels, action: Channels, box: Mapping[str, Sequence[float]]) -> Figure:
+    """Commands above, states below."""
+    rows = len(action) + len(state)
+    t = plan.dt * np.arange(len(plan.t))
+    with style():
+        figure, axes = panels(rows, 1, (11.0, 0.7 + 1.5 * rows), sharex=True)
+        for i, channel in enumerate(action):
+            axis = axes[i, 0]
+            axis.step(t, plan.commands[:, i], where="post", color="#333333", linewidth=1.0)
+            axis.set_ylabel(named(channel.name, unit(channel.unit), LABEL))
+        for i, channel in enumerate(state):
+            axis = axes[len(action) + i, 0]
+            for k, (label, course) in enumerate(plan.courses.items()):
+                axis.plot(t, course[:, i], color=OTHERS[k % len(OTHERS)], label=label, linewidth=1.2)
+            for edge in box.get(channel.name, ()):
+                axis.axhline(edge, color=FAINT, linestyle="--", linewidth=0.8)
+            axis.set_ylabel(named(channel.name, unit(channel.unit), LABEL))
+        axes[-1, 0].set_xlabel("time [s]")
+        legend_above(figure, axes[len(action), 0], columns=2)
+        return figure

@@ -1,0 +1,222 @@
+"""watch: recordings as they come, against an old account; a JSON object a recording, and whether the account holds."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpsim.artifacts import read_artifact
+from gpsim.errors import NoDiagnosis, UsageError
+from gpsim.files import disk_errors, file_digest, plain
+from gpsim.settings import build
+from gpsim.simulators import Simulator
+from gpsim.stages.diagnose import Task, open_recording, read_corrected, read_left_open
+from gpsim.stages.fleet import recordings_in
+from gpsim.stages.users_code import blamed
+from gpsim.watching import Account, Alarm, Monitor, Stretch, WatchSettings, looked_at
+
+SCHEMA = "gpsim.watch/1"
+WAIT = 5.0
+"""Seconds between two looks at a folder."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What one recording, or what came to it since the last look, says.
+
+    holds: whether the account does, after it; why: why it says nothing, if so.
+    """
+
+    recording: str
+    sha256: str
+    stretches: tuple[Stretch, ...]
+    alarms: tuple[Alarm, ...]
+    parameters: tuple[tuple[str, str], ...]
+    driven: float
+    sums: Mapping[str, Any]
+    why: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the account holds."""
+        return not self.alarms
+
+    @property
+    def share(self) -> float | None:
+        """Of the base's mismatch that the account takes off, the mean over stretches."""
+        shares = [s.share for s in self.stretches if s.share is not None]
+        return float(np.mean(shares)) if shares else None
+
+    def to_dict(self) -> dict[str, Any]:
+        """A line of the log."""
+        content: dict[str, Any] = plain(
+            {
+                "schema": SCHEMA,
+                "recording": self.recording,
+                "sha256": self.sha256,
+                "holds": self.holds,
+                "explained": self.share,
+                "driven": self.driven,
+                "alarms": [asdict(alarm) for alarm in self.alarms],
+                "stretches": [self._stretch(s) for s in self.stretches],
+                "why": self.why or None,
+                "sums": self.sums,
+            }
+        )
+        return content
+
+    def _stretch(self, stretch: Stretch) -> dict[str, Any]:
+        named = (f"{effect}: {name}" for effect, name in self.parameters)
+        return {
+            "episode": stretch.episode,
+            "begin": stretch.begin,
+            "end": stretch.end,
+            "explained": stretch.share,
+            "parameters": dict(zip(named, stretch.theta.tolist(), strict=True)),
+            "left": dict(stretch.left),
+        }
+
+    @property
+    def line(self) -> str:
+        """What a person wants to know, in one line."""
+        if self.why:
+            return f"{self.recording}: says nothing ({self.why})"
+        share = "" if self.share is None else f", explains {math.floor(1000 * self.share) / 10:.3g} %"
+        if self.holds:
+            return f"{self.recording}: holds{share}, {len(self.stretches)} stretches"
+        return f"{self.recording}: no longer holds{share}; " + "; ".join(map(_worded, self.alarms))
+
+
+def _worded(alarm: Alarm) -> str:
+    recording, t = alarm.since
+    return f"{alarm.what} {alarm.was:.3g} -> {alarm.now:.3g} since {t:.4g} s of {recording}"
+
+
+@dataclass
+class Watch:
+    """A running watch. log: the JSON lines, which an earlier run may have begun."""
+
+    diagnosis: Path
+    what: Path
+    log: Path
+    settings: WatchSettings
+    simulator: Simulator | None = None
+
+    def __post_init__(self) -> None:
+        artifact = read_artifact(self.diagnosis, "diagnose")
+        self.name = str(artifact.manifest["config"]["simulator"])
+        posterior = read_left_open(self.diagnosis)
+        leader = posterior.explanations[0]
+        if not leader.hypothesis.terms:
+            raise UsageError(f"{self.diagnosis}: names no effect: there is no account to watch")
+        self.account = Account(read_corrected(self.diagnosis, simulator=self.simulator), posterior)
+        self.monitor = Monitor(self.account, self.settings)
+        self.seen: dict[str, str] = {}
+        self.driven: dict[str, float] = {}
+        self.digest, self.holds = artifact.digest, True
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Take over what an earlier run has written."""
+        if not self.log.is_file():
+            return
+        for number, line in enumerate(self.log.read_text(encoding="utf-8").splitlines(), 1):
+            try:
+                said = json.loads(line)
+                same, self.holds = said["diagnosis"] == self.digest, bool(said["holds"])
+                self.seen[said["recording"]] = said["sha256"]
+                self.driven[said["recording"]] = float(said["driven"])
+                self.monitor.resume(said["sums"])
+            except (ValueError, KeyError, TypeError) as error:
+                raise UsageError(
+                    f"{self.log}: line {number} is none of a watch; move it away, or choose another --log"
+                ) from error
+            if not same:
+                raise UsageError(
+                    f"{self.log}: is of another diagnosis than {self.diagnosis}; move it away, or choose another --log"
+                )
+
+    def pass_over(self) -> Iterator[Watched]:
+        """Everything that is new, once."""
+        for name, path in self._there().items():
+            digest = _digest(path)
+            if self.seen.get(name) == digest:
+                continue
+            said = self._looked(name, path, digest)
+            self.seen[name], self.driven[name], self.holds = digest, said.driven, said.holds
+            with disk_errors(self.log, "--log"), self.log.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"diagnosis": self.digest, **said.to_dict()}, allow_nan=False) + "\n")
+            yield said
+
+    def _there(self) -> dict[str, Path]:
+        if not self.what.exists():
+            raise UsageError(f"{self.what}: no such recording or folder")
+        if self.what.is_dir() and not any(self.what.iterdir()):
+            return {}
+        found = recordings_in([self.what], self.name)
+        return dict(sorted(found.items(), key=lambda item: (item[1].stat().st_mtime, item[0])))
+
+    def _looked(self, name: str, path: Path, digest: str) -> Watched:
+        before, stretches, alarms = self.driven.get(name, 0.0), [], []
+        why = ""
+        try:
+            recording, _ = open_recording(Task(path, self.name))
+            with blamed(self.name):
+                for stretch in looked_at(self.account, recording, self.settings.stretch, before):
+                    stretches.append(stretch)
+                    alarms = self.monitor.see(name, stretch)
+                    if alarms:
+                        break
+        except (
+            UsageError
+        ) as error:  # of one among many: it may be half written yet, and is looked at when it changes
+            if not self.what.is_dir() and not isinstance(error, NoDiagnosis):
+                raise
+            why = str(error)
+        driven = before + sum(s.seconds for s in stretches)
+        driven = self.settings.stretch * round(driven / self.settings.stretch)
+        return Watched(
+            name, digest, tuple(stretches), tuple(alarms), self.account.names, driven, self.monitor.state, why
+        )
+
+
+def watch_of(
+    diagnosis: Path,
+    what: Path,
+    log: Path | None,
+    section: Mapping[str, Any],
+    simulator: Simulator | None = None,
+) -> Watch:
+    """A watch under the settings of a section; the log lies beside what is watched unless said otherwise."""
+    settings = build(WatchSettings, section, "watch")
+    log = log or what.with_name(f"{what.name}.watch.jsonl")
+    if log.parent != Path() and not log.parent.is_dir():
+        raise UsageError(f"--log {log}: no folder {log.parent}")
+    return Watch(diagnosis, what, log, settings, simulator)
+
+
+def watched(watch: Watch, once: bool, wait: Callable[[float], None] = time.sleep) -> Iterator[Watched]:
+    """What comes, until the account no longer holds; once: what is there."""
+    while watch.holds:
+        for said in watch.pass_over():
+            yield said
+            if not said.holds:
+                return
+        if once:
+            return
+        wait(WAIT)
+
+
+def _digest(path: Path) -> str:
+    """Of a recording's table."""
+    if not path.is_dir():
+        return file_digest(path)
+    table = next((path / n for n in ("recording.csv", "recording.parquet") if (path / n).is_file()), None)
+    return file_digest(table) if table is not None else ""

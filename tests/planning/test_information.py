@@ -1,0 +1,75 @@
+"""Nats between explanations are those of a linear regression that is solved directly."""
+
+import numpy as np
+import pytest
+from made_posteriors import LAG_OR_DELAY, NOISE, made_machine, made_posterior
+
+from gpsim.diagnosis import LeftOpen
+from gpsim.planning.information import nothing_played, precisions, separations, summed, unvisited
+from gpsim.planning.models import model_of
+
+
+@pytest.fixture(scope="module")
+def played():
+    machine, rng = made_machine(), np.random.default_rng(0)
+    posterior = made_posterior(*LAG_OR_DELAY)
+    models = tuple(model_of(machine, e, 2, rng) for e in posterior.explanations)
+    commands = rng.uniform(-1, 1, (3, 100, 1))
+    said = [m.said(np.zeros((len(m.thetas), 2)), commands, np.zeros(1), 0.0)[0] for m in models]
+    return models, said
+
+
+def test_nats_are_what_is_left_of_the_difference_after_the_best_mimicry(played):
+    models, said = played
+    noise = np.array(list(NOISE.values()))
+    nats = separations(models, summed(models, said, noise))[:, 0]
+    for e in range(3):
+        ways = []
+        for a, b in ((0, 1), (1, 0)):
+            gap = ((said[a][0, e] - said[b][0, e]) / noise).ravel()
+            size = models[b].size
+            slopes = np.stack(
+                [
+                    ((said[b][1 + j, e] - said[b][0, e]) / noise).ravel() / models[b].nudges[j]
+                    for j in range(size)
+                ]
+            ).T
+            prior = np.diag(1.0 / np.sqrt(np.diag(models[b].explanation.covariance)))
+            left = np.linalg.lstsq(
+                np.vstack([slopes, prior]), np.concatenate([gap, np.zeros(size)]), rcond=None
+            )[1]
+            ways.append(0.5 * left[0])
+        assert nats[e] == pytest.approx(min(ways), rel=1e-5)
+
+
+def test_sums_over_two_stretches_are_those_of_both(played):
+    models, said = played
+    noise = np.array(list(NOISE.values()))
+    whole = summed(models, said, noise)
+    parts = [summed(models, [s[:, :, cut] for s in said], noise) for cut in (slice(0, 40), slice(40, None))]
+    assert separations(models, parts[0].plus(parts[1])) == pytest.approx(separations(models, whole), rel=1e-9)
+    assert separations(models, nothing_played(models)) == pytest.approx(0.0)
+    assert precisions(models[0], nothing_played(models)) == pytest.approx(0.0)
+    assert (precisions(models[0], whole) > 0.1).all()
+
+
+def test_where_something_was_there_is_less_to_learn():
+    rows = np.random.default_rng(0).uniform(-1, 1, (60, 3))
+    before = unvisited(rows)
+    far = np.full((1, 4, 3), 5.0) + np.arange(4)[None, :, None]
+    near = rows[None, :4]
+    assert before.nats(near)[0] < 0.5 * before.nats(far)[0]
+    assert before.with_visits(far[0]).nats(far)[0] < before.nats(far)[0]
+
+
+def test_a_posterior_is_what_it_was_after_a_file():
+    posterior = made_posterior(*LAG_OR_DELAY)
+    again = LeftOpen.from_dict(posterior.to_dict(), "left_open.json")
+    assert again.to_dict() == posterior.to_dict()
+    assert again.explanations[0].hypothesis == posterior.explanations[0].hypothesis
+
+
+def test_draws_scatter_as_the_covariance_says():
+    one = made_posterior(*LAG_OR_DELAY).explanations[0]
+    drawn = one.drawn(np.random.default_rng(0), 4000)
+    assert drawn.std(axis=0) == pytest.approx(np.sqrt(np.diag(one.covariance)), rel=0.1)

@@ -1,0 +1,182 @@
+"""`gpsim plan`, `gpsim collect --plan` and `gpsim watch` as they are called."""
+
+import json
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from gpsim.cli.main import main
+from made_posteriors import driven
+
+import gpsim
+from gpsim.artifacts import Recipe, Store
+
+SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
+ASKED = {"only": ["viscous_friction", "spring"]}
+SMALL = (
+    "plan.piece=3",
+    "plan.candidates=8",
+    "plan.rounds=0",
+    "plan.checked=20",
+    "plan.box={q: [-3, 3], q_dot: [-3, 3]}",
+)
+
+
+def frame(minutes, **changes):
+    (episode,) = driven(minutes, **changes).episodes
+    force = np.append(episode.actions[:, 0], episode.actions[-1, 0])
+    return pd.DataFrame(
+        {"t": episode.t, "q": episode.states[:, 0], "q_dot": episode.states[:, 1], "force": force}
+    )
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """A diagnosis of a minute, and beside it one whose verdict is none."""
+    folder = tmp_path_factory.mktemp("planned")
+    units = {"q": "m", "q_dot": "m/s", "force": "N"}
+    recording = gpsim.recording_from_frame(frame(1.0), units, "slider")
+    gpsim.diagnose(recording, families=ASKED).save(folder / "found")
+    return folder / "found"
+
+
+def called(monkeypatch, capfd, *words):
+    monkeypatch.setattr(sys, "argv", ["gpsim", *map(str, words)])
+    capfd.readouterr()
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return ended.value.code or 0, *capfd.readouterr()
+
+
+def test_a_plan_is_written_whole_and_found_again(found, monkeypatch, capfd):
+    words = ("plan", found, "--minutes", "0.1", *SMALL)
+    code, said, _ = called(monkeypatch, capfd, *words, "--out", "made")
+    assert code == 0
+    assert "left the box" in said
+    table, facts = pd.read_csv("made/plan.csv"), yaml.safe_load(Path("made/plan.yaml").read_text())
+    assert list(table) == ["t", "force"]
+    assert np.diff(table.t) == pytest.approx(0.02)
+    assert facts["schema"] == "gpsim.plan/1"
+    assert facts["box"]["q"] == [-3.0, 3.0]
+    assert facts["safety"]["left"] == 0
+    page = Path("made/report.html").read_text()
+    assert "What to play next" in page
+    assert called(monkeypatch, capfd, *words)[0] == 0
+    assert "already there" in called(monkeypatch, capfd, *words)[1]
+    answer = json.loads(called(monkeypatch, capfd, "--json", *words)[1])
+    jsonschema.validate(answer, SCHEMA)
+    assert answer["plan"]["pieces"] == facts["pieces"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("plan.commands={force: [1, 2]}",), "excludes the command at rest"),
+        (("plan.box={q: [1, 2]}",), "does not hold the first state"),
+        (("plan.margin=2",), "margin must be in"),
+        (("--minutes", "0"), "expected more than 0"),
+        (("gp.n_train=3",), "not used here"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(found, monkeypatch, capfd, words, said):
+    code, _, error = called(monkeypatch, capfd, "plan", found, *words, "--out", "made")
+    assert code == 2
+    assert said in error
+    assert error.strip().count("\n") == 0
+    assert not Path("made").exists()
+
+
+def test_there_is_nothing_to_plan_for_a_verdict_of_none(found, monkeypatch, capfd):
+    monkeypatch.setattr("gpsim.stages.plan.read_diagnosis", lambda folder: type("D", (), {"verdict": "none"}))
+    code, _, error = called(monkeypatch, capfd, "plan", found, "--out", "made")
+    assert code == 2
+    assert "verdict is none" in error
+
+
+def test_a_watch_ends_with_4_where_friction_has_grown_and_goes_on_where_it_was(
+    found, tmp_path, monkeypatch, capfd
+):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    words = ("watch", folder, "--diagnosis", found, "--once", "watch.stretch=20")
+    assert called(monkeypatch, capfd, *words)[0] == 0  # nothing is there yet
+    frame(1.0, seed=3).to_csv(folder / "a.csv", index=False)
+    code, said, _ = called(monkeypatch, capfd, *words)
+    assert (code, said.count("a.csv: holds")) == (0, 1)
+    assert called(monkeypatch, capfd, *words)[1] == ""  # nothing is looked at twice
+    frame(1.5, seed=4, damping=lambda t: 1.1).to_csv(folder / "b.csv", index=False)
+    code, said, _ = called(monkeypatch, capfd, "--json", *words)
+    answer = json.loads(said)
+    jsonschema.validate(answer, SCHEMA)
+    assert code == answer["exit_code"] == 4
+    assert answer["error"]["kind"] == "no_longer_holds"
+    (one,) = answer["recordings"]
+    assert one["alarms"][0]["what"] == "viscous_friction on q: damping"
+    code, said, _ = called(monkeypatch, capfd, *words)
+    assert code == 4
+    assert "the account no longer holds" in said
+    lines = (tmp_path / "logs.watch.jsonl").read_text().splitlines()
+    assert [json.loads(line)["recording"] for line in lines] == ["a.csv", "b.csv"]
+
+
+def test_a_table_that_grows_is_looked_at_where_it_is_new(found, tmp_path, monkeypatch, capfd):
+    whole, log = frame(1.4, seed=5), tmp_path / "log.csv"
+    words = ("watch", log, "--diagnosis", found, "--once", "watch.stretch=20")
+    whole[: 60 * 50].to_csv(log, index=False)
+    assert called(monkeypatch, capfd, *words)[0] == 0
+    whole.to_csv(log, index=False)
+    assert called(monkeypatch, capfd, *words)[0] == 0
+    first, second = map(json.loads, (tmp_path / "log.csv.watch.jsonl").read_text().splitlines())
+    assert len(first["stretches"]) == 3
+    assert second["stretches"][0]["begin"] == pytest.approx(60.0, abs=1.0)
+
+
+def test_a_stand_in_plays_a_plan_in_its_episodes(tmp_path, monkeypatch, capfd):
+    commands = np.array([5.0, -5.0, 3.0, 0.0])
+    channels = {
+        "state": {"x": "m", "x_dot": "m/s", "theta": "rad", "theta_dot": "rad/s"},
+        "action": {"force": "N"},
+    }
+    rest = {"x": 0.1, "x_dot": 0.0, "theta": 0.0, "theta_dot": 0.0}
+    facts = {"schema": "gpsim.plan/1", "simulator": "cartpole", "dt": 0.02, "rest": rest, **channels}
+
+    def write(folder):
+        table = pd.DataFrame({"episode": [0, 0, 1, 1], "t": [0, 0.02, 0, 0.02], "force": commands})
+        table.to_csv(folder / "plan.csv", index=False)
+        (folder / "plan.yaml").write_text(yaml.safe_dump(facts))
+
+    Store(tmp_path, "").publish(Recipe("plan", {}, {}, {}), write, out=tmp_path / "plan")
+    words = ("collect", "experiment=cartpole", "--plan", tmp_path / "plan", "--out", "played")
+    code, said, error = called(monkeypatch, capfd, "--json", *words)
+    assert code == 0, error
+    jsonschema.validate(json.loads(said), SCHEMA)
+    played = gpsim.read_recording("played").episodes
+    assert [len(e) for e in played] == [2, 2]
+    assert np.concatenate([e.actions[:, 0] for e in played]) == pytest.approx(commands)
+    assert [e.states[0].tolist() for e in played] == [list(rest.values())] * 2
+    code, _, error = called(monkeypatch, capfd, *words, "simulator.dt=0.01", "target.dt=0.01")
+    assert code == 2
+    assert "one command every 0.02 s" in error
+
+
+def test_a_log_that_is_none_is_refused(found, tmp_path, monkeypatch, capfd):
+    (tmp_path / "other.jsonl").write_text('{"recording": 1}\n')
+    frame(0.5).to_csv("a.csv", index=False)
+    code, _, error = called(
+        monkeypatch,
+        capfd,
+        "watch",
+        "a.csv",
+        "--diagnosis",
+        found,
+        "--once",
+        "--log",
+        tmp_path / "other.jsonl",
+    )
+    assert code == 2
+    assert "line 1 is none of a watch" in error
