@@ -9,7 +9,7 @@ from types import ModuleType
 from gpsim.diagnosis.settings import EvidenceSettings
 from gpsim.effects.effect import Effect
 from gpsim.effects.place import Place, Plausible
-from gpsim.effects.registry import FAMILIES
+from gpsim.effects.registry import CURVES, FAMILIES
 
 from . import MADE
 
@@ -83,6 +83,12 @@ the ratio counts. Families that are not here have no such range. *By reason*: no
 |---|---|---|---|"""
 
 
+MEASURED = """## Measured curves
+
+No families of the catalogue, and offered by no search: they stand where none of its laws holds
+([measured curves](../method/diagnosis.md#measured-curves)). `diagnose.families.without` leaves them out."""
+
+
 def effects_page() -> str:
     """The table of families, the sizes of their parameters, and where each law is from."""
     rows = [_row(family, effect) for family, effect in FAMILIES.items()]
@@ -95,7 +101,14 @@ def effects_page() -> str:
         for name, usual in effect.plausible.items()
     ]
     usual = "\n".join([USUAL, *sizes])
-    return "\n\n".join([HEAD, table, TAIL, usual, "## Where the laws are from", sources]) + "\n"
+    curves = "\n".join(f"- `{family}`: {_first(effect)}" for family, effect in CURVES.items())
+    parts = [HEAD, table, TAIL, usual, MEASURED, curves, "## Where the laws are from", sources]
+    return "\n\n".join(parts) + "\n"
+
+
+def _first(effect: Effect) -> str:
+    """The first line of a class's docstring."""
+    return (inspect.getdoc(type(effect)) or "").split("\n")[0]
 
 
 def _range(family: str, name: str, usual: Plausible) -> str:

@@ -9,9 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.corrected.gp_plant import RateCorrection
-from gpsim.effects import PRE_ROLL, Chain, ClosedStep, Scheme, Term, from_json, origins, to_json
+from gpsim.effects import (
+    PRE_ROLL,
+    Chain,
+    ClosedStep,
+    ForceEffect,
+    Measured,
+    Scheme,
+    Term,
+    VehicleEffect,
+    from_json,
+    origins,
+    to_json,
+)
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.simulators import INTEGRATORS, Memory, Simulator, part_of, restart
@@ -123,6 +135,28 @@ class EffectsPlant:
         return self.chain.sensors.measure(
             state, self._values(count, memory), self._seen(state, memory), np.full(count, self._step)
         )
+
+    def extrapolates(self, state: FloatArray, action: FloatArray) -> BoolArray:
+        """(B,) whether a measured curve is asked where its recording never was, so that what it says is a guess."""
+        found = np.zeros(len(state), dtype=bool)
+        for term in self.terms:
+            if isinstance(term.effect, Measured):
+                found |= term.effect.shape.outside(*self._asked_of(term, state, action))
+        return found
+
+    def _asked_of(self, term: Term, state: FloatArray, action: FloatArray) -> tuple[FloatArray, ...]:
+        """(B,) each: what the curve of a term is a function of."""
+        effect, simulator = term.effect, self.simulator
+        if isinstance(effect, ForceEffect):
+            (coordinate,) = (c for c in simulator.coordinates if c.name == term.on)
+            name = coordinate.name if term.variant == "position" else coordinate.velocity
+            return (state[:, simulator.state.index(name)],)
+        if isinstance(effect, VehicleEffect):
+            rates = simulator.rates(state, action, self.parameters)
+            return rates[:, simulator.rate.index("v")], rates[:, simulator.rate.index("w")]
+        if term.on in simulator.action.names:
+            return (action[:, simulator.action.index(term.on)],)
+        return (state[:, simulator.state.index(term.on)],)
 
     @cached_property
     def _rested(self) -> Memory:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from gpsim.diagnosis.report import (
     Diagnosis,
     Doubt,
     HeldOutFit,
+    MeasuredCurve,
     MissingLaw,
     NamedEffect,
     Remainder,
@@ -45,7 +46,8 @@ from gpsim.residuals import held_out_names
 class Answer:
     """What may be said: the verdict, the judgement it is about, what that is worth, whether its laws hold.
 
-    sizes: of the leader's effects; doubts: what keeps them from being named.
+    sizes: of the leader's effects; doubts: what keeps them from being named; curves: those of its effects that were
+    measured, by family, place and variant.
     """
 
     verdict: Verdict
@@ -55,6 +57,7 @@ class Answer:
     laws: Laws
     sizes: Sizes
     doubts: tuple[Doubt, ...]
+    curves: Mapping[tuple[str, str, str], MeasuredCurve] = field(default_factory=dict)
 
 
 def account(question: Question, answer: Answer) -> Diagnosis:
@@ -200,6 +203,7 @@ def _effects(
                 explains=_share(judgement.noise, found, without, problem.observed),
                 recordings=tuple(own) if alone else None,
                 own=own or None,
+                curve=answer.curves.get((term.family, term.on, term.variant)),
             )
         )
     return tuple(out)

@@ -18,6 +18,7 @@ from gpsim.diagnosis.judgement import (
     as_far_as_asked,
     beats_the_base,
     claimed,
+    curved,
     doubts_of,
     judge,
     laws_of,
@@ -164,8 +165,10 @@ def _answer(
 ) -> Answer:
     """What may be said: nothing of an account that is no better than the base on held-out data."""
     settings = question.run.settings
-    partial = attribution.share.share < settings.verdict.nearly_all
     laws = laws_of(question, judgement, attribution)
+    found = curved(question, judgement, attribution, laws, offers)
+    judgement, attribution, laws = found.judgement, found.attribution, found.laws
+    partial = attribution.share.share < settings.verdict.nearly_all
     comparison = compare(question, judgement, offers, rng, attribution.noise, partial, laws.free)
     if judgement.leader.hypothesis.terms and not beats_the_base(
         attribution, comparison.one_step.values(), settings
@@ -181,7 +184,7 @@ def _answer(
     verdict = as_far_as_asked(verdict, attribution, question.run.known)
     if verdict == "unknown":
         attribution, doubts = without_claims(attribution), ()
-    return Answer(verdict, judgement, attribution, comparison, laws, sizes, doubts)
+    return Answer(verdict, judgement, attribution, comparison, laws, sizes, doubts, found.curves)
 
 
 def _scheme(recording: Recording, simulator: Simulator) -> Scheme:

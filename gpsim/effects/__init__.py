@@ -31,17 +31,20 @@ from gpsim.effects.effect import (
     changed,
 )
 from gpsim.effects.elapsed import even
+from gpsim.effects.measured import Measured, Shape, shape_of
 from gpsim.effects.own import base_name, own_name, own_values, owner_of
 from gpsim.effects.place import EffectParameter, Place, Plausible
 from gpsim.effects.plain import INPUTS, RETURNS
 from gpsim.effects.plausible import declared, implausibility, times_beyond
-from gpsim.effects.registry import CATALOGUE, FAMILIES, effect_of, has_patch
+from gpsim.effects.registry import CATALOGUE, CURVES, FAMILIES, effect_of, has_patch
+from gpsim.effects.tabled import Axis, Curve, corners, tabled
 from gpsim.effects.template import template
 from gpsim.effects.term import EPISODE, FROM, IN_EPISODE, TO, Gate, LooksAt, Moment, Term, from_json, to_json
 from gpsim.effects.trying import PLACE, Check, check, tried
 
 __all__ = [
     "CATALOGUE",
+    "CURVES",
     "EPISODE",
     "FAMILIES",
     "FROM",
@@ -52,10 +55,12 @@ __all__ = [
     "RETURNS",
     "TO",
     "ActuatorEffect",
+    "Axis",
     "Brought",
     "Chain",
     "Check",
     "ClosedStep",
+    "Curve",
     "DriveEffect",
     "Effect",
     "EffectParameter",
@@ -63,6 +68,7 @@ __all__ = [
     "FunctionOf",
     "Gate",
     "LooksAt",
+    "Measured",
     "ModelEffect",
     "Moment",
     "ParameterEffect",
@@ -71,6 +77,7 @@ __all__ = [
     "RateEffect",
     "Scheme",
     "SensorEffect",
+    "Shape",
     "Term",
     "Values",
     "VehicleEffect",
@@ -82,6 +89,7 @@ __all__ = [
     "check",
     "closed",
     "consent_to",
+    "corners",
     "declared",
     "effect_of",
     "even",
@@ -95,9 +103,11 @@ __all__ = [
     "own_values",
     "owner_of",
     "read_effects",
+    "shape_of",
     "sources",
     "stand",
     "standing",
+    "tabled",
     "template",
     "times_beyond",
     "to_json",

@@ -82,6 +82,14 @@ class Effect(ABC):
         """Whether a variant of the law makes sense there."""
         return variant == ""
 
+    def of_term(self, values: Mapping[str, float], variant: str) -> Effect:
+        """The law of a term; a measured curve has the shape that the term's values say."""
+        return self
+
+    def spent(self, values: Mapping[str, float]) -> float:
+        """How many parameters the law cost beside those that it declares: a measured shape's."""
+        return 0.0
+
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
         """Families of fewer parameters that are special cases of this law, with their values nearest to `values`."""
         return {}

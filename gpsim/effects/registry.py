@@ -8,7 +8,11 @@ from importlib import import_module
 from inspect import isabstract
 
 from gpsim.effects import families
+from gpsim.effects.actuator_curve import ActuatorCurve
 from gpsim.effects.effect import Effect
+from gpsim.effects.force_curve import ForceCurve
+from gpsim.effects.rate_curve import RateCurve
+from gpsim.effects.sensor_curve import SensorCurve
 from gpsim.errors import UsageError
 
 ORDER = (
@@ -57,6 +61,10 @@ FAMILIES: dict[str, Effect] = dict(CATALOGUE)
 """All that are asked: the catalogue's, and those that a user brings (see `gpsim.effects.brought`)."""
 
 
+CURVES: Mapping[str, Effect] = register([ForceCurve(), ActuatorCurve(), SensorCurve(), RateCurve()])
+"""Measured curves, for what no family of the catalogue is near to: a search offers none of them."""
+
+
 def has_patch(family: str) -> bool:
     """Whether the law in a region of its own coordinate is a family by itself, and the family there is nothing else."""
     return any(effect.patch_of == family for effect in FAMILIES.values())
@@ -64,6 +72,7 @@ def has_patch(family: str) -> bool:
 
 def effect_of(family: str) -> Effect:
     """The effect of a family; raises UsageError with the alternatives."""
-    if family not in FAMILIES:
-        raise UsageError(f"unknown effect family '{family}'; there are: {', '.join(FAMILIES)}")
-    return FAMILIES[family]
+    found = FAMILIES.get(family) or CURVES.get(family)
+    if found is None:
+        raise UsageError(f"unknown effect family '{family}'; there are: {', '.join([*FAMILIES, *CURVES])}")
+    return found

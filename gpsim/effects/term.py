@@ -132,8 +132,8 @@ class Term:
 
     @property
     def effect(self) -> Effect:
-        """The family's law."""
-        return effect_of(self.family)
+        """The family's law; of a measured curve with the term's own shape."""
+        return effect_of(self.family).of_term(self.values, self.variant)
 
     @property
     def identity(self) -> tuple[str, str]:

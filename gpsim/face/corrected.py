@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gpsim.channels import Channels, FloatArray
+from gpsim.channels import BoolArray, Channels, FloatArray
 from gpsim.corrected import CorrectedPlant, EffectsPlant
 from gpsim.errors import UsageError
 from gpsim.gp import FitReport
@@ -85,6 +85,25 @@ class CorrectedSimulator:
         start = _rows(state, self.plant.state, "state")
         after = self.batch(start, seed=seed).step(_of_all(action, len(start), self.plant.action))
         return after[0] if np.ndim(state) == 1 else after
+
+    def extrapolates(self, state: ArrayLike, action: ArrayLike) -> BoolArray:
+        """Whether a measured curve is asked where its recording never was: there what it adds is held from its edge.
+
+        Args:
+            state: (S,) or (B, S).
+            action: (A,) or (B, A).
+
+        Returns:
+            () or (B,), as `state` is; false without measured curves.
+
+        Raises:
+            UsageError: another shape, or a number that is not finite.
+        """
+        at = _rows(state, self.plant.state, "state")
+        sent = _of_all(action, len(at), self.plant.action)
+        none = np.zeros(len(at), dtype=bool)
+        found = self.plant.extrapolates(at, sent) if isinstance(self.plant, EffectsPlant) else none
+        return found if np.ndim(state) > 1 else np.asarray(found[0])
 
     def rollout(
         self, start: ArrayLike, actions: ArrayLike, *, measured: bool = False, seed: int = 0

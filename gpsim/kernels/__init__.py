@@ -15,12 +15,11 @@ from gpsim.kernels.marching import (
     travelled,
 )
 from gpsim.kernels.program import Program, program_of
-from gpsim.kernels.tables import Curve, Hat
+from gpsim.kernels.tables import Hat
 
 __all__ = [
     "Actuators",
     "Commands",
-    "Curve",
     "Hat",
     "Past",
     "Program",

@@ -19,6 +19,7 @@ from gpsim.effects import (
     TO,
     ActuatorEffect,
     Chain,
+    Curve,
     DriveEffect,
     Effect,
     ForceEffect,
@@ -32,7 +33,7 @@ from gpsim.effects import (
 )
 from gpsim.kernels import codes, tables
 from gpsim.kernels.lanes import LANES
-from gpsim.kernels.tables import Curve, Hat, Law
+from gpsim.kernels.tables import Hat, Law
 from gpsim.simulators import Whole, unwrapped, whole
 
 SCHEMES = {
@@ -42,8 +43,9 @@ SCHEMES = {
     "rk4": codes.RK4,
 }
 ACTION = 4  # the first column of an action among a compiled state's channels
-Column = tuple[int, str, float]
-"""Where a number of a row comes from: a term, the name among its values, and what it is where that is missing."""
+Column = tuple[int, str, float, str]
+"""Where a number of a row comes from: a term, the name among its values, what it is where that is missing, and another
+value's name that multiplies it, empty where none does."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +70,10 @@ class Program:
     def values(self, given: Sequence[Values], rows: int) -> FloatArray:
         """(B, V) the numbers of every row from one mapping a term of (B,) arrays."""
         out = np.empty((rows, max(len(self.columns), 1)))
-        for i, (term, name, otherwise) in enumerate(self.columns):
+        for i, (term, name, otherwise, times) in enumerate(self.columns):
             out[:, i] = given[term].get(name, otherwise)
+            if times:
+                out[:, i] *= given[term][times]
         return out
 
 
@@ -139,7 +143,7 @@ class _Writer:
                 return ways, None
             followed = of[i].on in [of[j].on for j in ways[place + 1 :]]
             at = len(self.columns)
-            self.columns += [(i, name, of[i].effect.takes.get(name, np.nan)) for name in law[1]]
+            self.columns += [(i, name, of[i].effect.takes.get(name, np.nan), "") for name in law[1]]
             rows.append(
                 [law[0], action.index(of[i].on), at, *self._gated(i, of[i].gate), 0, 0, int(followed)]
             )
@@ -185,7 +189,7 @@ class _Writer:
         if law is None:
             raise _NotCompiled
         self.terms.append([law[0], self._place(term), len(self.columns), *gate, self._command(term)])
-        self.columns += [(index, name, effect.takes.get(name, np.nan)) for name in law[1]]
+        self.columns += [(index, name, effect.takes.get(name, np.nan), "") for name in law[1]]
 
     def _write_curve(self, index: int, term: Term, curve: Curve, gate: tuple[int, int]) -> None:
         if curve.of not in tables.CURVES or len(curve.axes) > 2 or min(map(len, curve.axes)) < 2:
@@ -201,7 +205,7 @@ class _Writer:
             self.terms.append(
                 [law, codes.WITHIN if place else codes.OPENING, len(self.columns), gate[0], gate[0], -1]
             )
-            self.columns += [(index, "", values[name]) for name in names]
+            self.columns += [(index, "", values[name], "") for name in names]
         self.terms.append([tables.CURVES[curve.of], on, len(self.columns), *gate, len(self.curves)])
         about: list[int] = []
         for axis, channel, wraps in zip(curve.axes, curve.inputs, curve.wraps, strict=True):
@@ -209,7 +213,10 @@ class _Writer:
             about += [column, int(wraps), len(self.knots), len(self.knots) + len(axis)]
             self.knots += axis
         self.curves.append([*about, -1, 0, 0, 0][: codes.CURVE_WIDTH])
-        self.columns += [(index, name, np.nan) for name in curve.names]
+        if curve.heights:
+            self.columns += [(index, "", height, curve.times) for height in curve.heights]
+        else:
+            self.columns += [(index, name, np.nan, "") for name in curve.names]
 
     def _place(self, term: Term) -> int:
         """The coordinate or the parameter that a term acts on."""
@@ -265,7 +272,7 @@ class _Writer:
         return first, len(self.conditions)
 
     def _column(self, index: int, name: str, otherwise: float) -> int:
-        self.columns.append((index, name, float(otherwise)))
+        self.columns.append((index, name, float(otherwise), ""))
         return len(self.columns) - 1
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from gpsim.effects import CATALOGUE, ActuatorEffect, DriveEffect, ForceEffect, VehicleEffect
 from gpsim.kernels import codes
@@ -89,25 +89,6 @@ CURVES: Mapping[str, int] = {
     "rate": codes.RATE_CURVE,
     "drive": codes.DRIVE_CURVE,
 }
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A law that is a piecewise linear function of one input or two, for a law that no family names.
-
-    axes: the knots along each input; names: of the coefficients among a term's values, the last axis running fastest.
-    of: what it gives; inputs: channels of state and action, whose angles may wrap; of a force or a grip its
-    coordinate's position (0) or speed (1); of a turn or a slip speed and turn rate. on: the rate or the action. beside:
-    family and values of laws of the twist that act together with it.
-    """
-
-    of: Literal["force", "grip", "turn", "slip", "rate", "drive"]
-    axes: tuple[tuple[float, ...], ...]
-    names: tuple[str, ...]
-    inputs: tuple[int, ...]
-    wraps: tuple[bool, ...]
-    on: int = 0
-    beside: tuple[tuple[str, Mapping[str, float]], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.effects import FAMILIES, ActuatorEffect, ForceEffect, SensorEffect, Term
+from gpsim.effects import ActuatorEffect, ForceEffect, Measured, SensorEffect, Term, effect_of
 from gpsim.mjcf.body import Body
 from gpsim.mjcf.commanding import Motor, motors_of
 from gpsim.mjcf.native import FORCE, Fields, native_of
@@ -17,9 +17,9 @@ from gpsim.mjcf.simulator import MjcfSimulator
 from gpsim.mjcf.stepping import Plan
 
 Where = Literal["attribute", "wrapper", "attribute and wrapper", "left out"]
-GRIPS = ("coulomb_friction", "stribeck_friction", "local_friction_patch")
+GRIPS = ("coulomb_friction", "stribeck_friction", "local_friction_patch", "force_curve")
 """Laws of dry friction that the wrapper knows."""
-READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "joint_offset")
+READINGS = ("sensor_bias", "sensor_scale", "sensor_delay", "sensor_curve", "joint_offset")
 """Laws of sensors that the wrapper knows."""
 
 
@@ -82,6 +82,7 @@ def patch_of(correction: Correction) -> Patch:
         "age": correction.age,
         "commands": commands,
         "laws": [],
+        "forces": [],
         "changes": [],
         "sensors": [],
     }
@@ -109,12 +110,20 @@ def _place(i: int, term: Term, plan: Plan, values: list[dict[str, FloatArray]], 
         patch.went.append(Went(term, where, "MJCF's sensors have no such fault", elements))
     elif i in plan.lasting and not _is_force(term):
         patch.went.append(Went(term, "attribute", "", _elements(plan.body, _moved(plan, i, values))))
-    elif isinstance(effect, ForceEffect) and effect.dry and term.family in GRIPS and not term.variant:
+    elif (
+        isinstance(effect, ForceEffect)
+        and effect.dry
+        and term.family in GRIPS
+        and term.variant in ("", "friction")
+    ):
         told["laws"].append(
             {"family": term.family, "joint": term.on, "values": _numbers(term), "region": region}
         )
         why = "acts in a region only" if region else "MJCF's friction does not depend on speed or place"
         patch.went.append(Went(term, "wrapper", why))
+    elif isinstance(effect, Measured) and isinstance(effect, ForceEffect):
+        told["forces"].append({"joint": term.on, "of": term.variant, "values": _numbers(term)})
+        patch.went.append(Went(term, "wrapper", "MJCF has no force of such a form"))
     elif plan.acts_on_state(i) or effect.site == "rate":
         patch.went.append(Went(term, "left out", "neither MJCF nor the wrapper knows this law"))
     else:
@@ -171,7 +180,7 @@ def _numbers(term: Term) -> dict[str, float]:
 
 
 def _order(family: str) -> int:
-    return FAMILIES[family].order
+    return effect_of(family).order
 
 
 def _channels(simulator: MjcfSimulator, told: Mapping[str, Any]) -> dict[str, list[Any]]:

@@ -41,7 +41,10 @@ class Robot:
         for dof, _ in self._laws:
             self.model.dof_solref[dof] = -1.0, -2.0 / self._h
             self.model.dof_solimp[dof] = STICKS
+        joints = [self.model.joint(force["joint"]) for force in PATCH["forces"]]
+        self._forces = [(j.dofadr[0], j.qposadr[0], f) for j, f in zip(joints, PATCH["forces"], strict=True)]
         fields = {change["field"] for change in PATCH["changes"]} | {"dof_frictionloss"}
+        fields |= {"qfrc_applied"} if self._forces else set()
         self._was = {name: np.array(self._field(name)) for name in fields}
         self.reset()
 
@@ -82,6 +85,8 @@ class Robot:
             (kind, place, _), values = PATCH["channels"][sensor["channel"]], sensor["values"]
             if sensor["family"] == "sensor_scale":
                 said[kind][place] *= values["scale"]
+            elif sensor["family"] == "sensor_curve":
+                said[kind][place] += _curve(float(said[kind][place]), values)
             elif sensor["family"] == "sensor_delay":
                 history = [state[kind][place] for state in self._seen]
                 said[kind][place] += _ago(history, values["delay"] / self._h) - history[-1]
@@ -109,6 +114,9 @@ class Robot:
         for dof, law in self._laws:
             speed, share = float(begin["qvel"][dof]), _share(law["region"], begin, end)
             now["dof_frictionloss"][dof] += share * _grip(speed, law["values"])
+        for dof, place, force in self._forces:
+            x = begin["qpos"][place] if force["of"] == "position" else begin["qvel"][dof]
+            now["qfrc_applied"][dof] += _curve(float(x), force["values"])
         for change in PATCH["changes"]:
             now[change["field"]][tuple(change["index"])] += change["add"] * _share(
                 change["region"], begin, end
@@ -152,6 +160,8 @@ class Effect:
             return v["gain"] * u
         if self.family == "actuator_asymmetry":
             return (v["gain_positive"] if u > 0 else v["gain_negative"]) * u
+        if self.family == "actuator_curve":
+            return u + _curve(u, v)
         if self.family == "battery_sag":
             return u * max(1.0 - v["loss_per_second"] * t, 0.0)
         if self.family == "actuator_bias":
@@ -213,9 +223,18 @@ def _share(region: dict[str, Any], begin: dict[str, np.ndarray], end: dict[str, 
 
 
 def _grip(speed: float, v: dict[str, float]) -> float:
-    """Dry friction: of its own size, larger the slower the joint moves where there is a static one."""
+    """Dry friction: measured, or of its own size, larger the slower the joint moves where there is a static one."""
+    if "y0" in v:
+        return _curve(speed, v)
     more = max(v.get("static_force", 0.0) - v["force"], 0.0)
     return v["force"] + (more * math.exp(-((speed / v["stribeck_velocity"]) ** 2)) if more else 0.0)
+
+
+def _curve(x: float, v: dict[str, float]) -> float:
+    """A measured curve: straight between its knots, held beyond them, where nobody measured it."""
+    knots, heights = ([v[f"{k}{i}"] for i in range(len(v)) if f"{k}{i}" in v] for k in "xy")
+    x = (x + math.pi) % (2.0 * math.pi) - math.pi if "wraps" in v else x
+    return v["scale"] * float(np.interp(x, knots, heights))
 
 
 def _ago(history: list[float], back: float) -> float:

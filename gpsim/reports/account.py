@@ -14,6 +14,7 @@ from gpsim.reports.account_left import left
 from gpsim.reports.account_next import command, following
 from gpsim.reports.account_rivals import rivals
 from gpsim.reports.account_verdict import verdict_sentence
+from gpsim.reports.curve_text import curve_rows
 from gpsim.reports.diagnosis_text import where
 from gpsim.reports.quantities import brief
 from gpsim.reports.recordings_text import differences
@@ -107,7 +108,7 @@ def account_of(diagnosis: Diagnosis, folder: str = HERE, simulator: str | None =
         where=where(told),
         rows=tuple(rows_of(headline, told)),
         slight=slight_text(slight),
-        rivals=tuple(rivals(told)),
+        rivals=(*curve_rows((*headline, *slight)), *rivals(told)),
         differs=tuple(differences(told)),
         left=tuple(left(told)),
         fit=_fit(told),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Form, NamedEffect
+from gpsim.reports.curve_text import extent
 from gpsim.reports.diagnosis_text import gate_text
 from gpsim.reports.effect_text import noun
 from gpsim.reports.lettering import shortened
@@ -20,6 +21,10 @@ SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
 MANY_JOINTS = 3  # with the same effect, which are told as one group
 LARGE = 0.1  # of the mismatch: what is no claim and yet as much has others in its place
 LAW: Mapping[Form, str] = {"holds": "yes", "approximate": "roughly", "untested": "not tested"}
+
+
+MEASURED = "measured"
+"""Of a curve, which is no law of the catalogue."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +130,12 @@ def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
         effect=effect_name(effect),
         whole=f"{noun(effect.family)} on {effect.place}",
         gate="" if alone else gate_text(effect, diagnosis.dt),
-        sizes=_sizes(effect),
+        sizes=_sizes(effect) if effect.curve is None else (("", extent(effect.curve)),),
         share=share,
         percent=MISSING if share is None else f"{percent(share)} %",
         interval=_interval(effect),
         odds=odds_text(effect.odds),
-        law=LAW[effect.form],
+        law=LAW[effect.form] if effect.curve is None else MEASURED,
         approximate=effect.form == "approximate",
     )
 
@@ -148,7 +153,8 @@ def slight_text(effects: Sequence[NamedEffect]) -> str:
 
 
 def _slight(effect: NamedEffect) -> str:
-    numbers = [f"{name} {size}".strip() for name, size in _sizes(effect)[:1]]
+    sizes = _sizes(effect)[:1] if effect.curve is None else (("", extent(effect.curve)),)
+    numbers = [f"{name} {size}".strip() for name, size in sizes]
     if effect.importance is not None:
         numbers.append(f"{percent(effect.importance.share)} %")
     return f"{effect_name(effect)} ({', '.join(numbers)})" if numbers else effect_name(effect)

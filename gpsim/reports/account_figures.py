@@ -18,6 +18,7 @@ from gpsim.diagnosis.report import Curve
 from gpsim.reports.account_effects import claim_name, told_effects
 from gpsim.reports.account_left import left_share
 from gpsim.reports.canvas import legend_above, panels, png, style
+from gpsim.reports.curve_figure import measured_picture
 from gpsim.reports.diagnosis_figures import COLOURS, LINES, Picture, limits
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.effect_text import noun
@@ -65,6 +66,10 @@ def account_figures(
             name = f"curve_{i}"
             with contained(name):
                 drawn[name] = _curve(curve)
+        for i, effect in enumerate([e for e in diagnosis.effects if e.curve is not None], start=1):
+            name = f"measured_{i}"
+            with contained(name):
+                drawn[name] = measured_picture(effect)
         law = diagnosis.remainder.lack_of_fit
         if law is not None and law.curve is not None:
             with contained(MISSING_CURVE):

@@ -11,6 +11,7 @@ from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import effect_name, told_effects
 from gpsim.reports.account_left import hangs_on, is_missing
+from gpsim.reports.curve_text import beyond
 from gpsim.reports.diagnosis_text import listed
 from gpsim.reports.fact_text import parameters_of
 from gpsim.reports.lettering import shortened
@@ -28,6 +29,9 @@ def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str
     held = [effect_name(e) for e in headline if any(p.at_bound for p in e.parameters.values())]
     if diagnosis.tell_apart and diagnosis.alternatives:
         return [diagnosis.tell_apart]
+    measured = [e.curve for e in headline if e.curve is not None]
+    if measured and not diagnosis.remainder.structured:
+        return [beyond(measured[0])]
     if diagnosis.remainder.structured or diagnosis.verdict in ("unknown", "partial"):
         return [_where_it_moves(diagnosis)]
     if diagnosis.combinations:

@@ -41,13 +41,17 @@ def verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> s
 def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     """What keeps a partial account from being named, the weightiest of it; files of earlier versions do not say."""
     doubts = diagnosis.doubts
-    bent = [effect_name(effect) for effect in headline if effect.form == "approximate"]
-    if "left" in doubts or _much_is_left(diagnosis) or not (bent or doubts):
+    measured = [effect_name(effect) for effect in headline if effect.curve is not None]
+    bent = [effect_name(e) for e in headline if e.form == "approximate" and e.curve is None]
+    if "left" in doubts or _much_is_left(diagnosis) or not (bent or measured or doubts):
         return "; the rest has no name yet: train with it, and mind what is left"
     if bent:
         law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
         verb = "holds" if len(bent) == 1 else "hold"
         return f", but {law} {verb} only approximately: trust the curve, not the size"
+    if measured:
+        them = "it is a curve" if len(headline) == 1 else f"{listed(measured)} is a curve"
+        return f"; {them} that no law of the catalogue follows"
     if "black box" in doubts:
         return ", but a black box foresees much more: something has no name yet"
     if "no claim" in doubts:

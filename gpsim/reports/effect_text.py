@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gpsim.diagnosis.report import Estimate, NamedEffect
-from gpsim.effects import FAMILIES
+from gpsim.effects import CURVES, FAMILIES
 
 OFF = "{on} is {offset} off what the simulator believes"
 """Of a parameter that may be 0, as a place may."""
@@ -58,7 +58,8 @@ def _range(size: Estimate) -> str:
 
 def noun(family: str) -> str:
     """What people call a family of effects, in the catalogue or not."""
-    known = FAMILIES[family].noun if family in FAMILIES else ""
+    found = FAMILIES.get(family) or CURVES.get(family)
+    known = found.noun if found is not None else ""
     return known or family.replace("_", " ")
 
 

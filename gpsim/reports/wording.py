@@ -16,6 +16,7 @@ from gpsim.diagnosis.report import (
     Remainder,
     Separation,
 )
+from gpsim.reports.curve_text import curve_sentence
 from gpsim.reports.effect_text import effect_sentence, implausible_text, noun
 from gpsim.reports.fact_text import fixed_text, log_fact_text, open_text
 
@@ -75,7 +76,7 @@ def _with_sentences(effects: Sequence[NamedEffect]) -> tuple[NamedEffect, ...]:
     return tuple(
         replace(
             e,
-            sentence=e.sentence or effect_sentence(e),
+            sentence=e.sentence or (curve_sentence(e) if e.curve is not None else effect_sentence(e)),
             implausible=e.implausible or implausible_text(e),
         )
         for e in effects

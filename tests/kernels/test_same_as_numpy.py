@@ -37,7 +37,7 @@ from gpsim.diagnosis.form.laws import (
     HatGate,
 )
 from gpsim.diagnosis.run import Run, Workers
-from gpsim.effects import FAMILIES, Chain, Effect, Gate, Place, Term
+from gpsim.effects import FAMILIES, Chain, Effect, Gate, Place, Shape, Term, declared
 from gpsim.kernels import marching, program_of, tables
 from gpsim.simulators import SIMULATORS, Slider, make_simulator, reduced, wrapping
 
@@ -139,6 +139,44 @@ def test_free_curves(name: str) -> None:
     for i, term in enumerate(curves(name, rng)):
         hypothesis = Hypothesis((term,), ((),), SCHEMES[i % 4] if i % 2 else "fine")
         the_same(simulator, windows, Drawn(hypothesis.terms, hypothesis, np.empty((COPIES, 0))), 2)
+
+
+def measured(name: str, rng: np.random.Generator) -> list[Term]:
+    """Measured curves at every site that a system has."""
+    simulator = make_simulator(name)
+    axis, jump = (-1.0, -0.2, 0.4, 1.5), (-1.0, 0.0, 0.0, 1.2)
+
+    def term(family: str, on: str, variant: str, *axes: tuple[float, ...], wraps: bool = False) -> Term:
+        size = int(np.prod([len(a) for a in axes]))
+        heights = rng.uniform(0.0, 0.5, size)
+        if (
+            variant == "friction"
+        ):  # of what is held the sign of a speed that is 0 but for rounding decides nothing
+            heights[1] = heights[2]
+        shape = Shape(axes, tuple(float(y) for y in heights), wraps)
+        return Term(family, on, shape.values(3.0) | {"scale": 0.7}, variant=variant)
+
+    out = [term("actuator_curve", simulator.action.names[0], "", axis)]
+    out.append(term("sensor_curve", simulator.state.names[0], "", axis))
+    for c in simulator.coordinates[:2]:
+        out += [term("force_curve", c.name, "speed", axis), term("force_curve", c.name, "friction", jump)]
+        out.append(term("force_curve", c.name, "position", axis, wraps=True))
+    if not simulator.coordinates:
+        out += [term("rate_curve", "vehicle", variant, axis, jump) for variant in ("w", "v_lateral")]
+    return out
+
+
+@pytest.mark.parametrize("name", SIMULATORS)
+def test_measured_curves(name: str) -> None:
+    """Each as large as a copy of the batch says."""
+    rng = np.random.default_rng(12)
+    simulator = make_simulator(name)
+    windows = windows_of(simulator, rng)
+    for i, term in enumerate(measured(name, rng)):
+        scheme = SCHEMES[i % 4] if i % 2 else "fine"
+        hypothesis = Hypothesis((term,), (declared(term.effect, Place(term.on, "1")),), scheme)
+        thetas = rng.uniform(0.5, 1.5, (COPIES, 1))
+        the_same(simulator, windows, Drawn(hypothesis.terms, hypothesis, thetas), 2)
 
 
 @pytest.mark.parametrize("held", [True, False])

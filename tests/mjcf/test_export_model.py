@@ -11,7 +11,7 @@ import pytest
 from mjcf_models import DOUBLE, FLOATING, SERVO, SLIDER, written
 
 from gpsim.corrected import EffectsPlant
-from gpsim.effects import Gate, Term
+from gpsim.effects import Gate, Shape, Term
 from gpsim.errors import UsageError
 from gpsim.mjcf import Correction, export_model, load_mjcf
 
@@ -37,6 +37,8 @@ NATIVE = {
     "delay": [Term("actuator_delay", "m1", {"delay": 0.0137})],
     "two": [Term("coulomb_friction", "elbow", {"force": 0.05}), Term("parameter_offset", "lower.mass", {"ratio": 1.1})],
 }  # fmt: skip
+SLOPE = Shape(((-2.0, -0.5, 0.1, 2.0),), (0.15, 0.06, -0.01, -0.2)).values(4.0)
+GRIP = Shape(((-2.0, 0.0, 0.0, 2.0),), (0.08, 0.02, 0.03, 0.05)).values(4.0)
 REGION = Gate(region={"elbow": (-0.4, 0.4)})
 WRAPPED = {
     "backlash": [Term("actuator_backlash", "m1", {"half_width": 0.1})],
@@ -65,6 +67,11 @@ WRAPPED = {
     "sensor bias": [Term("sensor_bias", "elbow", {"offset": 0.01})],
     "sensor scale": [Term("sensor_scale", "elbow", {"scale": 1.02})],
     "sensor delay": [Term("sensor_delay", "elbow", {"delay": 0.0123})],
+    "force by speed": [Term("force_curve", "elbow", SLOPE, variant="speed")],
+    "force by place": [Term("force_curve", "elbow", SLOPE, variant="position")],
+    "measured friction": [Term("force_curve", "elbow", GRIP, variant="friction")],
+    "motor curve": [Term("actuator_curve", "m1", SLOPE), Term("actuator_gain", "m1", {"gain": 0.8})],
+    "sensor curve": [Term("sensor_curve", "elbow", SLOPE)],
     "all": [
         Term("sensor_delay", "elbow", {"delay": 0.005}), Term("sensor_scale", "elbow", {"scale": 1.02}),
         Term("stribeck_friction", "shoulder", {"force": 0.1, "static_force": 0.2, "stribeck_velocity": 0.2}),

@@ -59,7 +59,7 @@ def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
 def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
     """Nats that the additional parameters cost; each gate has edges, which count, too."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
-    extra = len(richer.hypothesis.parameters) - len(poorer.hypothesis.parameters)
+    extra = richer.hypothesis.size - poorer.hypothesis.size
     extra += _gate_parameters(problem, richer) - _gate_parameters(problem, poorer)
     effective = float((problem.counts / tau)[problem.observed].sum())
     return float(extra / 2 * np.log(max(effective, 2.0)))
@@ -74,7 +74,7 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     best = min(fits, key=lambda f: f.objective + _price(problem, f))
     tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
     effective = float((problem.counts / tau)[problem.observed].sum())
-    size = [len(f.hypothesis.parameters) + _gate_parameters(problem, f) for f in fits]
+    size = [f.hypothesis.size + _gate_parameters(problem, f) for f in fits]
     nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
     terms = np.array([len(f.hypothesis.terms) for f in fits])
     per_term = problem.run.settings.acceptance.per_term
@@ -85,7 +85,7 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
 
 
 def _price(problem: Problem, fit: Fit) -> float:
-    size = len(fit.hypothesis.parameters) + _gate_parameters(problem, fit)
+    size = fit.hypothesis.size + _gate_parameters(problem, fit)
     per_term = problem.run.settings.acceptance.per_term
     return per_term * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
 

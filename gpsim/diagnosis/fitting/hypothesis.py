@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -52,6 +52,11 @@ class Hypothesis:
         )
 
     @property
+    def size(self) -> float:
+        """How many parameters it costs: those that are fitted, and those that the shapes of measured curves took."""
+        return len(self.parameters) + sum(t.effect.spent(t.values) for t in self.terms)
+
+    @property
     def claims(self) -> frozenset[tuple[str, str]]:
         """Family and place of every term."""
         return frozenset(term.identity for term in self.terms)
@@ -82,10 +87,7 @@ class Hypothesis:
     @property
     def working(self) -> Hypothesis:
         """Without the terms that do nothing."""
-        rest = self
-        for index in reversed(self._idlers):
-            rest = rest.without(index)
-        return rest
+        return self.without_all(self._idlers)
 
     def says_the_same_as(self, other: Hypothesis) -> bool:
         """Whether the same terms stand behind the same gates, integrated alike, whatever their values."""
@@ -147,6 +149,13 @@ class Hypothesis:
         return replace(
             self, terms=tuple(self.terms[i] for i in keep), declared=tuple(self.declared[i] for i in keep)
         )
+
+    def without_all(self, indices: Collection[int]) -> Hypothesis:
+        """Several terms less."""
+        rest = self
+        for index in sorted(indices, reverse=True):
+            rest = rest.without(index)
+        return rest
 
     def gated(self, index: int, gate: Gate) -> Hypothesis:
         """One term behind another gate."""

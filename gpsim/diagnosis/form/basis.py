@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gpsim.channels import FloatArray, IntArray
-from gpsim.effects import Values
+from gpsim.channels import FloatArray
+from gpsim.effects import Values, corners
 
 GRID = 2001  # places at which a law is looked at for jumps
 JUMP = 0.02  # of all that a law rises and falls: one step of that grid of a law without a jump is far less
@@ -43,7 +43,7 @@ class Basis:
         if table.shape[1] == 1:
             rows = np.zeros_like(rows)
         total = np.zeros(inputs[0].shape)
-        for index, share in self._corners(inputs):
+        for index, share in corners(inputs, self.axes):
             total += share * table[index, rows]
         return total
 
@@ -51,23 +51,9 @@ class Basis:
         """(N, F): what each coefficient counts at inputs (N,) each."""
         out = np.zeros((len(inputs[0]), self.size))
         rows = np.arange(len(out))
-        for index, share in self._corners(inputs):
+        for index, share in corners(inputs, self.axes):
             np.add.at(out, (rows, index), share)
         return out
-
-    def _corners(self, inputs: Sequence[FloatArray]) -> list[tuple[IntArray, FloatArray]]:
-        """The coefficients around the inputs and the share of each."""
-        corners: list[tuple[IntArray, FloatArray]] = [
-            (np.zeros(inputs[0].shape, dtype=np.int64), np.ones(inputs[0].shape))
-        ]
-        for x, knots in zip(inputs, self.axes, strict=True):
-            left, share = _between(x, np.asarray(knots))
-            corners = [
-                (index * len(knots) + left + step, size * part)
-                for index, size in corners
-                for step, part in ((0, 1.0 - share), (1, share))
-            ]
-        return corners
 
     def bends(self, axis: int) -> FloatArray:
         """(., F): how much it bends along an input at every inner knot; their squares add up to its mean curvature."""
@@ -96,14 +82,6 @@ class Basis:
         for i, knots in enumerate(self.axes):
             out = np.asarray(np.kron(out, rows if i == axis else np.eye(len(knots))), dtype=np.float64)
         return out
-
-
-def _between(x: FloatArray, knots: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The knot to the left of every x, and the share of the way to the next; at a jump that to its right."""
-    left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
-    way = knots[left + 1] - knots[left]
-    share = np.clip((x - knots[left]) / np.where(way > 0, way, 1.0), 0.0, 1.0)
-    return left, np.asarray(share)
 
 
 def knots_of(visited: FloatArray, count: int) -> tuple[float, ...]:

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.form.drawn import drawn, drawn_missing
 from gpsim.diagnosis.form.groups import Group, further_input
-from gpsim.diagnosis.form.penalised import Departure, departure, penalised
-from gpsim.diagnosis.form.widened import missing, widened
+from gpsim.diagnosis.form.penalised import Curved, Departure, departure, penalised
+from gpsim.diagnosis.form.visited import places
+from gpsim.diagnosis.form.widened import Widened, missing, widened
 from gpsim.diagnosis.report import Curve
 from gpsim.diagnosis.selection import LackOfFit
+from gpsim.effects import Shape
 from gpsim.recordings import evenly
 
 
@@ -21,7 +25,7 @@ class FreeCurve:
 
     hypothesis: the explanation with the curve in the place of the group's laws, all else fitted along; it is simulated
     like any other. group: None of what is missing. further: the other input that the curve depends on. departure: how
-    far it is from the laws.
+    far it is from the laws. widened, fitted: the curve as it was fitted;
     """
 
     hypothesis: Hypothesis
@@ -29,6 +33,8 @@ class FreeCurve:
     group: Group | None = None
     further: str | None = None
     departure: Departure | None = None
+    widened: Widened | None = None
+    fitted: Curved | None = None
 
 
 def free_curves(
@@ -54,7 +60,28 @@ def free_curve(problem: Problem, leader: Fit, group: Group, further: str | None 
     fitted = penalised(some, part, curve)
     shown = drawn(some, leader.hypothesis, group, curve, fitted)
     made = curve.hypothesis.having(fitted.theta).frozen()
-    return FreeCurve(made, shown, group, curve.further, departure(curve, fitted))
+    return FreeCurve(made, shown, group, curve.further, departure(curve, fitted), curve, fitted)
+
+
+def free_curve_again(
+    problem: Problem, found: Fit, group: Group, gone: Sequence[int], shape: Shape
+) -> FreeCurve | None:
+    """A curve in the place of terms that are gone, all of which has a price, not what differs from laws.
+
+    So a curve is fitted once more: only around its own fit is it known what is noise. group: without laws; gone: the
+    terms' indices; shape: from which it begins. It has more knots.
+    """
+    some, part = _on_some(problem, replace(found, hypothesis=found.hypothesis.without_all(gone)))
+    curve = widened(some, part.hypothesis, group, knots=problem.run.settings.form.knots_of_measured)
+    if curve is None:
+        return None
+    theta = np.array(curve.hypothesis.theta)
+    theta[curve.free] = shape.at(*places(curve.basis.axes))
+    curve = replace(curve, hypothesis=curve.hypothesis.having(theta))
+    fitted = penalised(some, part, curve)
+    made = curve.hypothesis.having(fitted.theta).frozen()
+    shown = drawn(some, part.hypothesis, group, curve, fitted)
+    return FreeCurve(made, shown, group, None, departure(curve, fitted), curve, fitted)
 
 
 def missing_curve(problem: Problem, leader: Fit, lack: LackOfFit) -> FreeCurve | None:

@@ -67,6 +67,25 @@ def further_input(simulator: Simulator, group: Group, lack: LackOfFit | None) ->
     return others[0] if len(others) == 1 else None
 
 
+def groups_missing(simulator: Simulator, hypothesis: Hypothesis, lack: LackOfFit) -> list[Group]:
+    """Where a curve of one input might account for what lack of fit names: with the laws that are there, if any.
+
+    A force of a coordinate's own speed or position, what becomes of a command, what a vehicle makes of its twist.
+    """
+    if not lack.significant or lack.memory is not None:
+        return []
+    wanted: list[Group] = []
+    for coordinate in simulator.coordinates:
+        if coordinate.rate == lack.rate:
+            own: dict[str, FunctionOf] = {coordinate.velocity: "speed", coordinate.name: "position"}
+            wanted += [Group("force", coordinate.name, own[name], ()) for name in lack.on if name in own]
+    wanted += [Group("actuator", name, "command", ()) for name in lack.on if name in simulator.action.names]
+    there = [group for group in groups_of(hypothesis) if not group.gate]
+    return [
+        next((g for g in there if (g.site, g.on, g.of) == (new.site, new.on, new.of)), new) for new in wanted
+    ]
+
+
 def _group(hypothesis: Hypothesis, indices: tuple[int, ...]) -> Group:
     term = hypothesis.terms[indices[0]]
     effect = term.effect

@@ -15,6 +15,7 @@ from gpsim.channels import Channels, FloatArray, wrap_angle
 from gpsim.diagnosis.form.basis import Basis
 from gpsim.effects import (
     ActuatorEffect,
+    Curve,
     Effect,
     EffectParameter,
     ForceEffect,
@@ -28,7 +29,7 @@ from gpsim.effects import (
     VehicleEffect,
     changed,
 )
-from gpsim.kernels import Curve, Hat
+from gpsim.kernels import Hat
 from gpsim.simulators import Memory, Simulator
 
 FREE = "free_curve"

@@ -25,10 +25,15 @@ SINGULAR = 1e-9  # of the diagonal: directions that nothing determines stand sti
 
 @dataclass(frozen=True)
 class Curved:
-    """A curve's fit. theta: (P,); covariance: (F, F) of its coefficients, inflated by how much blocks scatter."""
+    """A curve's fit.
+
+    theta: (P,); covariance: (F, F) of its coefficients, inflated by how much blocks scatter; freedom: its effective
+    parameters (Hastie and Tibshirani 1990), those of the laws that it deviates from not among them.
+    """
 
     theta: FloatArray
     covariance: FloatArray
+    freedom: float
 
 
 @dataclass(frozen=True)
@@ -82,7 +87,7 @@ def penalised(problem: Problem, start: Fit, curve: Widened) -> Curved:
         theta, starts, residual = thetas[best], moved[best], got[best]
         if costs[-1] - costs[best] < problem.run.settings.schedules.close:
             break
-    return Curved(theta, _covariance(around, freest, curve))
+    return Curved(theta, _covariance(around, freest, curve), _freedom(around, penalty, curve))
 
 
 def _with_starts(
@@ -179,6 +184,16 @@ def _sizes(normal: FloatArray) -> FloatArray:
 
 def _price(penalty: FloatArray, theta: FloatArray) -> float:
     return float(0.5 * theta @ penalty @ theta)
+
+
+def _freedom(around: _Quadratic, penalty: FloatArray, curve: Widened) -> float:
+    """The trace of what the penalty leaves of the curve's part of the information, all else fitted along."""
+    total = around.information.sum(0)
+    normal = total + penalty
+    size = _sizes(normal)
+    scaled = normal / np.outer(size, size) + SINGULAR * np.eye(len(size))
+    taken = np.linalg.solve(scaled, (penalty / np.outer(size, size))[:, curve.free])
+    return float(curve.basis.size - np.trace(taken[curve.free]))
 
 
 def _covariance(around: _Quadratic, penalty: FloatArray, curve: Widened) -> FloatArray:

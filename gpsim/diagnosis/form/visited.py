@@ -7,9 +7,10 @@ import numpy as np
 from gpsim.channels import FloatArray, difference
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.form.groups import Group
-from gpsim.effects import ActuatorEffect, ForceEffect, SensorEffect, Term, VehicleEffect
+from gpsim.effects import ActuatorEffect, Axis, ForceEffect, SensorEffect, Term, VehicleEffect
 
 Law = tuple[FloatArray, ...]
+BESIDE = 1e-9  # of the range: just beside a jump each of its two knots is on its own side
 
 
 def visited(problem: Problem, name: str) -> FloatArray:
@@ -23,6 +24,19 @@ def twists(problem: Problem) -> FloatArray:
     seen = windows.valid[:, 1:]
     rates = problem.simulator.rates(windows.measured[:, :-1][seen], windows.actions[seen], problem.parameters)
     return np.asarray(rates[:, [rate.index("v"), rate.index("w")]])
+
+
+def places(axes: tuple[Axis, ...]) -> Law:
+    """(F,) each: the inputs at every knot, the last axis running fastest; of two at a jump one on either side."""
+    sides = []
+    for axis in axes:
+        x = np.array(axis)
+        near = BESIDE * max(float(np.ptp(x)), 1e-300)
+        twice = np.diff(x) == 0.0
+        x[:-1][twice] -= near
+        x[1:][twice] += near
+        sides.append(x)
+    return tuple(grid.ravel() for grid in np.meshgrid(*sides, indexing="ij"))
 
 
 def _inputs(problem: Problem) -> FloatArray:

@@ -61,15 +61,20 @@ class Widened:
 
 
 def widened(
-    problem: Problem, hypothesis: Hypothesis, group: Group, further: str | None = None
+    problem: Problem,
+    hypothesis: Hypothesis,
+    group: Group,
+    further: str | None = None,
+    knots: int | None = None,
 ) -> Widened | None:
     """The hypothesis with a curve in the place of a group's laws; None where their input hardly moves.
 
-    The laws stay as they are and the curve is their deviation: at 0 it is they. All other parameters stay free.
+    The laws stay as they are and the curve is their deviation: at 0 it is they. All other parameters stay free. knots:
+    of a curve of one input, the usual number without it.
     """
     if group.of == "twist" or further in group.inputs(problem.simulator):  # they are its own inputs
         further = None
-    axes, inputs = _own_axes(problem, hypothesis, group, product=further is not None)
+    axes, inputs = _own_axes(problem, hypothesis, group, product=further is not None, knots=knots)
     if any(len(axis) < 2 for axis in axes):
         return None
     if further is not None:
@@ -83,6 +88,8 @@ def widened(
     does = law - own[-1] if _turns_into_another(group) else law
     least = LEAST * float(np.sqrt(np.mean(own[-1] ** 2))) if does is not law else 0.0
     scale = max(float(np.sqrt(np.mean(does**2))), least, TINY)
+    if not group.terms and group.site == "force":
+        scale = max(typical_force(problem, group.on), TINY)
     build = _SITES[group.site]
     return Widened(
         build(problem, hypothesis, group, basis, scale, further), basis, scale, basis.design(inputs), further
@@ -108,28 +115,43 @@ def missing(problem: Problem, hypothesis: Hypothesis, lack: LackOfFit) -> Widene
     return Widened(made, basis, scale, basis.design(inputs), names[0] if len(names) > 1 else None)
 
 
+def typical_force(problem: Problem, on: str) -> float:
+    """How large a force moves a coordinate as it moves by itself."""
+    simulator, windows = problem.simulator, problem.windows
+    (place,) = (i for i, c in enumerate(simulator.coordinates) if c.name == on)
+    states, actions = windows.measured[:, 0], windows.actions[:, 0]
+    rate = simulator.rate.index(simulator.coordinates[place].rate)
+    rates = simulator.rates(states, actions, problem.parameters)[:, rate]
+    unit = np.zeros((len(states), len(simulator.coordinates)))
+    unit[:, place] = 1.0
+    reacts = simulator.rates(states, actions, problem.parameters, unit)[:, rate] - rates
+    return float(np.sqrt(np.mean(rates**2)) / max(float(np.median(np.abs(reacts))), 1e-300))
+
+
 def _turns_into_another(group: Group) -> bool:
     """Whether its laws make another one of their last input, which they leave as it is where they do nothing."""
     return group.of in ("command", "reading") or group.changes == FreeTurn.changes
 
 
 def _own_axes(
-    problem: Problem, hypothesis: Hypothesis, group: Group, *, product: bool
+    problem: Problem, hypothesis: Hypothesis, group: Group, *, product: bool, knots: int | None
 ) -> tuple[list[tuple[float, ...]], list[FloatArray]]:
     """Knots along each of a law's own inputs, and what was visited of them; of a product fewer."""
     settings = problem.run.settings.form
     if group.of == "twist":
         inputs = list(twists(problem).T)
-        return [knots_of(x, settings.knots_of_two) for x in inputs], inputs
+        few = settings.knots_of_two
+        counts = (few, few) if knots is None else (2 * few - 1, few)  # what bends, bends with the speed
+        return [knots_of(x, count) for x, count in zip(inputs, counts, strict=True)], inputs
     (name,) = group.inputs(problem.simulator)
-    x, count = visited(problem, name), settings.knots_of_product if product else settings.knots
+    x, count = visited(problem, name), settings.knots_of_product if product else knots or settings.knots
     if group.of == "speed":
         return [two_sided_knots(x, count, settings.least_side) if group.dry else speed_knots(x, count)], [x]
-    knots = knots_of(x, count)
-    if len(knots) < 2:
-        return [knots], [x]
-    jumps = jumps_of(lambda at: of_law(problem, hypothesis, group, (at,)), knots[0], knots[-1])
-    return [with_jumps(knots, jumps)], [x]
+    axis = knots_of(x, count)
+    if len(axis) < 2:
+        return [axis], [x]
+    jumps = jumps_of(lambda at: of_law(problem, hypothesis, group, (at,)), axis[0], axis[-1])
+    return [with_jumps(axis, jumps)], [x]
 
 
 def _with_force(
@@ -230,9 +252,7 @@ def _holding(hypothesis: Hypothesis, group: Group) -> Hypothesis:
 
 
 def _without(hypothesis: Hypothesis, group: Group) -> Hypothesis:
-    for index in sorted(group.terms, reverse=True):
-        hypothesis = hypothesis.without(index)
-    return hypothesis
+    return hypothesis.without_all(group.terms)
 
 
 def _square(rows: FloatArray) -> FloatArray:

@@ -117,6 +117,15 @@ def withheld(question: Question, judgement: Judgement) -> Judgement:
     )
 
 
+def led_by(question: Question, judgement: Judgement, leader: Fit, ranking: list[Ranked]) -> Judgement:
+    """The judgement of an explanation that stands by itself: measured curves have no rivals, but nearest laws."""
+    problem, null = question.everything, judgement.null
+    if null.hypothesis.scheme != leader.hypothesis.scheme:
+        null = null_of(problem, leader.hypothesis.scheme)
+    p_value, lack, structured = _left_over(problem, leader)
+    return Judgement(leader, null, [], [1.0], ranking, p_value, lack, _noise(problem, leader), structured)
+
+
 def _left_over(problem: Problem, leader: Fit) -> tuple[float, LackOfFit | None, bool]:
     """The p-value of whiteness, the smooth law that would explain most of the rest, whether there is anything.
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from gpsim.diagnosis.attribution import Attribution
+from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.verdict import misses
 from gpsim.diagnosis.report import Curve, Form, Share
 from gpsim.diagnosis.selection import whole_robot
 from gpsim.diagnosis.setup import Question
+from gpsim.effects import Measured
 
 
 @dataclass(frozen=True)
@@ -38,37 +41,52 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     lack = judgement.lack if judgement.lack is not None and judgement.lack.significant else None
     missing = None if lack is None else missing_curve(problem, leader, lack)
     if not leader.hypothesis.terms:
-        free = () if missing is None else (missing,)
-        return Laws(missing=None if missing is None else missing.curve, free=free)
+        free = () if missing is None else _worth(judgement, attribution, [missing])
+        return Laws(missing=free[0].curve if free else None, free=free)
     claims = [i for i, role in enumerate(attribution.roles) if role == "headline"]
     groups = groups_of(leader.hypothesis, among=claims)
     curves = free_curves(problem, leader, groups, lack)
-    known = [curve for curve in [*curves, missing] if curve is not None]
-    gains = dict(zip(map(id, known), _gains(judgement, attribution, known), strict=True))
+    known = _worth(judgement, attribution, [curve for curve in [*curves, missing] if curve is not None])
+    drawn = iter(known)
+    curves = [None if curve is None else next(drawn) for curve in curves]
+    missing = next(drawn, None)
     found = forms(
         groups,
-        [None if curve is None else gains[id(curve)] for curve in curves],
+        [None if curve is None else curve.curve.gain for curve in curves],
         [None if curve is None else curve.departure for curve in curves],
         {i: part.share for i, part in enumerate(attribution.importance)},
         problem.run.settings.form,
-        None if missing is None else gains[id(missing)],
+        None if missing is None else missing.curve.gain,
     )
     every = tuple(found.get(i, "untested") for i in range(len(leader.hypothesis.terms)))
-    shown = tuple(replace(c.curve, gain=gains[id(c)]) for c in curves if c is not None)
-    beside = None if missing is None else replace(missing.curve, gain=gains[id(missing)])
-    bent = _stand_ins(question, judgement, attribution, groups)
+    shown = tuple(c.curve for c in curves if c is not None)
+    bent = _stand_ins(question, judgement, attribution, groups) | _measured(leader.hypothesis)
     told: tuple[Form, ...] = tuple("approximate" if i in bent else form for i, form in enumerate(every))
-    return Laws(told, shown, beside, tuple(known))
+    return Laws(told, shown, None if missing is None else missing.curve, known)
 
 
-def _gains(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> list[Share]:
-    """How much more of the mismatch each explains than the laws do, on the same draws."""
-    if not curves:
+def _worth(judgement: Judgement, attribution: Attribution, curves: list[FreeCurve]) -> tuple[FreeCurve, ...]:
+    """The curves, each with how much more of the mismatch it explains than the laws do."""
+    found = gains(judgement, attribution, [curve.hypothesis for curve in curves])
+    return tuple(
+        replace(curve, curve=replace(curve.curve, gain=gain))
+        for curve, gain in zip(curves, found, strict=True)
+    )
+
+
+def gains(judgement: Judgement, attribution: Attribution, others: Sequence[Hypothesis]) -> list[Share]:
+    """How much more of the mismatch each explains than the leader does, on the same draws."""
+    if not others:
         return []
     judge, leader = attribution.judge, judgement.leader.hypothesis
-    own, *others = judge.squares([[leader], *([curve.hypothesis] for curve in curves)])
+    own, *rest = judge.squares([[leader], *([other] for other in others)])
     worth = judge.mismatch.overall(own)
-    return [judge.mismatch.share(judge.mismatch.overall(other) - worth) for other in others]
+    return [judge.mismatch.share(judge.mismatch.overall(other) - worth) for other in rest]
+
+
+def _measured(hypothesis: Hypothesis) -> set[int]:
+    """Terms that are curves: there is a law, and the catalogue does not have it."""
+    return {i for i, term in enumerate(hypothesis.terms) if isinstance(term.effect, Measured)}
 
 
 def _stand_ins(

@@ -42,6 +42,7 @@ from gpsim.diagnosis.report.fit import (
     StepErrors,
 )
 from gpsim.diagnosis.report.known_sizes import no_size, sized
+from gpsim.diagnosis.report.measured import FoundForm, MeasuredCurve, NearestLaw
 from gpsim.diagnosis.report.not_asked import NotAsked
 from gpsim.diagnosis.report.recordings import EndErrors, FromOthers, OneRecording, OwnValues
 from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
@@ -65,6 +66,7 @@ __all__ = [
     "Excitation",
     "Explained",
     "Form",
+    "FoundForm",
     "FromOthers",
     "HeldOutFit",
     "JudgedOn",
@@ -72,9 +74,11 @@ __all__ = [
     "Leads",
     "Location",
     "LogFact",
+    "MeasuredCurve",
     "MissingLaw",
     "ModelErrors",
     "NamedEffect",
+    "NearestLaw",
     "NoGp",
     "NotAsked",
     "Odds",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from gpsim.diagnosis.report.codec import OMITTED
+from gpsim.diagnosis.report.measured import MeasuredCurve
 
 Claims = tuple[tuple[str, str], ...]
 """An explanation: of each of its effects the family and what it acts on."""
@@ -70,7 +71,7 @@ class NamedEffect:
     inputs; sentence: what a person would say; implausible: the same of sizes that no machine of the kind has, None
     where all are usual. Of several recordings: recordings: the only ones in which it acts; own: recording -> parameters
     that differ there from `parameters`, which all others share. Where none shares them, `parameters` are those of the
-    first recording in which it acts.
+    first recording in which it acts. curve: of an effect whose law is no catalogue's but was measured.
     """
 
     family: str
@@ -93,6 +94,7 @@ class NamedEffect:
     implausible: str | None = None
     recordings: tuple[str, ...] | None = field(default=None, metadata=OMITTED)
     own: Mapping[str, Mapping[str, Estimate]] | None = field(default=None, metadata=OMITTED)
+    curve: MeasuredCurve | None = field(default=None, metadata=OMITTED)
 
     @property
     def place(self) -> str:

@@ -48,6 +48,13 @@ class FormSettings:
         "of 10, 14, 16 and 18 the fewest with which cubic springs and root-shaped friction come out within 2 %",
         least=2,
     )
+    knots_of_measured: int = setting(
+        24,
+        "1",
+        "knots of a measured curve of one input, which stands for a law",
+        "with 16 the last knots of -3 sin(4 v) were off by a tenth of its range",
+        least=2,
+    )
     knots_of_two: int = setting(
         5, "1", "knots along each input of a law that has two, as a vehicle's", least=2
     )
@@ -81,6 +88,25 @@ class FormSettings:
         "1",
         "logarithms to base 10 of the weights of a curve's distance from the law, in parts of what the data say",
         least=-12.0,
+    )
+    curves: int = setting(
+        3,
+        "1",
+        "measured curves, at most, that stand in the place of laws that do not hold, or of what has none",
+        least=0,
+    )
+    stands: float = setting(
+        0.05,
+        "1",
+        "of what a group of laws does, in root mean square, that the low end of a measured curve's difference from it "
+        "must exceed to stand in its place",
+        "laws that are right: less than 0.02, with what a simulator's own step leaves; tanh under a viscous name 0.18",
+    )
+    follows: float = setting(
+        0.02,
+        "1",
+        "of what a measured curve does, on squares, that laws of the catalogue may miss to be tried in its place",
+        "laws that stand for a curve and miss more have lost to it by what made it stand",
     )
     points: int = setting(41, "1", "places at which a curve is drawn", least=2)
 

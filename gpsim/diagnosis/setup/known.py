@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.settings import NAMES, Known
-from gpsim.effects import FAMILIES, EffectParameter
+from gpsim.effects import CURVES, FAMILIES, EffectParameter, effect_of
 from gpsim.errors import UsageError
 from gpsim.simulators import Simulator
 
@@ -82,8 +82,8 @@ def _within(parameter: EffectParameter, ends: tuple[float, float]) -> EffectPara
 
 def _check_family(name: str, simulator: Simulator, where: str) -> None:
     family, _, on = name.partition(" on ")
-    _check(family, FAMILIES, where, "family")
-    places = FAMILIES[family].places(simulator)
+    _check(family, {**FAMILIES, **CURVES}, where, "family")
+    places = effect_of(family).places(simulator)
     if on:
         _check(on, places, where, f"place of {family}")
     elif not places:
