@@ -85,7 +85,7 @@ def _unsupported(
     hidden = _unseen(problem, leader, found, free)
     if hidden:
         return least(hidden, "no rollout shows it")
-    mends = [i for i in asked if structured and _mends(leader, found, i, settings)]
+    mends = [i for i in free if structured and _mends(leader, found, i, settings)]
     if mends:
         return least(mends, "behind a gate it mends what is left")
     spare = [i for i in asked if structured and _spare(found, i, settings)]
