@@ -53,7 +53,12 @@ class Measurement:
 
 def measurable(group: Group) -> bool:
     """Whether a curve in a group's place is an effect that a simulator can have: everywhere, of its own input."""
-    return group.site in FAMILY and group.testable and not group.gate and not (group.dry and group.of == "position")
+    return (
+        group.site in FAMILY
+        and group.testable
+        and not group.gate
+        and not (group.dry and group.of == "position")
+    )
 
 
 def measurement(problem: Problem, laws: Hypothesis, free: FreeCurve) -> Measurement | None:
@@ -65,11 +70,13 @@ def measurement(problem: Problem, laws: Hypothesis, free: FreeCurve) -> Measurem
     inputs = places(axes)
     design = curve.basis.design(inputs)
     heights = _heights(problem, laws, group, inputs, design @ fitted.theta[curve.free])
+    rest, heights = _beside_a_constant(
+        laws, group, _rest(curve.hypothesis.having(fitted.theta), laws, group), heights
+    )
     shape = Shape(axes, heights, _wraps(problem, group))
     family = FAMILY[group.site]
     freedom = min(fitted.freedom + _parameters(laws, group), float(curve.basis.size))
     term = Term(family, group.on, shape.values(freedom), Gate(), _variant(group))
-    rest = _rest(curve.hypothesis.having(fitted.theta), laws, group)
     made = rest.plus(term, declared(effect_of(family), Place(group.on, "1")))
     deviation = np.sqrt(np.maximum(np.einsum("nf,fg,ng->n", design, fitted.covariance, design), 0.0))
     return Measurement(group, made, term, deviation)
@@ -92,6 +99,37 @@ def _rest(fitted: Hypothesis, laws: Hypothesis, group: Group) -> Hypothesis:
     if len(there) == len(laws.terms):  # the group's own are held beside a force
         there = [there[i] for i in kept]
     return replace(laws, terms=tuple(there), declared=tuple(laws.declared[i] for i in kept))
+
+
+def _beside_a_constant(
+    laws: Hypothesis, group: Group, rest: Hypothesis, heights: tuple[float, ...]
+) -> tuple[Hypothesis, tuple[float, ...]]:
+    """What else is said, and the curve's heights: where a constant force is told, a force of the position has mean 0.
+
+    Both together could not be told apart, and the constant is the one that people look for.
+    """
+    if (group.site, group.of) != ("force", "position"):
+        return rest, heights
+    told = [i for i, t in enumerate(laws.terms) if _is_constant(t, group)]
+    if not told:
+        return rest, heights
+    mean = float(np.mean(heights))
+    if told[0] in group.terms:
+        rest = rest.plus(_of_force(laws.terms[told[0]], mean), laws.declared[told[0]])
+    else:
+        terms = tuple(
+            _of_force(t, t.values["force"] + mean) if _is_constant(t, group) else t for t in rest.terms
+        )
+        rest = replace(rest, terms=terms)
+    return rest, tuple(height - mean for height in heights)
+
+
+def _is_constant(term: Term, group: Group) -> bool:
+    return (term.family, term.on) == ("constant_force", group.on) and not term.gate
+
+
+def _of_force(term: Term, force: float) -> Term:
+    return replace(term, values={**term.values, "force": force})
 
 
 def _heights(
