@@ -1,6 +1,7 @@
 """Robots whose every joint rubs: speeds from positions, slopes that learn, and an account of rows asked all at once."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -12,6 +13,7 @@ from gpsim.diagnosis.fitting import Hypothesis, Problem, child_of, fit, scores
 from gpsim.diagnosis.fitting.descent import Descent
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import is_row, usual_machine, whole_robot
+from gpsim.diagnosis.selection.refit import _pardoned
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.diagnosis.setup.guesses import speed_of
 from gpsim.effects import effect_of
@@ -124,3 +126,14 @@ def test_rows_of_joints_are_one_machine_and_a_mass_beside_two_of_them_is_not(rub
         True,
         False,
     ]
+
+
+def test_held_out_windows_veto_a_whole_robot_only_where_they_say_as_much_as_a_part_of_what_it_gains(rubbing):
+    problem, account = rubbing[0].everything, _frictions(rubbing[0], 1.0)
+    null = SimpleNamespace(hypothesis=Hypothesis(), objective=1000.0)
+    robot = SimpleNamespace(hypothesis=account, objective=-1000.0)
+    single = SimpleNamespace(
+        hypothesis=account.without(5).without(4).without(3).without(2).without(1), objective=-1000.0
+    )
+    assert _pardoned(problem, robot, null) == pytest.approx(100.0)
+    assert _pardoned(problem, single, null) == 0.0

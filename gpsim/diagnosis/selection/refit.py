@@ -133,7 +133,8 @@ def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
     later = problem.run.side_by_side(held_out_fit, calls)
     left = np.array([(channel_objectives(held_out, f) / tau).sum() for f in later])
     base = next(i for i, f in enumerate(fits) if f is null)
-    worse = np.array([f.objective for f in later]) >= later[base].objective
+    lost = np.array([f.objective for f in later]) - later[base].objective
+    worse = lost >= np.array([_pardoned(problem, f, fits[base]) for f in fits])
     worse[base] = False
     if problem.run.known.require:  # held-out windows have no say in it
         return np.asarray(nats - left)
@@ -141,3 +142,13 @@ def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
         names = (found.hypothesis.names, null.hypothesis.names)
         problem.run.trace.note(*names, False, "no better on held-out windows")
     return np.asarray(np.where(worse, np.minimum(nats, nats[base] - 1.0), nats) - left)
+
+
+def _pardoned(problem: Problem, found: Fit, null: Fit) -> float:
+    """Nats that it may lose on held-out windows: of a whole robot a part of what it gains, as of a term in pruning.
+
+    The end of a log may be another motion, in which next to nothing rubs.
+    """
+    if not whole_robot(problem, found.hypothesis):
+        return 0.0
+    return problem.run.settings.pruning.contradicts * max(null.objective - found.objective, 0.0)
