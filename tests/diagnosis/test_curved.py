@@ -4,6 +4,7 @@ The worlds are integrated by code that shares nothing with the simulator that ex
 """
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -37,6 +38,10 @@ def sliding(v):
     return 1.0 + 2.0 * np.abs(np.sin(2.0 * v))
 
 
+def screw(q):
+    return 2.0 + 2.0 * np.sin(6.0 * q) * np.cos(2.0 * q)
+
+
 WORLDS = {
     "odd force": (World("slider", forces={0: lambda q, v, t: odd(v)}), [VISCOUS]),
     "odd force under two names": (World("slider", forces={0: lambda q, v, t: odd(v)}), [VISCOUS, COULOMB]),
@@ -44,6 +49,10 @@ WORLDS = {
     "motor": (
         World("slider", filters=[lambda u, t, h, m: motor(u)], forces={0: lambda q, v, t: -1.0 * v}),
         [VISCOUS, GAIN],
+    ),
+    "screw": (
+        World("slider", forces={0: lambda q, v, t: screw(q) - 1.0 * v}),
+        [VISCOUS, ("constant_force", "q")],
     ),
     "odd friction": (World("slider", grips={0: lambda q, v, n: sliding(v)}), [COULOMB]),
     "viscous": (World("slider", forces={0: lambda q, v, t: -2.0 * v}), [VISCOUS]),
@@ -109,6 +118,18 @@ def test_a_motor_curve_stands_beside_the_friction_that_is_right():
     (curve,) = found("motor").curves.values()
     assert off(curve, motor) < 0.1
     assert found("motor").laws.forms == ("holds", "approximate")
+
+
+def test_a_constant_force_stays_told_beside_a_curve_of_the_position():
+    """Both could not be told apart; the constant is what people look for, and the curve is about it."""
+    assert families("screw") == ["constant_force", "force_curve", "viscous_friction"]
+    (curve,) = found("screw").curves.values()
+    terms = {t.family: t for t in found("screw").judgement.leader.hypothesis.terms}
+    assert abs(np.mean(curve.values)) < 0.05
+    assert (
+        off(replace(curve, values=np.array(curve.values) + terms["constant_force"].values["force"]), screw)
+        < 0.1
+    )
 
 
 def test_odd_friction_still_holds_at_rest():
