@@ -136,9 +136,8 @@ def diagnose_command(
     from gpsim.mjcf import notes_of
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
-    from gpsim.reports.diagnosis_text import ranking
-    from gpsim.reports.not_asked_text import not_asked_lines
-    from gpsim.reports.trace_text import trace_lines
+    from gpsim.reports.diagnosis_text import not_asked_lines, ranking
+    from gpsim.reports.statistics_text import trace_lines
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.diagnosis_files import read_trace
@@ -203,7 +202,7 @@ def _score(
     dry_run: bool,
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
-    from gpsim.reports.score_text import score_lines
+    from gpsim.reports.statistics_text import score_lines
     from gpsim.stages.figures import paths_of, score_figures
     from gpsim.stages.score import read_score, stage_for
     from gpsim.stages.stage import Request

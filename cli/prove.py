@@ -158,8 +158,8 @@ def diagnose_command(context: typer.Context, out: Out, jobs: Jobs = CORES) -> No
 @prove_app.command("reveal")
 def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
+    from gpsim.reports.loop_page import terminal_table
     from gpsim.reports.prove_sheets import beside, terminal_sheets
-    from gpsim.reports.tables import terminal_table
     from gpsim.stages import prove
 
     launcher = _launcher(context, jobs)

@@ -57,7 +57,7 @@ def full_loop(
         show_status(config, shown_words(words, config_dir), seeds)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.tables import terminal_notes, terminal_tables
+    from gpsim.reports.loop_page import terminal_notes, terminal_tables
     from gpsim.stages import full_loop as loop
     from gpsim.stages import report
     from gpsim.stages.stage import Request
@@ -200,7 +200,7 @@ def report_command(
         raise UsageError(
             "report: --out goes with --site; a report is an artifact and lies where runs_dir= says"
         )
-    from gpsim.reports.tables import terminal_notes, terminal_tables
+    from gpsim.reports.loop_page import terminal_notes, terminal_tables
     from gpsim.stages import report
     from gpsim.stages.stage import Request
 

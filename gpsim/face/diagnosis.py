@@ -168,8 +168,7 @@ class Diagnosis:
         return f"<Diagnosis of {self._found.name}: {self.verdict}{f', {named}' if named else ''}>"
 
     def _repr_html_(self) -> str:
-        from gpsim.reports.account_fragment import account_fragment
-        from gpsim.reports.diagnosis_page import front_of
+        from gpsim.reports.diagnosis_page import account_fragment, front_of
 
         pictures = self._found.pictures
         return account_fragment(

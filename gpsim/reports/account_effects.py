@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Form, NamedEffect
+from gpsim.reports.canvas import shortened
 from gpsim.reports.diagnosis_text import gate_text
-from gpsim.reports.effect_text import noun
-from gpsim.reports.lettering import shortened
 from gpsim.reports.quantities import odds_text, percent, size_text
 from gpsim.reports.sheets import MISSING
+from gpsim.reports.wording import noun
 
 SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
 """Of a gain by the command's direction, short enough for a table."""

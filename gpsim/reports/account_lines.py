@@ -12,7 +12,7 @@ from rich.cells import cell_len, set_cell_size
 
 from gpsim.reports.account import Account, Fit
 from gpsim.reports.account_effects import Row
-from gpsim.reports.lettering import ELLIPSIS, shortened
+from gpsim.reports.canvas import ELLIPSIS, shortened
 from gpsim.reports.printable import printable
 
 LINES, COLUMNS = 24, 100

@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from importlib import resources
+from dataclasses import dataclass, replace
+from textwrap import fill
 from typing import Any
 
 from matplotlib.figure import Figure
+from rich import box
+from rich.table import Table
+from rich.text import Text
 
-from gpsim.reports import headline, thesis
-from gpsim.reports.canvas import data_uri
+from gpsim.reports.canvas import POLICIES, colours, data_uri
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
-from gpsim.reports.html import page_of
-from gpsim.reports.loop_report import LoopReport, MadeBy
+from gpsim.reports.html import page_of, resource
+from gpsim.reports.loop_figures import (
+    figure_divergence,
+    figure_expert_rounds,
+    figure_learning_curves,
+    figure_returns,
+    figure_rollouts,
+)
+from gpsim.reports.loop_report import (
+    LoopReport,
+    MadeBy,
+    printed_table,
+)
+from gpsim.reports.loop_sheets import cards, paragraph, return_sheets, success_sheets
 from gpsim.reports.model_sheets import (
     calibration_sheet,
     fit_sheet,
@@ -24,12 +38,8 @@ from gpsim.reports.model_sheets import (
     rollout_sheet,
     scale_sheet,
 )
-from gpsim.reports.palette import colours
-from gpsim.reports.return_figures import figure_expert_rounds, figure_learning_curves, figure_returns
-from gpsim.reports.return_sheets import return_sheets
-from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
-from gpsim.reports.sheets import Sheet
-from gpsim.reports.success_sheets import success_sheets
+from gpsim.reports.printable import printable
+from gpsim.reports.sheets import Cell, Sheet
 from gpsim.reports.trip_figures import figure_steps, figure_trips
 
 
@@ -48,12 +58,12 @@ def render(report: LoopReport) -> str:
     sheets = return_sheets(report)
     colour = colours([*report.policies, *report.rollouts])
     return page_of(
-        _resource("loop_report.html.jinja"),
-        _resource("loop_report.css") + _tints(colour),
+        "loop_report.html.jinja",
+        resource("loop_report.css") + _tints(colour),
         report=report,
         tints={name: f"tint-{i}" for i, name in enumerate(colour)},
-        paragraph=headline.paragraph(report),
-        cards=headline.cards(report),
+        paragraph=paragraph(report),
+        cards=cards(report),
         success_sheets=success_sheets(report),
         return_sheets=sheets,
         one_step=_filled(one_step_sheet(report)),
@@ -66,7 +76,7 @@ def render(report: LoopReport) -> str:
         settings=list(settings(report.settings)),
         manifest=_manifest,
         diagnosed_by=_diagnosed_by(report),
-        thesis_table=thesis.one_step_table(report.experiment, report.system),
+        thesis_table=printed_table(report.experiment, report.system),
     )
 
 
@@ -104,10 +114,6 @@ def _filled(sheet: Sheet) -> Sheet | None:
 
 def _manifest(made: MadeBy) -> str:
     return json.dumps(made.manifest, indent=1, sort_keys=False, default=str)
-
-
-def _resource(name: str) -> str:
-    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")
 
 
 def _pictures(report: LoopReport) -> dict[str, Picture]:
@@ -191,3 +197,79 @@ def _shown(report: LoopReport, picture: str) -> list[str]:
 
 def _actions(report: LoopReport) -> str:
     return "recorded" if report.summary.get("judged_on") else "random"
+
+
+HEADER = 12
+"""Characters a line of a column's head may hold: heads must not make a table wider than a terminal."""
+
+
+def terminal_tables(report: LoopReport) -> list[Table]:
+    """Returns, one step, calibration and rollouts: the page's numbers; empty tables are left out."""
+    sheets = [
+        *(success_sheets(report) or return_sheets(report)),
+        one_step_sheet(report),
+        calibration_sheet(report),
+        rollout_sheet(report),
+    ]
+    colour = colours(report.policies)
+    return [terminal_table(part, colour) for sheet in sheets if sheet.rows for part in _parts(sheet)]
+
+
+def terminal_notes(report: LoopReport) -> list[str]:
+    """What the tables do not say by themselves: on what was judged, why a layer is missing, what to be wary of."""
+    found = (("judged_on", "judged on {}"), ("not_driven", "{}"), ("measured_on", "measured on {}"))
+    said = [words.format(report.summary[key]) for key, words in found if report.summary.get(key)]
+    return [*said, *(f"warning: {text}" for text in gp_warnings(report))]
+
+
+def _parts(sheet: Sheet) -> list[Sheet]:
+    """A terminal is narrow: a sheet's tail becomes a table of its own."""
+    if not sheet.tail:
+        return [sheet]
+    cut = len(sheet.columns) - sheet.tail
+    body = replace(
+        sheet, columns=sheet.columns[:cut], rows=tuple(cells[:cut] for cells in sheet.rows), tail=0, note=""
+    )
+    tail = Sheet(
+        f"{sheet.title}, mean by seed",
+        (*sheet.columns[: sheet.labels], *sheet.columns[cut:]),
+        tuple((*cells[: sheet.labels], *cells[cut:]) for cells in sheet.rows),
+        sheet.labels,
+        sheet.note,
+    )
+    return [body, tail]
+
+
+def terminal_table(sheet: Sheet, colour: dict[str, str]) -> Table:
+    """One sheet as a table of the terminal; `colour` is that of names that have one."""
+    table = Table(
+        title=Text(printable(sheet.title), "table.title"),
+        caption=Text(printable(sheet.note), "table.caption") if sheet.note else None,
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+        title_justify="left",
+        caption_justify="left",
+    )
+    for index, name in enumerate(sheet.columns):
+        label = index < sheet.labels
+        table.add_column(
+            Text(printable(name if label else fill(name, HEADER))),
+            justify="left" if label else "right",
+            no_wrap=label,
+        )
+    for cells in sheet.rows:
+        table.add_row(*(_text(cell, colour) for cell in cells))
+    return table
+
+
+def _text(cell: Cell, colour: dict[str, str]) -> Text:
+    text = printable(cell.text)
+    if cell.below:
+        return Text.assemble(text, (f"\n{printable(cell.below)}", "dim"))
+    if cell.marked:
+        return Text(f"{text} !", style="bold red")
+    # Target is nearly black in figures: invisible on a dark terminal.
+    if cell.name and cell.name in colour and cell.name != "Target":
+        return Text(text, style=colour[cell.name])
+    return Text(text, style="bold" if cell.name in POLICIES else "")
