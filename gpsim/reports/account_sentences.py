@@ -11,15 +11,15 @@ from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, 
 from gpsim.diagnosis.settings import LackOfFitSettings, VerdictSettings
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import claim_name, effect_name, told_effects
-from gpsim.reports.canvas import shortened
+from gpsim.reports.canvas import spelled
 from gpsim.reports.diagnosis_text import combination_texts, listed, parameters_of
-from gpsim.reports.quantities import odds_text, percent, share_text
+from gpsim.reports.quantities import certainty_text, is_open, percent, share_text
 from gpsim.simulators import lives_here
 
 JUDGED: Mapping[JudgedOn, str] = {
     "held-out rollouts": "",
     "cross-fitted rollouts": " (cross-fitted: too little is held out)",
-    "fit windows": " (where it learnt: held-out rollouts show none)",
+    "fit windows": " (on its own training data: held-out rollouts show no mismatch)",
 }
 """What a share is of, where that is not what anybody would expect."""
 
@@ -34,11 +34,11 @@ def verdict_sentence(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> s
     what = f"{effect_name(headline[0])} explains" if alone else "the effects below explain"
     said = f"{what} {_share(diagnosis)}"
     if diagnosis.verdict == "named" and diagnosis.alternatives:
-        return f"{said}; what does as well differs in small corrections alone."
+        return f"{said}; other explanations that fit as well differ in small corrections only."
     if diagnosis.verdict == "named":
         return f"{said}; no other explanation does as well."
     if diagnosis.verdict == "ambiguous":
-        return f"{said}, but these data cannot tell this from {_others(diagnosis, headline)}."
+        return f"{said}, but these data cannot tell it apart from {_others(diagnosis, headline)}."
     return f"{said}{_but(diagnosis, headline)}."
 
 
@@ -47,17 +47,17 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
     doubts = diagnosis.doubts
     bent = [effect_name(effect) for effect in headline if effect.form == "approximate"]
     if "left" in doubts or _much_is_left(diagnosis) or not (bent or doubts):
-        return "; the rest has no name yet: train with it, and mind what is left"
+        return "; the rest is unexplained: the corrected simulator helps, but is not complete"
     if bent:
         law = f"the law of {bent[0]}" if len(bent) == 1 else f"{len(bent)} of the laws"
         verb = "holds" if len(bent) == 1 else "hold"
-        return f", but {law} {verb} only approximately: trust the curve, not the size"
+        return f", but {law} {verb} only approximately: trust its curve in the report more than its size"
     if "black box" in doubts:
-        return ", but a black box foresees much more: something has no name yet"
+        return ", but a black-box model predicts much better: some physics is still missing"
     if "no claim" in doubts:
-        return ", but none of them is a claim by itself: others could stand for it"
+        return ", but each of them could be replaced by another effect"
     vague = [effect_name(e) for e in headline if _vague(e)]
-    return f", but how large {vague[0] if vague else 'one of them'} is, these data do not say"
+    return f", but these data do not determine how large {vague[0] if vague else 'one of them'} is"
 
 
 def _vague(effect: NamedEffect) -> bool:
@@ -86,22 +86,24 @@ def _others(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         return "another explanation" if count < 2 else f"{count} other explanations"
     lowest = min(odds, key=lambda o: math.inf if o.nats is None else o.nats)
     told = listed([claim_name(*claim) for claim in lowest.against]) or "nothing at all"
-    return f"{told} (odds of {odds_text(lowest)})"
+    return told if is_open(lowest) else f"{told} (odds of {certainty_text(lowest)})"
 
 
 def _none(diagnosis: Diagnosis) -> str:
     if diagnosis.remainder.structured:
         return (
-            "nothing is missing that matters: what chance does not explain moves no rollout out of the noise."
+            "nothing that matters is missing: what is left is not chance, but rollouts stay within the noise."
         )
-    return "nothing is missing that this recording could show: simulator and recording differ by noise alone."
+    return "nothing is missing that this recording could show: simulator and recording differ by noise only."
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
     found = diagnosis.explained.rollout
     if found is None or not found.share > 0.0:
-        return "something is missing, and no effect that I know explains it on data that it had not seen."
-    return f"something is missing; the best that I know explains {share_text(found)} of it, too little to be named."
+        return "something is missing, and no effect of the catalogue explains it on held-out data."
+    return (
+        f"something is missing; the best explanation covers {share_text(found)} of it, too little to name it."
+    )
 
 
 POOR = 0.5  # of a rate's mismatch one step ahead: an account that explains less of it says so
@@ -119,19 +121,19 @@ def left(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"the log: {listed(diagnosis.log_facts, MOST_FACTS)}"
     yield from combination_texts(diagnosis.combinations[:MOST_FACTS])
     poor = [
-        f"{percent(found.share)} % of {shortened(rate)}"
+        f"{percent(found.share)} % of {spelled(rate)}"
         for rate, found in diagnosis.explained.one_step.items()
         if found.share < POOR
     ]
     if poor and diagnosis.verdict not in ("unknown", "none"):
-        yield f"one step ahead the account explains only {listed(poor)}"
+        yield f"one step ahead only {listed(poor)} is explained"
     gp = diagnosis.remainder.gp
     if gp is not None and gp.used and diagnosis.verdict != "none":
         alone = diagnosis.verdict == "unknown"
         yield (
-            "a Gaussian process has learnt it: the errors after are with that"
+            "a Gaussian process has learned it: the errors after include it"
             if alone
-            else "a Gaussian process has learnt what is left: simulations are better with it"
+            else "a Gaussian process has learned it: simulate with it for smaller errors"
         )
 
 
@@ -142,14 +144,14 @@ def box_name(diagnosis: Diagnosis) -> str:
         return "a black box"
     if box.model == "curve":
         return f"a free curve of {box.of}"
-    return "a Gaussian process alone" if box.model == "gp" else "a Gaussian process beside them"
+    return "a Gaussian process alone" if box.model == "gp" else "a Gaussian process on top of them"
 
 
 def _foreseen(diagnosis: Diagnosis, box: BlackBox) -> str:
     """How much a black box still finds, and on what that depends."""
-    text = f"{box_name(diagnosis)} takes {share_text(box.takes_off)} off the error of held-out rollouts"
-    inputs = listed([shortened(name) for name in box.depends_on])
-    return f"{text}; it depends on {inputs}" if inputs else text
+    text = f"{box_name(diagnosis)} removes {share_text(box.takes_off)} of the remaining held-out error"
+    inputs = listed([spelled(name) for name in box.depends_on])
+    return f"{text}; it uses {inputs}" if inputs else text
 
 
 def hangs_on(diagnosis: Diagnosis) -> list[str]:
@@ -176,17 +178,19 @@ def _amount(diagnosis: Diagnosis) -> str:
         return "nothing but noise"
     amount = "something" if share is None else f"{percent(share)} % of the mismatch"
     if not remainder.structured:
-        return "nothing but noise" if share is None else f"{amount}, which looks like noise"
-    text = f"{amount} that chance does not explain" if share is None else amount
+        return "nothing but noise" if share is None else f"{amount}, no more than noise would leave"
+    text = "something that is not noise" if share is None else f"{amount} is unexplained"
     law = remainder.lack_of_fit
     rate = remainder.rate or (law.rate if law is not None and is_missing(law) else None)
     if rate:
-        text += f"{', most of it' if share is not None else ''} in {shortened(rate)}"
+        text += f"{', most of it' if share is not None else ''} in {spelled(rate)}"
     inputs = hangs_on(diagnosis)
     if inputs:
-        text += f"; it depends on {listed([shortened(name) for name in inputs])}"
+        text += f"; it changes with {listed([spelled(name) for name in inputs])}"
     if law is not None and is_missing(law) and law.memory:
-        text += f", also on what that was over the last {law.memory:.2g} s"
+        text += (
+            f", also with {'its' if len(inputs) == 1 else 'their'} history over the last {law.memory:.2g} s"
+        )
     return text
 
 
@@ -198,16 +202,18 @@ VAGUE = 0.25  # half an interval over its value: a size that is known less well 
 def following(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> list[str]:
     """The advice that would help most, first what only another recording can decide."""
     if diagnosis.verdict == "none":
-        return ["train in the simulator as it is"]
+        return ["train in the simulator as it is: it needs no correction"]
     held = [effect_name(e) for e in headline if any(p.at_bound for p in e.parameters.values())]
     if diagnosis.tell_apart and diagnosis.alternatives:
         return [diagnosis.tell_apart]
     if diagnosis.remainder.structured or diagnosis.verdict in ("unknown", "partial"):
         return [_where_it_moves(diagnosis)]
     if diagnosis.combinations:
-        return [f"measure {parameters_of(diagnosis.combinations[0])} by itself: motion alone cannot"]
+        return [
+            f"measure {parameters_of(diagnosis.combinations[0])} on its own: motion alone fixes only a combination"
+        ]
     if held:
-        return [f"record more of what {held[0]} does: its size stopped at the bound of the search"]
+        return [f"record more of what {held[0]} does: its size is at the limit of the search"]
     vague = max(headline, key=_vagueness, default=None)
     if vague is not None and _vagueness(vague) > VAGUE:
         return [f"record more of what {effect_name(vague)} does: its size is known least well"]
@@ -240,21 +246,21 @@ def _where_it_moves(diagnosis: Diagnosis) -> str:
     if law is not None and is_missing(law) and law.memory:
         return (
             f"record steps of {_names(law.on)} with pauses longer than {2 * law.memory:.2g} s between them: what is "
-            "missing remembers"
+            "missing has memory"
         )
     inputs = hangs_on(diagnosis)
     if inputs:
         return (
-            f"record {_names(inputs)} over {'its' if len(inputs) == 1 else 'their'} whole range, once in a slow sweep "
-            "and once in a fast one"
+            f"record {_names(inputs)} over {'its' if len(inputs) == 1 else 'their'} whole range, in one slow sweep "
+            f"and one fast sweep: what is missing changes with {'it' if len(inputs) == 1 else 'them'}"
         )
     if diagnosis.explained.judged_on != "held-out rollouts":
-        return "record longer: too little could be held out to judge what is left"
-    return "record slow and fast sweeps of every command: nothing that was measured tells what is left"
+        return "record for longer: there was too little held-out data to judge what is left"
+    return "record slow and fast sweeps of every command: no measured channel predicts what is left"
 
 
 def _names(names: Sequence[str]) -> str:
-    return listed([shortened(name) for name in names])
+    return listed([spelled(name) for name in names])
 
 
 def _vagueness(effect: NamedEffect) -> float:
@@ -272,8 +278,8 @@ def _relative(size: Estimate) -> float:
 
 
 LEADS: Mapping[Leads, str] = {
-    "likeliest": "told is the likeliest",
-    "simplest": "told is the simplest within odds of 10:1",
+    "likeliest": "the table shows the likeliest",
+    "simplest": "the table shows the simplest of those within odds of 10 to 1",
 }
 MOST = 2  # rivals that are told, the likeliest; further ones are in diagnosis.json
 
@@ -293,10 +299,10 @@ def rivals(diagnosis: Diagnosis) -> Iterator[str]:
     if shared := [
         claim for claim in certain if claim in claimed
     ]:  # what is slight is no claim, whoever shares it
-        yield f"certain, as all explanations share it: {_said(shared)}"
+        yield f"in every explanation: {_said(shared)}"
     first, further = open_[: 1 + MOST], len(open_) - 1 - MOST
-    more = f", or {further} more in diagnosis.json" if further > 0 else ""
-    yield f"undecided: {', or '.join(first)}{more}; {LEADS[diagnosis.leads]}"
+    more = f" or {further} more in diagnosis.json" if further > 0 else ""
+    yield f"either {' or '.join(first)}{more}; {LEADS[diagnosis.leads]}"
 
 
 def _claims(effects: Sequence[NamedEffect]) -> Claims:

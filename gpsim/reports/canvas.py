@@ -67,6 +67,7 @@ FAMILY = "DejaVu Sans"  # comes with matplotlib: the same on every machine
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
 ELLIPSIS = "…"
 LONGEST = 28  # letters of a name in a figure,
+SENTENCE = 60  # in a sentence, which wraps,
 LABEL = 18  # beside an axis that is no longer than that,
 LONGEST_UNIT = 12  # and of a unit
 _NO_WIDTH = "\N{ZERO WIDTH SPACE}"
@@ -78,6 +79,11 @@ def shortened(name: str, most: int = LONGEST) -> str:
         return name
     end = (most - 1) // 2
     return f"{name[: most - 1 - end]}{ELLIPSIS}{name[len(name) - end :] if end else ''}"
+
+
+def spelled(name: str) -> str:
+    """A name as a sentence shows it: whole, unless no line could hold it."""
+    return shortened(name, SENTENCE)
 
 
 def named(name: str, unit: str = "", most: int = LONGEST) -> str:

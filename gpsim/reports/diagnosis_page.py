@@ -100,7 +100,7 @@ def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def _first_rows(rows: Sequence[Row]) -> int:
     """How many rows have room on the first screen: one at least."""
-    lines = [max(len(row.sizes), 1 + bool(row.gate)) for row in rows]
+    lines = [max(len(row.sizes), 1 + bool(row.gate) + bool(row.instead)) for row in rows]
     return max(1, sum(used <= MOST_LINES for used in accumulate(lines)))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import SINCE_REVERSAL
 from gpsim.diagnosis.report import Claims, Combination, LogFact, NamedEffect, NotAsked, RankedHypothesis
-from gpsim.reports.canvas import shortened
+from gpsim.reports.canvas import spelled
 from gpsim.reports.quantities import interval_text, number, percent
 from gpsim.reports.sheets import unit
 
@@ -168,18 +168,20 @@ def where(diagnosis: Diagnosis) -> str:
     """In which rates, on what they depend, in which part of state or time, and what of the log was looked at."""
     location = diagnosis.location
     if diagnosis.verdict == "none":
-        return f"nowhere beyond noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
+        return (
+            f"nowhere: the error is noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
+        )
     shares = sorted(location.channels.items(), key=lambda item: -item[1])
-    told = [f"{percent(share)} % of {shortened(name)}'s" for name, share in shares if share > TRIFLE]
-    text = f"beyond noise lies {listed([f'{told[0]} residual', *told[1:]])}" if told else _no_part(diagnosis)
+    told = [(spelled(name), percent(share)) for name, share in shares if share > TRIFLE]
+    text = _error_in(told) if told else _no_part(diagnosis)
     if location.depends_on:
-        text += f"; it depends on {listed([shortened(name) for name in location.depends_on])}"
+        text += f"; look at {listed([spelled(name) for name in location.depends_on])}: the error changes with them"
     for name, (low, high) in location.region.items():
-        text += f"; it acts where {in_region(name, low, high)}"
+        text += f"; only where {in_region(name, low, high)}"
     if location.since is not None:
         text += f"; since t = {_moment(location.since, diagnosis.dt)} s"
     if location.since_episode is not None:
-        text += f"; since episode {shortened(location.since_episode)}"
+        text += f"; since episode {spelled(location.since_episode)}"
     return f"{text}{_part(diagnosis)}.{_looked_at(diagnosis)}"
 
 
@@ -189,15 +191,15 @@ def gate_text(effect: NamedEffect, dt: float | None) -> str:
     if effect.since is not None:
         said.append(f"since t = {_moment(effect.since, dt)} s")
     if effect.since_episode is not None:
-        said.append(f"since episode {shortened(effect.since_episode)}")
+        said.append(f"since episode {spelled(effect.since_episode)}")
     if effect.recordings is not None:
-        said.append(f"only in {listed([shortened(name) for name in effect.recordings])}")
+        said.append(f"only in {listed([spelled(name) for name in effect.recordings])}")
     return ", ".join(said)
 
 
 def in_region(name: str, low: float, high: float) -> str:
     """`x in [-1.1, -0.4]`."""
-    return f"{shortened(name)} in {_between(low, high)}"
+    return f"{spelled(name)} in {_between(low, high)}"
 
 
 def listed(names: Sequence[str], most: int = MOST) -> str:
@@ -214,7 +216,7 @@ def _own_step(diagnosis: Diagnosis) -> str:
     if not coarse:
         return ""
     left = listed(
-        [f"{number(finely)} of {shortened(n)}'s {number(e.before)} {e.unit}" for n, e, finely in coarse]
+        [f"{number(finely)} of {spelled(n)}'s {number(e.before)} {e.unit}" for n, e, finely in coarse]
     )
     return f" The simulator's own step is coarse: integrated finely, {left} is left one step ahead."
 
@@ -227,16 +229,16 @@ def _part(diagnosis: Diagnosis) -> str:
         return ""
     (low, high), name = part.interval, part.channel
     of = name if part.is_channel else name.removeprefix(SINCE_REVERSAL)
-    lies = f"{part.where} {shortened(name)} = {_between(low, high)}" if of == name else _soon_after(of, high)
+    lies = f"{part.where} {spelled(name)} = {_between(low, high)}" if of == name else _soon_after(of, high)
     return (
-        f"; {percent(part.share_of_mismatch)} % of {shortened(part.rate)}'s lies {lies}, "
+        f"; {percent(part.share_of_mismatch)} % of {spelled(part.rate)}'s error lies {lies}, "
         f"in {percent(part.share_of_samples)} % of the samples"
     )
 
 
 def _soon_after(of: str, seconds: float) -> str:
-    of = shortened(of)
-    return f"within {seconds:.3g} s of a reversal of {of}" if seconds > 0.0 else f"where {of} turns round"
+    of = spelled(of)
+    return f"within {seconds:.3g} s of a reversal of {of}" if seconds > 0.0 else f"where {of} reverses"
 
 
 def _between(low: float, high: float) -> str:
@@ -258,10 +260,10 @@ def _looked_at(diagnosis: Diagnosis) -> str:
     """What a reader must know of the data that were looked at."""
     text = ""
     if diagnosis.thinned > 1:
-        text += f" The clock is fast: every {_ordinal(diagnosis.thinned)} sample was read, commands averaged between."
+        text += f" The clock is fast: every {_ordinal(diagnosis.thinned)} sample was used, commands averaged between."
     if diagnosis.not_measured:
-        names = listed([shortened(name) for name in diagnosis.not_measured])
-        text += f" Nobody measured {names}: it is what each model's own windows say."
+        names = listed([spelled(name) for name in diagnosis.not_measured])
+        text += f" Not measured and estimated by each model: {names}."
     return text
 
 
@@ -269,11 +271,21 @@ def _ordinal(number: int) -> str:
     return f"{number}{ {2: 'nd', 3: 'rd'}.get(number, 'th') }"
 
 
+def _error_in(told: Sequence[tuple[str, str]]) -> str:
+    """In which rates the simulator is wrong, the worst first: how much of the error there is more than noise."""
+    (first, share), others = told[0], told[1:]
+    names = [
+        f"{first} ({share} % of the error there is not noise)",
+        *(f"{name} ({s} %)" for name, s in others),
+    ]
+    return f"in {listed(names)}"
+
+
 def _no_part(diagnosis: Diagnosis) -> str:
     return (
-        "beyond noise lies a small part of the residual"
+        "the error is small in every rate, but more than noise"
         if diagnosis.fit.one_step
-        else "in a rate that nobody measured"
+        else "in a rate that was not measured"
     )
 
 

@@ -8,9 +8,8 @@ from functools import partial
 from typing import Any
 
 from gpsim.channels import FloatArray
-from gpsim.trials.catalogue import actuators, laws, strengths, words
-from gpsim.trials.catalogue.actuators import Actuator
-from gpsim.trials.catalogue.sensors import SENSORS, read
+from gpsim.trials.catalogue import laws, strengths, words
+from gpsim.trials.catalogue.laws import SENSORS, Actuator, read
 from gpsim.trials.catalogue.strengths import Draw
 from gpsim.trials.catalogue.words import WORDS, places_of
 from gpsim.trials.worlds import Values
@@ -22,7 +21,7 @@ TWIST: Mapping[
     Callable[[Values, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
 ] = {**laws.TWIST, **words.at_site("twist")}
 ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
-    **actuators.ACTUATORS,
+    **laws.ACTUATORS,
     **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},
 }
 DECK = tuple(sorted(strengths.STRENGTHS))

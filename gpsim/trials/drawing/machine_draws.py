@@ -10,10 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gpsim.trials.drawing.defects import rough_log
 from gpsim.trials.drawing.draws import NOISE
 from gpsim.trials.drawing.machine_parts import PARTS, Sizes, parts_of
-from gpsim.trials.drawing.nuisances import calibrated, nuisances, pilot, shares_of
+from gpsim.trials.drawing.nuisances import calibrated, nuisances, pilot, rough_log, shares_of
 from gpsim.trials.truth import Shares
 from gpsim.trials.worlds import (
     CLOSED_LOOP,

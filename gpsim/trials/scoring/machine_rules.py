@@ -13,9 +13,8 @@ from typing import Any
 
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import MachineListing, Seen
-from gpsim.trials.scoring.claims import Json, claims_of, headline_of, identity
-from gpsim.trials.scoring.parameters import parameter_errors
-from gpsim.trials.scoring.rough_rules import late_claims, rough_verdicts
+from gpsim.trials.scoring.claims import Json, claims_of, headline_of, identity, parameter_errors
+from gpsim.trials.scoring.group_rules import late_claims, rough_verdicts
 
 MACHINES = "machines"
 SEEN, NEEDED, STANDS_OUT = 3.0, 0.01, 1.0  # nats, share of the mismatch, standard deviations of the noise

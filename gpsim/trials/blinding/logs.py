@@ -1,4 +1,4 @@
-"""The recording of a rough world as it was logged: coarse, stale, swapped, lost, and stamped by a clock of its own."""
+"""The recording of a world: on an even clock with every row there, or as it was logged, with the defects of a log."""
 
 from __future__ import annotations
 
@@ -9,9 +9,54 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from gpsim.channels import BoolArray, FloatArray, IntArray, wrap_angle
-from gpsim.recordings import Episode, Recording
-from gpsim.trials.worlds import SYSTEMS, Rough, World
+from gpsim.channels import BoolArray, Channels, FloatArray, IntArray, wrap_angle
+from gpsim.recordings import Episode, HeldOut, Recording
+from gpsim.trials.worlds import SYSTEMS, Rough, Run, World
+
+
+def even_recording(world: World, readings: FloatArray, truth: Run, kept: FloatArray) -> Recording:
+    """The readings (K + 1, E, S) as a user would have them."""
+    system = SYSTEMS[world.system]
+    state = Channels.of(system.state, ("yaw",) if system.vehicle else ())
+    episodes: list[Episode] = []
+    for e in np.flatnonzero(kept):
+        count = int(kept[e])
+        states = readings[:count, e].copy()
+        if world.velocities == "differentiated":
+            states[:, 1::2] = _differentiated(states[:, 0::2], world)
+        if system.vehicle and world.wrapped:
+            states[:, 2] = wrap_angle(states[:, 2])
+        t = world.clock_offsets[e] + world.dt * np.arange(count)
+        episodes.append(Episode(str(len(episodes)), np.round(t, 9), states, truth.commands[: count - 1, e]))
+    held_out = None
+    if world.held_out is not None:
+        held_out = HeldOut(episodes_from=round(0.8 * len(episodes)))
+    noise = {
+        n: sd
+        for i, (n, sd) in enumerate(world.noise.items())
+        if world.noise_known and not (world.velocities == "differentiated" and i % 2)
+    }
+    return Recording(
+        system=world.system,
+        state=state,
+        action=Channels.of(system.action),
+        episodes=tuple(episodes),
+        dt=world.dt,
+        parameters=world.parameters,
+        integrator=world.integrator,
+        velocities=world.velocities,
+        clock=world.clock,
+        noise=noise,
+        held_out=held_out,
+    )
+
+
+def _differentiated(positions: FloatArray, world: World) -> FloatArray:
+    """(K + 1, C) velocities as users make them of positions."""
+    if world.smoothing == "savgol":
+        return np.asarray(savgol_filter(positions, 7, 2, deriv=1, delta=world.dt, axis=0))
+    return np.asarray(np.gradient(positions, world.dt, axis=0))
+
 
 MOST_LATE = 0.4  # of a sample, that a stamp is off
 SPIKES = 0.01  # share of the stamps that are as late as that
@@ -45,7 +90,7 @@ def logged(world: World, rough: Rough, even: Recording) -> Logged:
         t = _stamps(episode.t, world, rough, rng)[there]
         states = states[there]
         if world.velocities == "differentiated":
-            states[:, 1::2] = _differentiated(states[:, 0::2], t, world)
+            states[:, 1::2] = _differentiated_by_stamps(states[:, 0::2], t, world)
         if SYSTEMS[world.system].vehicle and world.wrapped:
             states[:, 2] = wrap_angle(states[:, 2])
         counts["repeated"] += int(stale[there].sum())
@@ -82,7 +127,7 @@ def _stamps(t: FloatArray, world: World, rough: Rough, rng: np.random.Generator)
     return np.asarray((1.0 + rough.drift) * t + late)
 
 
-def _differentiated(positions: FloatArray, t: FloatArray, world: World) -> FloatArray:
+def _differentiated_by_stamps(positions: FloatArray, t: FloatArray, world: World) -> FloatArray:
     """(K + 1, C) velocities as users make them of such positions: over the stamps, or by a filter that trusts dt."""
     if world.smoothing == "savgol" and len(positions) > WINDOW:
         return np.asarray(savgol_filter(positions, WINDOW, ORDER, deriv=1, delta=world.dt, axis=0))
