@@ -16,9 +16,12 @@ from .cores import CORES
 from .fleet import diagnose_each, refuse_several
 from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words
+from .pace import DIAGNOSIS, MUJOCO
 from .printing import say
-from .progress import caution, note, single_progress, warn
+from .progress import caution, note, saying_once, single_progress, warn
 from .trusting import named, named_effects
+
+COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
 
 if TYPE_CHECKING:
     from gpsim.stages.raw_logs import RawLog
@@ -133,7 +136,8 @@ def diagnose_command(
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
-    from gpsim.mjcf import notes_of
+    from gpsim.kernels import is_compiled
+    from gpsim.mjcf import is_mujoco, notes_of
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
     from gpsim.reports.diagnosis_text import not_asked_lines, ranking
@@ -166,8 +170,10 @@ def diagnose_command(
     if dry_run:
         show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))
         return
-    with single_progress("diagnose") as progress:
-        request = Request(config, shown_words(settings, config_dir), progress, out, cores=cores or CORES)
+    model = simulator is not None and is_mujoco(simulator)
+    with single_progress("diagnose", MUJOCO if model else DIAGNOSIS) as progress:
+        told = progress if is_compiled() else saying_once(progress, COMPILES)
+        request = Request(config, shown_words(settings, config_dir), told, out, cores=cores or CORES)
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)

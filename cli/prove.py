@@ -189,7 +189,7 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
 
 @prove_app.command("answers")
 def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proof.")]) -> None:
-    """List the answers, one line a world: for whoever holds them."""
+    """List the answers, one line a world: for those who hold them."""
     from gpsim.stages import prove
 
     answers = prove.read_answers(out)

@@ -20,10 +20,11 @@ from gpsim.reports.printable import printable
 LINES, COLUMNS = 24, 100
 INDENT = 9  # columns of a part's name
 BAR = 10  # columns of a full bar
+PERCENT = 6  # columns of a share beside it
 EIGHTHS = " ▏▎▍▌▋▊▉"
 HEADS = ("effect", "size ± (90 %)", "share of mismatch", "how sure", "law holds?")
 GAP = 2  # columns between two of the table
-WIDEST = (34, 34, BAR + 7, 9, 13)
+WIDEST = (34, 34, BAR + 1 + PERCENT, 9, 13)
 NARROWEST = 22  # columns of a name before the sizes beside it make room
 """Columns that a table's columns may take."""
 WORD = 60  # columns of a word: a longer one, a path, would push all others off its line
@@ -266,7 +267,8 @@ def _labelled(name: str, size: str, width: int | None = None) -> str:
 
 
 def _share(row: Row) -> str:
-    return f"{bar(row.share)} {row.percent:>6}"
+    percent = row.percent if len(row.percent) <= PERCENT else row.percent.replace(" ", "")
+    return f"{bar(row.share)} {percent:>{PERCENT}}"
 
 
 def bar(share: float | None) -> str:

@@ -56,6 +56,9 @@ def _but(diagnosis: Diagnosis, headline: Sequence[NamedEffect]) -> str:
         return ", but a black-box model predicts much better: some physics is still missing"
     if "no claim" in doubts:
         return ", but each of them could be replaced by another effect"
+    strange = [effect_name(e) for e in headline if e.implausible]
+    if "implausible" in doubts and strange:
+        return f", but the size of {strange[0]} is implausible: it probably stands in for something else"
     vague = [effect_name(e) for e in headline if _vague(e)]
     return f", but these data do not determine how large {vague[0] if vague else 'one of them'} is"
 

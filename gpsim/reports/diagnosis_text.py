@@ -175,7 +175,8 @@ def where(diagnosis: Diagnosis) -> str:
     told = [(spelled(name), percent(share)) for name, share in shares if share > TRIFLE]
     text = _error_in(told) if told else _no_part(diagnosis)
     if location.depends_on:
-        text += f"; look at {listed([spelled(name) for name in location.depends_on])}: the error changes with them"
+        inputs = [spelled(name) for name in location.depends_on]
+        text += f"; look at {listed(inputs)}: the error changes with {'it' if len(inputs) == 1 else 'them'}"
     for name, (low, high) in location.region.items():
         text += f"; only where {in_region(name, low, high)}"
     if location.since is not None:

@@ -121,7 +121,7 @@ def _questions(found: Guess) -> str:
         line += f"; {name} is {found.taken.get(name)}"
         line += f", or {_candidates(others)}" if others else " by its name alone"
     actions = [name for name in found.system.action.names if name in found.missing]
-    return line + (f"; {actions[0]}=none where nobody commanded it" if actions else "")
+    return line + (f"; {actions[0]}=none where there was no command" if actions else "")
 
 
 def _simulators() -> str:

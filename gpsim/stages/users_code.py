@@ -28,5 +28,5 @@ def blamed(simulator: object) -> Iterator[None]:
         if file is None or error.killed:
             raise
         raise UsageError(
-            f"{file}: a worker process {error.how}, most likely in the code of this file; mend it, then run again"
+            f"{file}: a worker process {error.how}, most likely in the code of this file; fix it, then run again"
         ) from error

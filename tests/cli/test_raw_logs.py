@@ -107,7 +107,7 @@ def test_a_matlab_file_whose_command_nobody_can_guess(gpsim, stopped, tmp_path):
     code, _, err = gpsim("diagnose", "rig.mat")
     assert code == 2
     assert "force: of qg, vir" in err
-    assert "force=none where nobody commanded it" in err
+    assert "force=none where there was no command" in err
     words = [word.replace("force=COLUMN", "force=35.15*vir") for word in proposed(err)]
     code, _, err = gpsim(*words, "--cores", "1")
     assert err.splitlines()[-1] == f"error: {REACHED}"

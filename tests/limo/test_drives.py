@@ -33,7 +33,6 @@ from gpsim.tasks import Balance, GoalReaching, Start
 
 CONFIG = resolve(["experiment=limo"], None)
 CAR, TASK = target_plant(CONFIG), make_task(CONFIG)
-CHANGES = CONFIG["collect"]["changes"]
 PLANT = SimulatorPlant(make_simulator("unicycle"), {}, "euler", 0.1)
 SMALL = SacSettings(total_steps=480, n_envs=8, gradient_steps=2, learning_starts=80, checkpoint_every=240,
                     checkpoint_episodes=8, hidden=(16, 16), action_repeat=5)  # fmt: skip

@@ -36,7 +36,7 @@ KINDS = (*PARTS, ARM)
 STEPS = {"axis": (0.005, 0.01, 0.02), "rig": (0.01, 0.02), "servo": (0.01, 0.02), "car": (0.05, 0.1)}
 """s between samples."""
 TRANSITIONS, LENGTH = (2500, 6000), (6.0, 20.0)  # in all; s of an episode
-FEWEST_EPISODES, SHORTEST = 6, 60  # and how many steps of one at the least
+SHORTEST = 60  # steps of one, at the least
 POSITIONS_ONLY = 0.5  # of the machines that have velocities
 SEVERAL = 1 / 3  # of the machines, that have two or three recordings
 DIFFERS = 0.4  # of those, in which a payload or a friction is another one
