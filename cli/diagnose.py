@@ -30,8 +30,8 @@ Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING]... [KEY=VALUE]...",
-        help="A recording's folder or a raw log (the loop's own recording without one), several of one machine to "
-        "judge them together, then settings, as seed=1; of a raw log also what is what, as theta=deg*angle.",
+        help="A recording folder or a raw log file; none means the recording of the loop. Several recordings of one "
+        "machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
         autocompletion=completion.diagnose_words,
     ),
 ]
@@ -47,7 +47,7 @@ MappingName = Annotated[
     str | None,
     typer.Option(
         "--mapping",
-        help="Of a raw log: what is which channel, a mapping's name or YAML file.",
+        help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
         autocompletion=completion.mapping_names,
     ),
 ]
@@ -76,7 +76,7 @@ Each = Annotated[
     bool,
     typer.Option(
         "--each",
-        help="Several RECORDINGs, or folders of them, each by itself: an account each, a page over all.",
+        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
     ),
 ]
 Explain = Annotated[
@@ -98,7 +98,7 @@ def diagnose_command(
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
 ) -> None:
-    """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
+    """Find which physics the simulator lacks, how much of it, and whether the corrected simulator fits better."""
     from .configuration import resolve  # Hydra is no part of `--help`
 
     recordings, settings = _split(words or [])

@@ -29,7 +29,7 @@ Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat wit
 Reported = Annotated[
     int, typer.Option("--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ...")
 ]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 
 
 @run_app.callback()
@@ -46,7 +46,7 @@ def full_loop(
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
 ) -> None:
-    """Every stage and the report; what is already there with the same configuration and parents is kept."""
+    """Run every stage and write the report; keep what exists with the same configuration and parents."""
     from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
