@@ -100,7 +100,7 @@ def run_stage(
 def show_standing(stage: Stage, request: Request) -> None:
     """Print what is there of a stage, or what would be made and why."""
     from gpsim.reports.runs_sheets import dry_run_lines
-    from gpsim.stages.status import standing_of
+    from gpsim.stages.runs import standing_of
 
     standing = standing_of(stage, request)
     for line in dry_run_lines(standing):

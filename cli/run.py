@@ -130,8 +130,8 @@ def status_command(
 def show_status(config: dict[str, Any], words: tuple[str, ...], seeds: int) -> None:
     """Print how it stands with a loop; nothing is written."""
     from gpsim.reports.runs_sheets import status_lines
+    from gpsim.stages.runs import loop_status
     from gpsim.stages.stage import Request
-    from gpsim.stages.status import loop_status
 
     request = Request(config, words)
     found = loop_status(request, tuple(request.seed + i for i in range(seeds)))

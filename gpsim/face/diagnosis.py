@@ -22,7 +22,7 @@ from gpsim.face.simulators import load_simulator
 from gpsim.recordings import Recording
 from gpsim.settings import positive, whole
 from gpsim.simulators import Simulator, lives_here
-from gpsim.stages.diagnosing import Question, answer
+from gpsim.stages.diagnosis_files import Question, answer
 from gpsim.stages.stage import generator, silent
 from gpsim.trust import consent
 

@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.recordings.bag_writing import DriveLog, Topics, write_ros1_bag, write_ros2_bag
+from gpsim.recordings.export import DriveLog, Topics, write_ros1_bag, write_ros2_bag
 
 REACHED = "the diagnosis has begun"
 
@@ -25,7 +25,7 @@ def stopped(monkeypatch):
         seen.append((recording, simulator, parameters))
         raise UsageError(REACHED)
 
-    monkeypatch.setattr("gpsim.stages.diagnosing.diagnose", stop)
+    monkeypatch.setattr("gpsim.stages.diagnosis_files.diagnose", stop)
     return seen
 
 

@@ -1,7 +1,7 @@
 """What counts as right on a whole machine: effects that count are told, nothing else is; sizes, rollouts, the verdict.
 
 Everything that a diagnosis says counts, headline and slight. An effect of the machine counts where it could be seen
-(see `rivals.machine_judge`) and is needed for 1 % of the mismatch, or stands out of the noise by itself; others may be
+(see `rivals.machine_rivals`) and is needed for 1 % of the mismatch, or stands out of the noise by itself; others may be
 told.
 """
 
