@@ -8,7 +8,7 @@ ARGS ?=
 STAGES := train-source collect build-residuals diagnose fit-gp train-gp-policy certify evaluate
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow test-attacks test-cluster lint format types docs bench wheel clean
+.PHONY: help install run run-limo smoke prove report $(STAGES) test test-slow test-attacks test-cluster lint unused format types docs bench wheel clean
 
 help:            ## List the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  %-16s %s\n", $$1, $$2}'
@@ -57,9 +57,15 @@ test-attacks: install  ## Hostile files, hundreds of them, the slow ones among t
 test-cluster: install  ## A real SLURM on this machine: jobs, workers and schedulers killed (Debian: slurm-wlm, munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster
 
-lint: install    ## ruff: style and format
+lint: install    ## ruff: style and format; plain words in pages and messages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python docs/plain_words.py
+
+unused: install  ## Code and dependencies that nothing uses (vulture, deptry)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[unused]'
+	$(BIN)/vulture
+	$(BIN)/deptry gpsim cli
 
 format: install  ## Let ruff format the code
 	$(BIN)/ruff check --fix-only --quiet .

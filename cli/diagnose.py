@@ -16,9 +16,12 @@ from .cores import CORES
 from .fleet import diagnose_each, refuse_several
 from .launching import refuse_launcher
 from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words, split_words
+from .pace import DIAGNOSIS, MUJOCO
 from .printing import say
-from .progress import caution, note, single_progress, warn
+from .progress import caution, note, saying_once, single_progress, warn
 from .trusting import named, named_effects
+
+COMPILES = "compiling the simulators for this machine: a minute or so, only this once"
 
 if TYPE_CHECKING:
     from gpsim.stages.raw_logs import RawLog
@@ -27,8 +30,8 @@ Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[RECORDING]... [KEY=VALUE]...",
-        help="A recording's folder or a raw log (the loop's own recording without one), several of one machine to "
-        "judge them together, then settings, as seed=1; of a raw log also what is what, as theta=deg*angle.",
+        help="A recording folder or a raw log file; none means the recording of the loop. Several recordings of one "
+        "machine are judged together. Then settings, such as seed=1, or for a raw log theta=deg*angle.",
         autocompletion=completion.diagnose_words,
     ),
 ]
@@ -44,7 +47,7 @@ MappingName = Annotated[
     str | None,
     typer.Option(
         "--mapping",
-        help="Of a raw log: what is which channel, a mapping's name or YAML file.",
+        help="For a raw log: which column is which channel, as the name of a mapping or a YAML file.",
         autocompletion=completion.mapping_names,
     ),
 ]
@@ -73,7 +76,7 @@ Each = Annotated[
     bool,
     typer.Option(
         "--each",
-        help="Several RECORDINGs, or folders of them, each by itself: an account each, a page over all.",
+        help="Diagnose each RECORDING, or each in a folder, by itself, and compare them on one page.",
     ),
 ]
 Explain = Annotated[
@@ -95,7 +98,7 @@ def diagnose_command(
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
 ) -> None:
-    """Say where simulator and recording differ, which physics was left out, how much, and if the fit is better."""
+    """Find which physics the simulator lacks, how much of it, and whether the corrected simulator fits better."""
     from .configuration import resolve  # Hydra is no part of `--help`
 
     recordings, settings = split_words(words or [])
@@ -133,12 +136,12 @@ def diagnose_command(
         _score(score, recording, simulator, out, config, shown_words(settings, config_dir), cores, dry_run)
         return
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
-    from gpsim.mjcf import notes_of
+    from gpsim.kernels import is_compiled
+    from gpsim.mjcf import is_mujoco, notes_of
     from gpsim.reports.account import account_of
     from gpsim.reports.account_lines import account_lines
-    from gpsim.reports.diagnosis_text import ranking
-    from gpsim.reports.not_asked_text import not_asked_lines
-    from gpsim.reports.trace_text import trace_lines
+    from gpsim.reports.diagnosis_text import not_asked_lines, ranking
+    from gpsim.reports.statistics_text import trace_lines
     from gpsim.stages import diagnose_loop
     from gpsim.stages.diagnose import Task, read_diagnosis, stage_for
     from gpsim.stages.diagnosis_files import read_trace
@@ -167,8 +170,10 @@ def diagnose_command(
     if dry_run:
         show_standing(stage, Request(config, shown_words(settings, config_dir), out=out))
         return
-    with single_progress("diagnose") as progress:
-        request = Request(config, shown_words(settings, config_dir), progress, out, cores=cores or CORES)
+    model = simulator is not None and is_mujoco(simulator)
+    with single_progress("diagnose", MUJOCO if model else DIAGNOSIS) as progress:
+        told = progress if is_compiled() else saying_once(progress, COMPILES)
+        request = Request(config, shown_words(settings, config_dir), told, out, cores=cores or CORES)
         artifact, existed = stage.make(request)
     warn(artifact.path)
     found = read_diagnosis(artifact.path)
@@ -203,7 +208,7 @@ def _score(
     dry_run: bool,
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
-    from gpsim.reports.score_text import score_lines
+    from gpsim.reports.statistics_text import score_lines
     from gpsim.stages.figures import paths_of, score_figures
     from gpsim.stages.score import read_score, stage_for
     from gpsim.stages.stage import Request

@@ -133,7 +133,7 @@ def _what_happened(code: int, file: str | None, said: str) -> str:
     if code == -signal.SIGKILL:  # what Linux does to whoever takes too much
         return "killed (out of memory?); finished artifacts are whole, run the same command to carry on"
     if code == -signal.SIGVTALRM:
-        return f"{file or 'a model'}: a call did not return; mend it, or give it longer: GPSIM_LONGEST_CALL=600 (s)"
+        return f"{file or 'a model'}: a call did not return; fix it, or allow more time: GPSIM_LONGEST_CALL=600 (s)"
     if code >= 0:
         how = f"ended the program (exit code {code}) in the middle of its work"
         return (
@@ -146,7 +146,7 @@ def _what_happened(code: int, file: str | None, said: str) -> str:
         return f"{how}: a fault of gpsim or of a library; run again with PYTHONFAULTHANDLER=1 to see where"
     place = re.search(rf'File "{re.escape(file)}", line (\d+) in (\S+)', said)
     where = f" at line {place[1]}, in {place[2]}" if place else ", most likely in the code of this file"
-    return f"{file}: {how}{where}; mend it, then run again"
+    return f"{file}: {how}{where}; fix it, then run again"
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ def _export() -> None:
 def recording_command(path: Recorded, out: Out, form: Format = "mcap") -> None:
     """Measured channels beside the base simulator's prediction, for Foxglove, PlotJuggler or a spreadsheet."""
     # Imported here: rosbags and pandas take a second to load, and `--help` should not wait for it.
-    from gpsim.stages.export_recording import export_recording
+    from gpsim.stages.export import export_recording
 
     notes = export_recording(path, form, out)
     say(f"export: {out}")
@@ -97,7 +97,7 @@ OutModel = Annotated[
 @export_app.command("model")
 def model_command(folder: Diagnosed, out: OutModel) -> None:
     """The corrected MuJoCo model as MJCF, and a wrapper (mujoco and numpy alone) for what MJCF cannot say."""
-    from gpsim.stages.export_model import export_corrected_model, told
+    from gpsim.stages.export import export_corrected_model, told
 
     made, notes = export_corrected_model(folder, out)
     say(f"export: {out}")
@@ -120,7 +120,7 @@ OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it m
 @export_app.command("policy")
 def policy_command(path: Policy, out: OutFolder) -> None:
     """A trained policy as ONNX and, for a vehicle with a goal, a short ROS node that plays it."""
-    from gpsim.stages.export_policy import export_policy
+    from gpsim.stages.export import export_policy
 
     notes = export_policy(path, out)
     say(f"export: {out}")

@@ -21,7 +21,7 @@ Sources = Annotated[
     list[str],
     typer.Argument(
         metavar="SOURCE... [KEY=VALUE]...",
-        help="Log files or folders, then settings, as rate=50.",
+        help="Log files or folders, then settings, such as rate=50.",
         autocompletion=completion.import_words,
     ),
 ]

@@ -25,16 +25,16 @@ Words = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[KEY=VALUE]...",
-        help="Settings, as experiment=cartpole gp.n_train=500.",
+        help="Settings, such as experiment=cartpole gp.n_train=500.",
         autocompletion=completion.words,
     ),
 ]
 ConfigDir = Annotated[
-    Path | None, typer.Option("--config-dir", help="A folder with your choices, as gp/mine.yaml.")
+    Path | None, typer.Option("--config-dir", help="A folder with your own choices, such as gp/mine.yaml.")
 ]
 ShowConfig = Annotated[bool, typer.Option("--show-config", help="Print the resolved configuration and stop.")]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Say what is there and what would be made, and why; write nothing.")
+    bool, typer.Option("--dry-run", help="Show what exists and what would be made, and why; write nothing.")
 ]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/<stage>/vNNNN.")
@@ -117,7 +117,7 @@ def run_stage(
 def show_standing(stage: Stage, request: Request) -> None:
     """Print what is there of a stage, or what would be made and why."""
     from gpsim.reports.runs_sheets import dry_run_lines
-    from gpsim.stages.status import standing_of
+    from gpsim.stages.runs import standing_of
 
     standing = standing_of(stage, request)
     for line in dry_run_lines(standing):

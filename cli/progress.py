@@ -10,12 +10,13 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from gpsim.reports.printable import literal, printable
 
 from .answers import warned
+from .pace import EVEN, Pace, Shares, clock
 
 Report = Callable[[int, int, str], None]
 SECONDS_BETWEEN_LINES = 20.0
@@ -32,10 +33,21 @@ def shown(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 1]}…"
 
 
-class Board:
-    """One line a running job and, of several, one for all of them."""
+class LeftColumn(ProgressColumn):
+    """The time left of a job, by its pace."""
 
-    def __init__(self, jobs: int = 0) -> None:
+    def render(self, task: Task) -> Text:
+        """`0:42`; nothing where nobody can tell yet."""
+        pace: Pace | None = task.fields.get("pace")
+        left = None if pace is None else pace.left(time.monotonic())
+        return Text("-:--:--" if left is None else clock(left), style="progress.remaining")
+
+
+class Board:
+    """One line a running job and, of several, one for all of them. shares: how far a job's time is at its steps."""
+
+    def __init__(self, jobs: int = 0, shares: Shares = EVEN) -> None:
+        self._shares = shares
         self._jobs, self._done, self._kept, self._began = jobs, 0, 0, time.monotonic()
         self._all: TaskID | None = None
         self._console = Console(stderr=True)
@@ -47,13 +59,13 @@ class Board:
             TextColumn("{task.percentage:>3.0f} %"),
             TimeElapsedColumn(),
             TextColumn("left"),
-            TimeRemainingColumn(),
+            LeftColumn(),
             TextColumn("{task.fields[note]}", style="dim", markup=False),
             console=self._console,
             transient=True,
         )
         self._tasks: dict[str, TaskID] = {}
-        self._started: dict[str, float] = {}
+        self._paces: dict[str, Pace] = {}
         self._spoken: dict[str, float] = {}
 
     def __enter__(self) -> Board:
@@ -75,17 +87,22 @@ class Board:
             _say(f"  {job}: {note}")
             return
         now = time.monotonic()
-        self._started.setdefault(job, now)
+        pace = self._paces.setdefault(job, Pace(self._shares, now))
+        pace.update(done, total, now)
         if self._live:
             note = shown(note)
             if job not in self._tasks:
-                self._tasks[job] = self._bars.add_task(shown(job), total=total or None, note=note)
-            self._bars.update(self._tasks[job], completed=done, total=total or None, note=note)
+                self._tasks[job] = self._bars.add_task(
+                    shown(job), total=1.0 if total else None, note=note, pace=pace
+                )
+            self._bars.update(self._tasks[job], completed=pace.share, total=1.0 if total else None, note=note)
             return
         if now - self._spoken.setdefault(job, now) >= SECONDS_BETWEEN_LINES and done < total:
             self._spoken[job] = now
-            left = (now - self._started[job]) * (total - done) / max(done, 1)
-            _say(f"  {job}: {100 * done // max(total, 1)} %, {left:.0f} s left, {note}")
+            left = pace.left(now)
+            _say(
+                f"  {job}: {100 * pace.share:.0f} %, {'' if left is None else f'about {clock(left)} left, '}{note}"
+            )
 
     def finish(self, job: str, line: str | Text, kept: bool = False) -> None:
         """Job `job` is done: say so, letter by letter, and drop its bar. kept: it was there already."""
@@ -141,8 +158,21 @@ def _say(line: str) -> None:
         print(printable(line), file=sys.stderr, flush=True)
 
 
+def saying_once(report: Report, line: str) -> Report:
+    """The same report; the line is said when there is something to report, that is, something to do."""
+    said: list[bool] = []
+
+    def told(done: int, total: int, text: str) -> None:
+        if not said:
+            said.append(True)
+            note(line)
+        report(done, total, text)
+
+    return told
+
+
 @contextmanager
-def single_progress(job: str) -> Iterator[Report]:
+def single_progress(job: str, shares: Shares = EVEN) -> Iterator[Report]:
     """The progress of one job."""
-    with Board() as board:
+    with Board(shares=shares) as board:
         yield lambda done, total, note: board.update(job, done, total, note)

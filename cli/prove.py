@@ -27,30 +27,30 @@ prove_app = typer.Typer(
     cls=LauncherWords,
     invoke_without_command=True,
     help=(
-        "Conceal worlds, diagnose them blind, reveal and score; or a step of it. "
-        "Words about the launcher say where it runs, as launcher=slurm launcher.queue=main."
+        "Make machines with hidden defects, diagnose them blind, reveal the truth and score; or one of these steps. "
+        "Settings of the launcher say where it runs, such as launcher=slurm launcher.queue=main."
     ),
 )
 Trials = Annotated[int, typer.Option("--trials", min=0, help="How many worlds.")]
 Rough = Annotated[
-    int, typer.Option("--rough", min=0, help="How many rough worlds besides: nuisances, logs as they are.")
+    int, typer.Option("--rough", min=0, help="How many worlds with the defects of real logs to add.")
 ]
 Machines = Annotated[
     int,
     typer.Option(
         "--machines",
         min=0,
-        help="How many whole machines besides: axes, rigs, servos, cars, arms.",
+        help="How many whole machines to add: axes, rigs, servos, cars, arms.",
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 Strata = Annotated[
     list[str] | None,
     typer.Option(
         "--stratum",
-        help="Only worlds of it: single, pair, triple, none, unknown; may be repeated.",
+        help="Only worlds of this kind: single, pair, triple, none, unknown; may be repeated.",
         autocompletion=completion.strata,
     ),
 ]
@@ -158,8 +158,8 @@ def diagnose_command(context: typer.Context, out: Out, jobs: Jobs = CORES) -> No
 @prove_app.command("reveal")
 def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jobs: Jobs = CORES) -> None:
     """Check every answer against its published hash, and score; refuses an answer that does not match."""
+    from gpsim.reports.loop_page import terminal_table
     from gpsim.reports.prove_sheets import beside, terminal_sheets
-    from gpsim.reports.tables import terminal_table
     from gpsim.stages import prove
 
     launcher = _launcher(context, jobs)
@@ -189,7 +189,7 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
 
 @prove_app.command("answers")
 def answers_command(out: Annotated[Path, typer.Argument(help="Folder of the proof.")]) -> None:
-    """List the answers, one line a world: for whoever holds them."""
+    """List the answers, one line a world: for those who hold them."""
     from gpsim.stages import prove
 
     answers = prove.read_answers(out)

@@ -29,7 +29,7 @@ Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat wit
 Reported = Annotated[
     int, typer.Option("--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ...")
 ]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 
 
 @run_app.callback()
@@ -46,7 +46,7 @@ def full_loop(
     show_config: ShowConfig = False,
     dry_run: DryRun = False,
 ) -> None:
-    """Every stage and the report; what is already there with the same configuration and parents is kept."""
+    """Run every stage and write the report; keep what exists with the same configuration and parents."""
     from .configuration import resolve  # Hydra is no part of `--help`
 
     config = resolve(words or [], config_dir)
@@ -57,7 +57,7 @@ def full_loop(
         show_status(config, shown_words(words, config_dir), seeds)
         return
     # Imported here: torch takes seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.tables import terminal_notes, terminal_tables
+    from gpsim.reports.loop_page import terminal_notes, terminal_tables
     from gpsim.stages import full_loop as loop
     from gpsim.stages import report
     from gpsim.stages.stage import Request
@@ -130,8 +130,8 @@ def status_command(
 def show_status(config: dict[str, Any], words: tuple[str, ...], seeds: int) -> None:
     """Print how it stands with a loop; nothing is written."""
     from gpsim.reports.runs_sheets import status_lines
+    from gpsim.stages.runs import loop_status
     from gpsim.stages.stage import Request
-    from gpsim.stages.status import loop_status
 
     request = Request(config, words)
     found = loop_status(request, tuple(request.seed + i for i in range(seeds)))
@@ -200,7 +200,7 @@ def report_command(
         raise UsageError(
             "report: --out goes with --site; a report is an artifact and lies where runs_dir= says"
         )
-    from gpsim.reports.tables import terminal_notes, terminal_tables
+    from gpsim.reports.loop_page import terminal_notes, terminal_tables
     from gpsim.stages import report
     from gpsim.stages.stage import Request
 

@@ -61,8 +61,8 @@ def list_command(
 ) -> None:
     """Every artifact: what it says, its state (finished, stale, broken), when it was made, its seed and its size."""
     # Imported here: the stages take seconds to load, and `--help` should not wait for them.
+    from gpsim.reports.loop_page import terminal_table
     from gpsim.reports.runs_sheets import listing_lines, listing_sheet
-    from gpsim.reports.tables import terminal_table
     from gpsim.stages.runs import list_runs
 
     found = list_runs(runs_dir, experiment, stage, verify)

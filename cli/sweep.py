@@ -30,8 +30,8 @@ Words = Annotated[
         help="Settings; several values make a sweep: gp.n_train=100,250 seed=range(10).",
     ),
 ]
-Of = Annotated[str, typer.Option("--of", help="The stage that is made at every point, with all it rests on.")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.", show_default="cores")]
+Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all that it needs.")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 
 
 def sweep_command(

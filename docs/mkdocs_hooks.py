@@ -27,6 +27,7 @@ FIRST = (  # in this order; what is not named comes behind, by its title
     "how-to/export_diagnosis.md",
     "how-to/prove.md",
     "how-to/cluster.md",
+    "reference/glossary.md",
     "reference/cli.md",
     "reference/configuration.md",
     "reference/settings.md",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gpsim.channels import Channels
-from gpsim.recordings.gaps import OverGaps, gaps, steps_to_next
+from gpsim.recordings.episodes import OverGaps, gaps, steps_to_next
 
 
 def test_a_jittering_clock_has_none_and_lost_rows_are_counted():

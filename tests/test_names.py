@@ -32,16 +32,16 @@ from gpsim.files import write_json
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.recordings.bare_table import read_bare_table
+from gpsim.recordings.episodes import OverGaps
 from gpsim.recordings.export import wide_table, write_mcap
 from gpsim.recordings.files import write_recording
-from gpsim.recordings.gaps import OverGaps
 from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.readers import open_log
 from gpsim.reports.diagnosis_text import _part
 from gpsim.reports.import_text import as_text
+from gpsim.reports.loop_page import terminal_table
 from gpsim.reports.printable import printable
 from gpsim.reports.sheets import Sheet, row
-from gpsim.reports.tables import terminal_table
 from gpsim.residuals import Residuals, from_table, to_table
 from gpsim.simulators import make_simulator
 from gpsim.stages.policy_files import read_gp, write_gp

@@ -31,3 +31,13 @@ def test_a_single_job_has_no_count(capsys):
     with progress.Board() as board:
         board.finish("a", "made a")
     assert capsys.readouterr().err == "made a\n"
+
+
+def test_what_happens_once_is_said_once_and_only_if_something_is_done(capsys):
+    seen = []
+    report = progress.saying_once(lambda *told: seen.append(told), "compiling")
+    assert capsys.readouterr().err == ""
+    report(0, 100, "begun")
+    report(5, 100, "going on")
+    assert capsys.readouterr().err == "compiling\n"
+    assert seen == [(0, 100, "begun"), (5, 100, "going on")]

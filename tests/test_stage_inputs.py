@@ -18,7 +18,7 @@ from gpsim.errors import UsageError
 from gpsim.files import file_digest
 from gpsim.gp import FitOutcome, FitSettings
 from gpsim.recordings import Episode, HeldOut, Recording, read_recording, write_recording
-from gpsim.recordings.bag_writing import Topics
+from gpsim.recordings.export import Topics
 from gpsim.simulators import make_simulator, source_file
 from gpsim.stages import (
     collect,

@@ -16,7 +16,7 @@ import pytest
 
 from gpsim.errors import Terminated
 from gpsim.launchers import Local
-from gpsim.stages.trial_jobs import run_trials
+from gpsim.stages.jobs import run_trials
 from gpsim.workers import WorkerDiedError, begin_worker, ends_when_asked, undisturbed, worker_pool
 
 

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from gpsim.reports.prove_record import record_sheets, section
+from gpsim.reports.prove_page import record_sheets, section
 from gpsim.reports.prove_sheets import goals_sheet
 from gpsim.reports.sheets import fixed, significant
 from gpsim.trials.statistics import GOALS

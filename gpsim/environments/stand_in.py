@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.recordings.bag_writing import DriveLog
+from gpsim.recordings.export import DriveLog
 from gpsim.simulators import Memory
 from gpsim.targets import Limo
 

@@ -22,7 +22,7 @@ from gpsim.face.simulators import load_simulator
 from gpsim.recordings import Recording
 from gpsim.settings import positive, whole
 from gpsim.simulators import Simulator, lives_here
-from gpsim.stages.diagnosing import Question, answer
+from gpsim.stages.diagnosis_files import Question, answer
 from gpsim.stages.stage import generator, silent
 from gpsim.trust import consent
 
@@ -173,8 +173,7 @@ class Diagnosis:
         return f"<Diagnosis of {self._found.name}: {self.verdict}{f', {named}' if named else ''}>"
 
     def _repr_html_(self) -> str:
-        from gpsim.reports.account_fragment import account_fragment
-        from gpsim.reports.diagnosis_page import front_of
+        from gpsim.reports.diagnosis_page import account_fragment, front_of
 
         pictures = self._found.pictures
         return account_fragment(

@@ -17,7 +17,7 @@ from gpsim.face.corrected import CorrectedSimulator
 from gpsim.face.diagnosis import Diagnosis
 from gpsim.face.recordings import read_recording
 from gpsim.recordings import Recording
-from gpsim.reports.score_text import errors_lines
+from gpsim.reports.statistics_text import errors_lines
 from gpsim.residuals import OWN_DT, build_residuals, either_wraps
 from gpsim.settings import positive
 from gpsim.simulators import SimulatorPlant

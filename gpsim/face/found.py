@@ -24,8 +24,15 @@ from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
 from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis, read_left_open
-from gpsim.stages.diagnosing import Question, described, plant_of, title_of
-from gpsim.stages.diagnosis_files import FIGURES, drawn, write_diagnosis
+from gpsim.stages.diagnosis_files import (
+    FIGURES,
+    Question,
+    described,
+    drawn,
+    plant_of,
+    title_of,
+    write_diagnosis,
+)
 
 if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture

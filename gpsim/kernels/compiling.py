@@ -83,6 +83,12 @@ def folder() -> Path | None:
     return None
 
 
+def is_compiled() -> bool:
+    """Whether this machine has compiled anything yet: the first time takes a minute."""
+    place = folder()
+    return place is not None and any(place.glob("*.nbi"))
+
+
 def _users_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gpsim"
 

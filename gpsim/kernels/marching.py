@@ -73,6 +73,15 @@ def can_compile() -> bool:
     return find_spec("numba") is not None
 
 
+def is_compiled() -> bool:
+    """Whether nothing has to be compiled on this machine any more; the first time takes a minute."""
+    if not can_compile():
+        return True
+    from gpsim.kernels import compiling  # with it comes numba
+
+    return compiling.is_compiled()
+
+
 def actuators_of(program: Program, memory: Memory, rows: int, *, even: bool) -> Actuators | None:
     """What compiled code needs of actuators in this state of memory; None where NumPy has to go on.
 

@@ -53,7 +53,7 @@ def _check_text(model: Any, where: str) -> None:
 def _check_finite(values: Any, name: str, where: str) -> None:
     if isinstance(values, np.ndarray) and values.dtype.kind == "f" and np.isnan(values).any():
         row = int(np.argwhere(np.isnan(values))[0][0])
-        raise UsageError(f"{where}: {name} of number {row} is no number (nan); mend it in the model")
+        raise UsageError(f"{where}: {name} of number {row} is not a number (nan); fix it in the model")
 
 
 def _check_moves(model: Any, where: str) -> None:

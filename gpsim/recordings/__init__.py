@@ -1,29 +1,25 @@
 """Recordings: what really happened, in episodes on one clock."""
 
 from gpsim.recordings.bare_table import read_bare_table, recording_of
-from gpsim.recordings.channel_words import FACTORS, NOTHING, listed
+from gpsim.recordings.binding import apart, joined
+from gpsim.recordings.episodes import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
 from gpsim.recordings.export import Predictions, start_times, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
-from gpsim.recordings.fitting import finds_all
-from gpsim.recordings.gaps import LONGEST_STEP, OverGaps, gaps, pieces, steps_to_next
-from gpsim.recordings.guessed import Guess, System
-from gpsim.recordings.guessing import guess
+from gpsim.recordings.guessing import Guess, System, guess
 from gpsim.recordings.import_report import EpisodeCount, ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
-from gpsim.recordings.joining import apart, joined
-from gpsim.recordings.log_parts import NamedLog
+from gpsim.recordings.likeness import FACTORS, NOTHING, listed
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
-from gpsim.recordings.mapping_changes import changes_of_words, merged
-from gpsim.recordings.mapping_files import TOP_KEYS, parse_mapping
-from gpsim.recordings.names import check_channels, check_name, one_line
+from gpsim.recordings.mapping_files import TOP_KEYS, changes_of_words, merged, parse_mapping
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
-from gpsim.recordings.recording import Episode, HeldOut, Recording, Source, Transitions, Velocities
+from gpsim.recordings.recording import Episode, HeldOut, Recording, Source, Transitions, Velocities, evenly
 from gpsim.recordings.soundness import find_bad_rows
-from gpsim.recordings.sources import FolderLog, Opener, find_logs, is_bag_folder
-from gpsim.recordings.subsample import evenly
+from gpsim.recordings.sources import FolderLog, NamedLog, Opener, find_logs, is_bag_folder
+from gpsim.recordings.values import check_channels, check_name, one_line
+from gpsim.recordings.velocities import finds_all
 from gpsim.recordings.yaml_data import check_bounded, parse_yaml, read_yaml
 
 __all__ = [
@@ -54,13 +50,13 @@ __all__ = [
     "Transitions",
     "Velocities",
     "apart",
-    "bag_writing",
     "bare_mapping",
     "changes_of_words",
     "check_bounded",
     "check_channels",
     "check_name",
     "evenly",
+    "export",
     "find_bad_rows",
     "find_logs",
     "finds_all",

@@ -9,8 +9,8 @@ import numpy as np
 
 from gpsim.channels import FloatArray, wrap_angle
 from gpsim.errors import UsageError
+from gpsim.recordings import clock, velocities
 from gpsim.recordings import episodes as where
-from gpsim.recordings import resample, velocities
 from gpsim.recordings.episodes import Interval
 from gpsim.recordings.import_report import TopicCount
 from gpsim.recordings.mapping import ChannelSource, ImportMapping, Smoothing
@@ -192,21 +192,21 @@ def _filtered(
     rows = np.flatnonzero(where.inside(track.t, [piece]))
     t, values = track.t[rows], samples(source, track, rows)
     even = velocities.even_grid(t)
-    on_even = resample.linear(even, t, values)
+    on_even = clock.linear(even, t, values)
     step = float(even[1] - even[0])
     made = (
         velocities.derivative(on_even, step, smoothing)
         if derivative
         else velocities.smoothed(on_even, smoothing)
     )
-    return resample.linear(at, even, made)
+    return clock.linear(at, even, made)
 
 
 def _command(source: ChannelSource, track: Track, at: FloatArray, mapping: ImportMapping) -> FloatArray:
     values = samples(source, track)
     if mapping.commands == "mean":
-        return resample.held_mean(at, track.t, values)
-    return resample.held(at[:-1], track.t, values)
+        return clock.held_mean(at, track.t, values)
+    return clock.held(at[:-1], track.t, values)
 
 
 def _count(source: str, track: Track, stages: Sequence[_Stage], held: bool) -> TopicCount:

@@ -11,10 +11,10 @@ import pandas as pd
 
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.names import check_name
+from gpsim.recordings.guessing_time import UNITS, dated, likely_unit
 from gpsim.recordings.recording import Episode, Recording
 from gpsim.recordings.table_files import check_size, read_frame
-from gpsim.recordings.time_units import UNITS, dated, likely_unit
+from gpsim.recordings.values import check_name
 
 ALIKE = 0.75  # of 1: names so much alike are a slip of the pen
 MOVING = ("m", "rad", "deg", "m/s", "rad/s", "deg/s")  # units of what is looked at many times a second

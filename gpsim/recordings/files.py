@@ -13,9 +13,9 @@ import yaml
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings import values
-from gpsim.recordings.names import check_channels, check_name, one_line
 from gpsim.recordings.recording import Episode, HeldOut, Recording
 from gpsim.recordings.table_files import check_size, read_frame
+from gpsim.recordings.values import check_channels, check_name, one_line
 from gpsim.recordings.yaml_data import read_yaml
 
 TableFormat = Literal["csv", "parquet"]

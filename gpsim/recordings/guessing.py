@@ -1,29 +1,91 @@
-"""A log, and what it is to be compared with: the mapping that its names suggest, and what they do not tell."""
+"""What a log is compared with, and what was guessed of it."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from gpsim.channels import Channel, FloatArray
+from gpsim.channels import Channel, Channels, FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.channel_words import FACTORS, NOTHING, Source, read_source, short, sources_of
-from gpsim.recordings.guessed import VEHICLE, Guess, System
-from gpsim.recordings.guessing_joints import joint_command, measured_joint
-from gpsim.recordings.guessing_poses import POSE, command_of, fitting_pose, poses_of
+from gpsim.recordings.guessing_poses import (
+    POSE,
+    command_of,
+    fitting_pose,
+    joint_command,
+    measured_joint,
+    poses_of,
+)
 from gpsim.recordings.guessing_time import TIME, Clock, clock_of
 from gpsim.recordings.likeness import (
     EXACT,
+    FACTORS,
     NO_ACTION,
     NO_STATE,
+    NOTHING,
     WORDS,
+    Source,
     likeness,
     rate_words,
+    read_source,
+    short,
+    sources_of,
     unit_of,
     words_of,
 )
 from gpsim.recordings.raw import Topic
+
+VEHICLE = ("x", "y", "yaw")
+
+
+@dataclass(frozen=True)
+class System:
+    """What a log is compared with. velocities: velocity -> the position it is of; optional: need not be recorded.
+
+    drives: action -> the joint that it moves; model: the file of a system that a recording calls `recorded_as`.
+    """
+
+    name: str
+    state: Channels
+    action: Channels
+    velocities: Mapping[str, str]
+    optional: tuple[str, ...] = ()
+    drives: Mapping[str, str] = field(default_factory=dict)
+    recorded_as: str = ""
+    model: str | None = None
+
+    @property
+    def is_vehicle(self) -> bool:
+        """Whether its state is a pose in the plane."""
+        return self.state.names == VEHICLE
+
+
+@dataclass
+class Guess:
+    """A mapping, and how it came about.
+
+    taken: channel -> source as it is typed; missing: channels for which nothing sure was found, with what might be
+    theirs; unclear: channels whose source is likely, with the others; typed: every channel is told by the type of a
+    message; switch: a source that may say when the motors were on, and the words that cut the log by it; fit: how well
+    the names fit, summed.
+    """
+
+    system: System
+    raw: dict[str, Any]
+    taken: dict[str, str] = field(default_factory=dict)
+    missing: dict[str, list[str]] = field(default_factory=dict)
+    unclear: dict[str, list[str]] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    typed: bool = True
+    switch: tuple[str, str] | None = None
+    fit: float = 0.0
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is left to ask."""
+        return not self.missing and not self.unclear
+
 
 Values = Callable[[str, str], FloatArray]
 """Reads a field of a topic: (topic, field) -> (N,)."""

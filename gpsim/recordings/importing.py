@@ -13,11 +13,11 @@ from gpsim.recordings import import_notes, lags
 from gpsim.recordings.assembling import Assembled, assemble
 from gpsim.recordings.clock import Lag
 from gpsim.recordings.episodes import hold_out
+from gpsim.recordings.guessing_time import unit_hint
 from gpsim.recordings.import_report import EpisodeCount, ImportReport
-from gpsim.recordings.log_parts import Inspector, NamedLog, Part, read_parts
 from gpsim.recordings.mapping import ImportMapping
 from gpsim.recordings.recording import Episode, Recording
-from gpsim.recordings.time_units import unit_hint
+from gpsim.recordings.sources import Inspector, NamedLog, Part, read_parts
 from gpsim.recordings.turns import unmarked_wraps
 from gpsim.recordings.values import LARGEST
 

@@ -12,9 +12,9 @@ import yaml
 from gpsim.channels import Channels
 from gpsim.errors import UsageError
 from gpsim.recordings.bare_table import alike
-from gpsim.recordings.log_parts import NamedLog
 from gpsim.recordings.raw import RawLog, Series, Topic
 from gpsim.recordings.readers.statistics import Statistics, of_stamps, statistics
+from gpsim.recordings.sources import NamedLog
 
 READINGS = 64  # of a log, to find out which of its topics cannot be read
 GAP = 5.0  # a step of this many usual steps is a gap

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from gpsim.channels import FloatArray
-from gpsim.recordings import resample
+from gpsim.recordings import clock
 from gpsim.recordings.clock import Lag, estimate_lag
 from gpsim.recordings.episodes import Interval
 from gpsim.recordings.mapping import ImportMapping
@@ -38,13 +38,13 @@ class Pieces:
             if len(at) < 20:
                 continue
             signals = {
-                s.channel.name: resample.linear(at, tracks[s.track].t, samples(s, tracks[s.track]))
+                s.channel.name: clock.linear(at, tracks[s.track].t, samples(s, tracks[s.track]))
                 for s in measured
             }
             responses = _responses(signals, self.step)
             for source in mapping.action:
                 track = tracks[source.track]
-                command = resample.held(at, track.t, samples(source, track))
+                command = clock.held(at, track.t, samples(source, track))
                 for name, response in responses.items():
                     self.pairs.setdefault((source.channel.name, name), []).append((command, response))
 

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
+import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gpsim.errors import UsageError
+from gpsim.recordings.raw import Topic
+from gpsim.recordings.values import one_line
 
 EXACT, FULL, LAST, MEASURED = 5.0, 4.0, 1.9, 1.5
 """Called as the channel; as one of its words; its last word is one; one of them and an m, as qm."""
@@ -94,3 +102,120 @@ def rate_words(position: str) -> tuple[str, ...]:
     own = "_".join(words_of(position))
     ends = [f"{own}_{end}" for end in ("d", "dot", "vel", "velocity", "rate", "speed")]
     return (*ends, f"d_{own}", f"{own}d", f"{own}dot", f"d{own}", f"v_{own}", f"v{own}")
+
+
+FACTORS = {
+    "mm": 1e-3, "cm": 1e-2, "km": 1e3, "deg": math.pi / 180.0, "rpm": math.pi / 30.0, "ms": 1e-3, "us": 1e-6,
+    "ns": 1e-9,
+}  # fmt: skip
+"""Units that may stand before a source: what turns them into m, rad, rad/s and s."""
+NOTHING = "none"
+"""`force=none`: nobody commanded it."""
+_DULL = ("header.", "data_offset", "layout.", "covariance", ".seq")
+_SHOWN = 24  # sources that a message lists
+
+
+@dataclass(frozen=True)
+class Source:
+    """A field of a topic, and the factor that turns it into the channel's unit. alone: its table is the only topic."""
+
+    topic: str
+    field: str
+    scale: float = 1.0
+    alone: bool = False
+
+    @property
+    def typed(self) -> str:
+        """As it is typed behind `channel=`; without the field where the topic holds nothing else."""
+        return self.field if self.alone else f"{self.topic}:{self.field}"
+
+    def entry(self, unit: str, wraps: bool = False) -> dict[str, Any]:
+        """The channel's entry of a mapping."""
+        raw: dict[str, Any] = {} if self.alone else {"topic": self.topic}
+        raw |= {"field": self.field, "unit": unit}
+        raw |= {"scale": self.scale} if self.scale != 1.0 else {}
+        return raw | ({"wraps": True} if wraps else {})
+
+
+def told_fields(topic: Topic) -> list[str]:
+    """The fields that may be a channel: no headers, layouts and covariances."""
+    return [field for field in topic.fields if not any(part in field for part in _DULL)]
+
+
+def sources_of(topics: Sequence[Topic]) -> list[Source]:
+    """Every field that may be a channel."""
+    alone = len(topics) == 1
+    return [Source(t.name, field, alone=alone) for t in topics if not t.fault for field in told_fields(t)]
+
+
+def short(source: Source, topics: Sequence[Topic]) -> str:
+    """How a source is typed at its shortest: a topic with one field by its name alone."""
+    of_topic = [told_fields(topic) for topic in topics if topic.name == source.topic]
+    return source.topic if not source.alone and of_topic and len(of_topic[0]) == 1 else source.typed
+
+
+def read_source(channel: str, text: str, topics: Sequence[Topic]) -> Source:
+    """`[-][FACTOR*]TOPIC:FIELD`, or TOPIC or FIELD alone where that is enough; raises UsageError with the alternatives.
+
+    FACTOR: a number, or a unit as mm, deg.
+    """
+    found = _found(text, topics)
+    if found is not None:
+        return found
+    scale, rest = 1.0, text
+    if rest.startswith("-"):
+        scale, rest = -1.0, rest[1:]
+    while "*" in rest:
+        factor, _, rest = rest.partition("*")
+        scale *= _factor(factor.strip(), channel, text)
+    found = _found(rest.strip(), topics)
+    if found is None:
+        raise UsageError(f"{channel}={one_line(text, 60)}: {_nothing_called(rest.strip(), topics)}")
+    return Source(found.topic, found.field, scale, found.alone)
+
+
+def _factor(text: str, channel: str, word: str) -> float:
+    try:
+        value = FACTORS[text] if text in FACTORS else float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value != 0.0):
+        raise UsageError(
+            f"{channel}={one_line(word, 60)}: '{one_line(text, 30)}' is no factor; give a number, or one of "
+            f"{', '.join(FACTORS)}"
+        )
+    return value
+
+
+def _found(text: str, topics: Sequence[Topic]) -> Source | None:
+    every = sources_of(topics)
+    for matches in (
+        [s for s in every if f"{s.topic}:{s.field}" == text],
+        [s for s in every if s.topic == text and short(s, topics) == text],
+        [s for s in every if s.field == text],
+    ):
+        if len(matches) == 1:
+            return matches[0]
+    hidden = [
+        (t, f)
+        for t in topics
+        for f in t.fields
+        if text in (f"{t.name}:{f}", *([f] if len(topics) == 1 else []))
+    ]
+    return Source(hidden[0][0].name, hidden[0][1], alone=len(topics) == 1) if hidden else None
+
+
+def _nothing_called(text: str, topics: Sequence[Topic]) -> str:
+    names = [short(source, topics) for source in sources_of(topics)]
+    near = difflib.get_close_matches(text, names, n=1)
+    several = [s.typed for s in sources_of(topics) if text in (s.field, s.topic)]
+    if several:
+        return f"which of {', '.join(several[:_SHOWN])}?"
+    hint = f"; did you mean {near[0]}?" if near else ""
+    return f"no column or topic '{one_line(text, 40)}'{hint} There are: {listed(names)}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a line, not too many."""
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(one_line(name, 60) for name in names[:_SHOWN]) + more

@@ -156,3 +156,8 @@ class Recording:
             t=np.concatenate([e.t[:-1] for e in parts]),
             episode=np.concatenate([np.full(len(e), i, dtype=np.int64) for i, e in enumerate(parts)]),
         )
+
+
+def evenly(count: int, most: int) -> IntArray:
+    """(n,) at most `most` of the rows 0 ... count - 1, evenly spread, the first and the last among them; all if few."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)

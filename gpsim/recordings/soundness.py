@@ -8,7 +8,7 @@ import numpy as np
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
-from gpsim.recordings import clock, resample
+from gpsim.recordings import clock
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.raw import Series
 from gpsim.recordings.readers.checks import Limits, find_silent_damage
@@ -105,7 +105,7 @@ def _limited(source: ChannelSource, series: Series, rows: IntArray) -> tuple[Flo
     """The channel at the rows, up to sign and offset, and whether it is to be taken modulo 2 pi."""
     raw = np.stack([series.fields[field][rows] for field in source.fields], axis=1)
     if source.quaternion is not None:  # continuous: every step the short way round
-        return source.scale * resample.unwrapped(resample.euler_angle(raw, source.angle)), False
+        return source.scale * clock.unwrapped(clock.euler_angle(raw, source.angle)), False
     return source.scale * raw[:, 0], source.channel.wraps
 
 

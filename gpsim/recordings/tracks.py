@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter
 
 from gpsim.channels import FloatArray, IntArray, wrap_angle
 from gpsim.errors import UsageError
-from gpsim.recordings import resample
+from gpsim.recordings import clock
 from gpsim.recordings.binding import Group
 from gpsim.recordings.clock import in_order
 from gpsim.recordings.mapping import ChannelSource, ImportMapping, StampChoice, TimeColumns, track_name
@@ -161,22 +161,22 @@ def _drift(series: Series, epoch: float) -> tuple[float, float] | None:
 def samples(source: ChannelSource, track: Track, rows: IntArray | slice = slice(None)) -> FloatArray:
     """The channel at the track's own stamps; angles from quaternions come continuous, not wrapped."""
     if source.quaternion is not None:
-        raw = resample.unwrapped(resample.euler_angle(_quaternion(source, track)[rows], source.angle))
+        raw = clock.unwrapped(clock.euler_angle(_quaternion(source, track)[rows], source.angle))
     else:
         assert source.field is not None
         raw = track.fields[source.field][rows]
     value = source.sign * source.scale * raw + source.offset
-    return resample.unwrapped(value) if source.channel.wraps else value
+    return clock.unwrapped(value) if source.channel.wraps else value
 
 
 def at_times(source: ChannelSource, track: Track, at: FloatArray) -> FloatArray:
     """The channel interpolated at times inside the track: linear, on the circle, or slerp for quaternions."""
     if source.quaternion is not None:
-        turned = resample.slerp(at, track.t, _quaternion(source, track))
-        raw = resample.unwrapped(resample.euler_angle(turned, source.angle))
+        turned = clock.slerp(at, track.t, _quaternion(source, track))
+        raw = clock.unwrapped(clock.euler_angle(turned, source.angle))
         value = source.sign * source.scale * raw + source.offset
     else:
-        value = resample.linear(at, track.t, samples(source, track))
+        value = clock.linear(at, track.t, samples(source, track))
     return wrap_angle(value) if source.channel.wraps else value
 
 

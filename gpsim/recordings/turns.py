@@ -10,9 +10,9 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.errors import UsageError
 from gpsim.recordings import episodes as where
 from gpsim.recordings.assembling import Assembled
-from gpsim.recordings.log_parts import Part
+from gpsim.recordings.clock import TOLERANCE
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
-from gpsim.recordings.resample import TOLERANCE
+from gpsim.recordings.sources import Part
 from gpsim.recordings.tracks import samples
 
 TURN = 2.0 * np.pi

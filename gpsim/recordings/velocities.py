@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil
 
 import numpy as np
@@ -9,7 +10,8 @@ from scipy.ndimage import gaussian_filter1d
 
 from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.mapping import Smoothing
+from gpsim.recordings.mapping import ImportMapping, Smoothing
+from gpsim.recordings.raw import Topic
 
 MOST_SAMPLES = 20_000_000  # of one piece or one log: 1 kHz for five hours
 TRUNCATE = 4.0  # the Gaussian kernel ends at this many sigma
@@ -81,3 +83,19 @@ def _one_sided(values: FloatArray, i: int, step: float, smoothing: Smoothing, de
     powers = np.vander(x, order + 1, increasing=True)
     fit = np.linalg.lstsq(powers * weight[:, None], values[low:high] * weight, rcond=None)[0]
     return float(fit[1] / step if derivative else fit[0])
+
+
+def finds_all(mapping: ImportMapping, topics: Sequence[Topic]) -> bool:
+    """Whether every topic and field that the mapping names is there; channels without a topic want a single one."""
+    only = topics[0].name if len(topics) == 1 else None
+    held = {topic.name: {*topic.fields, *topic.texts} for topic in topics if not topic.fault}
+    wanted = [
+        (source.topic or only, source.fields) for source in (*mapping.state, *mapping.action) if source.fields
+    ]
+    if mapping.episodes.by != "file" and mapping.episodes.field is not None:
+        wanted.append((mapping.episodes.topic or only, (mapping.episodes.field,)))
+    for fields in mapping.episodes.variants.values():
+        wanted += [(only, (field,)) for field in fields.values()]
+    if mapping.time is not None:
+        wanted += [(topic, mapping.time.fields) for topic, _ in tuple(wanted)]
+    return all(topic in held and held[topic].issuperset(fields) for topic, fields in wanted)

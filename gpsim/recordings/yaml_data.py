@@ -13,7 +13,7 @@ import yaml
 
 from gpsim.errors import UsageError
 from gpsim.files import regular_bytes, unreadable
-from gpsim.recordings.names import one_line
+from gpsim.recordings.values import one_line
 
 MOST_BYTES = 16 << 20  # of a file; a recording of 10 000 episodes takes 1 MiB
 MOST_REPEATED = 10_000  # values that aliases may add to those that are written

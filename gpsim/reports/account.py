@@ -10,10 +10,7 @@ from dataclasses import dataclass
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import RolloutErrors
 from gpsim.reports.account_effects import Row, rows_of, slight_text, told_effects
-from gpsim.reports.account_left import left
-from gpsim.reports.account_next import command, following
-from gpsim.reports.account_rivals import rivals
-from gpsim.reports.account_verdict import verdict_sentence
+from gpsim.reports.account_sentences import command, following, left, rivals, verdict_sentence
 from gpsim.reports.curve_text import curve_rows
 from gpsim.reports.diagnosis_text import where
 from gpsim.reports.quantities import brief

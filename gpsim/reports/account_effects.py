@@ -9,11 +9,10 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Form, NamedEffect
+from gpsim.reports.canvas import spelled
 from gpsim.reports.curve_text import extent
-from gpsim.reports.diagnosis_text import gate_text
-from gpsim.reports.effect_text import noun
-from gpsim.reports.lettering import shortened
-from gpsim.reports.quantities import odds_text, percent, size_text
+from gpsim.reports.diagnosis_text import gate_text, listed, noun
+from gpsim.reports.quantities import certainty_text, is_open, percent, size_text
 from gpsim.reports.sheets import MISSING
 
 SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}
@@ -33,8 +32,8 @@ class Row:
 
     whole: its name with all of its letters; gate: where and since when it acts, where it is not the only one; sizes:
     of each parameter its name, empty of the only one, and how large; share: of the mismatch, None where nobody computed
-    it; percent, interval: the same in words. members: of a group (`Coulomb friction on 6 joints`) each joint and how
-    large it is there.
+    it; percent, interval: the same in words; certainty: how sure it is; instead: what the data cannot tell it apart
+    from, if anything. members: of a group (`Coulomb friction on 6 joints`) each joint and how large it is there.
     """
 
     effect: str
@@ -44,7 +43,8 @@ class Row:
     share: float | None
     percent: str
     interval: str
-    odds: str
+    certainty: str
+    instead: str
     law: str
     approximate: bool
     members: tuple[tuple[str, str], ...] = ()
@@ -68,7 +68,7 @@ def effect_name(effect: NamedEffect) -> str:
 
 def claim_name(family: str, place: str) -> str:
     """The same, of a family and a place."""
-    return f"{noun(family)} on {shortened(place)}"
+    return f"{noun(family)} on {spelled(place)}"
 
 
 def rows_of(headline: Sequence[NamedEffect], diagnosis: Diagnosis) -> list[Row]:
@@ -109,7 +109,8 @@ def _group_of(group: Sequence[NamedEffect]) -> Row:
         share=share,
         percent=MISSING if share is None else f"{percent(share)} %",
         interval="",
-        odds=odds_text(weakest.odds),
+        certainty=certainty_text(weakest.odds),
+        instead=_instead(weakest),
         law=LAW[form],
         approximate=form == "approximate",
         members=tuple(sorted(members, key=lambda m: _natural(m[0]))),
@@ -134,10 +135,19 @@ def row_of(effect: NamedEffect, diagnosis: Diagnosis) -> Row:
         share=share,
         percent=MISSING if share is None else f"{percent(share)} %",
         interval=_interval(effect),
-        odds=odds_text(effect.odds),
+        certainty=certainty_text(effect.odds),
+        instead=_instead(effect),
         law=LAW[effect.form] if effect.curve is None else MEASURED,
         approximate=effect.form == "approximate",
     )
+
+
+def _instead(effect: NamedEffect) -> str:
+    """What could replace an effect, where the odds do not decide."""
+    if effect.odds is None or not is_open(effect.odds):
+        return ""
+    others = [claim_name(*claim) for claim in effect.odds.against if claim != (effect.family, effect.place)]
+    return f"cannot be told apart from {listed(others)}" if others else "the data fit as well without it"
 
 
 def slight_text(effects: Sequence[NamedEffect]) -> str:
@@ -148,7 +158,9 @@ def slight_text(effects: Sequence[NamedEffect]) -> str:
     if not effects:
         return ""
     small = all(_weight(effect) < LARGE for effect in effects)
-    head = "small corrections, not claims" if small else "not claims, as other effects could stand for them"
+    head = (
+        "small corrections, not claims" if small else "not claims, because other effects could replace them"
+    )
     return f"{head}: {'; '.join(_slight(effect) for effect in effects)}"
 
 

@@ -16,14 +16,24 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Trace, Traces
 from gpsim.diagnosis.report import Curve
 from gpsim.reports.account_effects import claim_name, told_effects
-from gpsim.reports.account_left import left_share
-from gpsim.reports.canvas import legend_above, panels, png, style
+from gpsim.reports.account_sentences import left_share
+from gpsim.reports.canvas import (
+    FAINT,
+    GRID,
+    INK,
+    LABEL,
+    SEGMENTS,
+    SLIGHT,
+    legend_above,
+    legend_label,
+    named,
+    panels,
+    png,
+    style,
+)
 from gpsim.reports.curve_figure import measured_picture
 from gpsim.reports.diagnosis_figures import COLOURS, LINES, Picture, limits
-from gpsim.reports.diagnosis_text import listed
-from gpsim.reports.effect_text import noun
-from gpsim.reports.lettering import LABEL, legend_label, named
-from gpsim.reports.palette import FAINT, GRID, INK, SEGMENTS, SLIGHT
+from gpsim.reports.diagnosis_text import listed, noun
 from gpsim.reports.quantities import percent, share_text
 
 ROLLOUT, PARTS, MISSING_CURVE = "held_out_rollout", "decomposition", "curve_missing"

@@ -5,25 +5,29 @@ Where an account is too long, its parts are cut in a fixed order: first what a s
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 
 from rich.cells import cell_len, set_cell_size
 
 from gpsim.reports.account import Account, Fit
 from gpsim.reports.account_effects import Row
-from gpsim.reports.lettering import ELLIPSIS, shortened
+from gpsim.reports.canvas import ELLIPSIS, shortened
 from gpsim.reports.printable import printable
 
 LINES, COLUMNS = 24, 100
 INDENT = 9  # columns of a part's name
 BAR = 10  # columns of a full bar
+PERCENT = 6  # columns of a share beside it
 EIGHTHS = " ▏▎▍▌▋▊▉"
-HEADS = ("effect", "size ± (90 %)", "share of mismatch", "odds", "law holds?")
+HEADS = ("effect", "size ± (90 %)", "share of mismatch", "how sure", "law holds?")
 GAP = 2  # columns between two of the table
-WIDEST = (34, 30, BAR + 7, 9, 13)
+WIDEST = (34, 34, BAR + 1 + PERCENT, 9, 13)
+NARROWEST = 22  # columns of a name before the sizes beside it make room
 """Columns that a table's columns may take."""
-WORD = 36  # columns of a word: a longer one, a path, would push all others off its line
+WORD = 60  # columns of a word: a longer one, a path, would push all others off its line
 NAME = 24  # letters of a channel in the line of the fit
 
 
@@ -31,10 +35,11 @@ NAME = 24  # letters of a channel in the line of the fit
 class Limits:
     """How many lines each part may take.
 
-    gates: whether rows say where they act; sizes: of a row; members: lines for the joints of a group.
+    names, sizes: of a row; gates: whether rows say where they act; members: lines for the joints of a group.
     """
 
     rows: int
+    names: int
     sizes: int
     gates: bool
     members: int
@@ -51,6 +56,7 @@ class Limits:
 LIMITS = (
     Limits(
         rows=7,
+        names=3,
         sizes=3,
         gates=True,
         members=4,
@@ -65,6 +71,7 @@ LIMITS = (
     ),
     Limits(
         rows=7,
+        names=2,
         sizes=3,
         gates=True,
         members=4,
@@ -79,6 +86,7 @@ LIMITS = (
     ),
     Limits(
         rows=7,
+        names=2,
         sizes=2,
         gates=True,
         members=3,
@@ -93,6 +101,7 @@ LIMITS = (
     ),
     Limits(
         rows=7,
+        names=2,
         sizes=1,
         gates=True,
         members=3,
@@ -107,6 +116,7 @@ LIMITS = (
     ),
     Limits(
         rows=7,
+        names=1,
         sizes=1,
         gates=False,
         members=2,
@@ -121,6 +131,7 @@ LIMITS = (
     ),
     Limits(
         rows=5,
+        names=1,
         sizes=1,
         gates=False,
         members=2,
@@ -210,23 +221,49 @@ def _table(rows: Sequence[Row], limits: Limits) -> list[str]:
     if not rows:
         return []
     shown = rows[: limits.rows]
-    cells = [(row.effect, _sizes(row, limits.sizes), _share(row), row.odds, row.law) for row in shown]
+    cells = [(row.effect, _sizes(row, limits.sizes), _share(row), row.certainty, row.law) for row in shown]
     longest = [max((_labelled(*size) for size in s), key=cell_len, default="") for _, s, *_ in cells]
     widths = _widths([(c[0], size, *c[2:]) for c, size in zip(cells, longest, strict=True)])
     lines = [_line(HEADS, widths)]
-    for row, (effect, sizes, share, odds, law) in zip(shown, cells, strict=True):
-        first, *others = [_labelled(*size, widths[1]) for size in sizes] or [""]
-        lines.append(_line((effect, first, share, odds, law), widths))
-        lines += [_line(("", other, "", "", ""), widths) for other in others]
-        joints = [f"{name} {size} ·" for name, size in row.members]
+    for row, (effect, sizes, share, certainty, law) in zip(shown, cells, strict=True):
+        names = _in_lines(_one_line(effect), widths[0], limits.names)
+        told = [_labelled(*size, widths[1]) for size in sizes]
+        (name, size), *others = zip_longest(names, told or [""], fillvalue="")
+        lines.append(_line((name, size, share, certainty, law), widths))
+        lines += [_line((*other, "", "", ""), widths) for other in others]
+        joints = [f"{joint} {its} ·" for joint, its in row.members]
         if joints:
-            told = filled([*joints[:-1], joints[-1].removesuffix(" ·")], COLUMNS - INDENT - 2, limits.members)
-            lines += [f"  {line}" for line in told]
-        if row.gate and limits.gates:
-            lines += wrapped(f"  {row.gate}", COLUMNS - INDENT, 1)
+            every = filled(
+                [*joints[:-1], joints[-1].removesuffix(" ·")], COLUMNS - INDENT - 2, limits.members
+            )
+            lines += [f"  {line}" for line in every]
+        for text in (row.gate, row.instead) if limits.gates else ():
+            lines += wrapped(text, COLUMNS - INDENT - 2, limits.names) if text else []
     if len(rows) > len(shown):
         lines.append(f"{ELLIPSIS} and {len(rows) - len(shown)} more in report.html")
     return lines
+
+
+def _in_lines(text: str, width: int, most: int) -> list[str]:
+    """A name in at most so many lines: broken between words, else behind a mark within a word; cut if still longer."""
+    pieces = [piece for word in text.split(" ") for piece in _pieces(word, width)]
+    lines: list[str] = []
+    for piece, begins in pieces:
+        if lines and cell_len(lines[-1]) + begins + cell_len(piece) <= width:
+            lines[-1] += " " * begins + piece
+        else:
+            lines.append(piece)
+    return lines if len(lines) <= most else [_fitting(text, width)]
+
+
+def _pieces(word: str, width: int) -> Iterator[tuple[str, bool]]:
+    """Parts of a word that fit a line each, and whether a word begins with it."""
+    if cell_len(word) <= width:
+        yield word, True
+        return
+    for i, part in enumerate(re.findall(r"[^_/.]+[_/.]*|[_/.]+", word)):
+        for at in range(0, len(part), max(width // 2, 1)) if cell_len(part) > width else (0,):
+            yield (part[at : at + max(width // 2, 1)] if cell_len(part) > width else part), i == at == 0
 
 
 def _sizes(row: Row, most: int) -> list[tuple[str, str]]:
@@ -246,7 +283,8 @@ def _labelled(name: str, size: str, width: int | None = None) -> str:
 
 
 def _share(row: Row) -> str:
-    return f"{bar(row.share)} {row.percent:>6}"
+    percent = row.percent if len(row.percent) <= PERCENT else row.percent.replace(" ", "")
+    return f"{bar(row.share)} {percent:>{PERCENT}}"
 
 
 def bar(share: float | None) -> str:
@@ -257,7 +295,7 @@ def bar(share: float | None) -> str:
 
 
 def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
-    """Of every column: what its cells need, not more than it may take; the first two share what is left."""
+    """Of every column: what its cells need, not more than it may take; names, which wrap, make room first."""
     table = [HEADS, *cells]
     needed = [
         min(max(cell_len(_one_line(row[i])) for row in table), max(most, len(head)))
@@ -265,7 +303,7 @@ def _widths(cells: Sequence[Sequence[str]]) -> list[int]:
     ]
     over = sum(needed) + GAP * (len(needed) - 1) - (COLUMNS - INDENT)
     while over > 0:
-        needed[0 if needed[0] >= needed[1] else 1] -= 1
+        needed[0 if needed[0] > NARROWEST or needed[0] >= needed[1] else 1] -= 1
         over -= 1
     return needed
 

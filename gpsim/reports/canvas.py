@@ -1,21 +1,131 @@
-"""How every figure looks, and figures as text that a page can hold: same data, same bytes."""
+"""What all figures share: style, panels, colours, and names shown letter by letter.
+
+Matplotlib reads what stands between two `$` as a formula, drops legend labels that begin with `_`, and warns of letters
+that its font lacks. Names are data: none of this may happen to them.
+"""
 
 from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterator
+import unicodedata
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Tick
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont
+from matplotlib.ft2font import FT2Font
+from matplotlib.text import Text
 
-from gpsim.reports.lettering import FAMILY, make_literal
-from gpsim.reports.palette import FAINT, GRID, INK
+POLICIES = {
+    "Source": "#D55E00",
+    "Domain randomisation": "#E69F00",
+    "GP-Mean": "#56B4E9",
+    "GP-Sample": "#0072B2",
+    "Target": "#333333",
+}
+"""Policies, and the simulators of the same names."""
+
+OTHERS = ("#009E73", "#CC79A7", "#882255", "#999933", "#44AA99", "#AA4499", "#6D4C41")
+"""For names that are not in POLICIES, in order of appearance; used again from the start when there are more."""
+
+RATES = ("#009E73", "#AA4499", "#999933", "#44AA99", "#6D4C41")
+"""Apart from the policies' colours, so that a rate is not mistaken for a policy."""
+
+SEGMENTS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#882255", "#999933")
+"""Parts of one bar that stand side by side, the largest first."""
+
+SLIGHT = "#B8BEC7"  # of such a bar: what is small and no claim
+
+INK, FAINT, GRID, BAND, GP = "#1B1F24", "#6B7280", "#E5E7EB", "#9CC9E8", "#0072B2"
+
+
+def colours(names: Iterable[str]) -> dict[str, str]:
+    """A colour for every name; names that are not known take the rest of the palette in order of appearance."""
+    found: dict[str, str] = {}
+    others = 0
+    for name in names:
+        if name in found:
+            continue
+        if name in POLICIES:
+            found[name] = POLICIES[name]
+        else:
+            found[name] = OTHERS[others % len(OTHERS)]
+            others += 1
+    return found
+
+
+FAMILY = "DejaVu Sans"  # comes with matplotlib: the same on every machine
+UNKNOWN = "\N{REPLACEMENT CHARACTER}"
+ELLIPSIS = "…"
+LONGEST = 28  # letters of a name in a figure,
+SENTENCE = 60  # in a sentence, which wraps,
+LABEL = 18  # beside an axis that is no longer than that,
+LONGEST_UNIT = 12  # and of a unit
+_NO_WIDTH = "\N{ZERO WIDTH SPACE}"
+
+
+def shortened(name: str, most: int = LONGEST) -> str:
+    """A name of at most so many letters: the middle of a longer one becomes an ellipsis, as ends tell names apart."""
+    if len(name) <= most:
+        return name
+    end = (most - 1) // 2
+    return f"{name[: most - 1 - end]}{ELLIPSIS}{name[len(name) - end :] if end else ''}"
+
+
+def spelled(name: str) -> str:
+    """A name as a sentence shows it: whole, unless no line could hold it."""
+    return shortened(name, SENTENCE)
+
+
+def named(name: str, unit: str = "", most: int = LONGEST) -> str:
+    """`name [unit]` for an axis, both shortened; the name alone where there is no unit."""
+    return f"{shortened(name, most)} [{shortened(unit, LONGEST_UNIT)}]" if unit else shortened(name, most)
+
+
+def legend_label(name: str, most: int = LONGEST) -> str:
+    """A name as a legend's label: of one that begins with `_` matplotlib would show nothing."""
+    label = shortened(name, most)
+    return f"{_NO_WIDTH}{label}" if label.startswith("_") else label
+
+
+def drawable(text: str) -> str:
+    """What the font can draw of a text: letters that it lacks are replaced, marks without a shape left out."""
+    known = _letters()
+    kept = (c for c in text if c == "\n" or ord(c) in known or unicodedata.category(c) != "Cf")
+    return "".join(c if c == "\n" or ord(c) in known else UNKNOWN for c in kept)
+
+
+def make_literal(figure: Figure) -> None:
+    """Every text of a figure shows its own letters; numbers at ticks are left as their formatter writes them."""
+    for text in _texts(figure):
+        text.set_parse_math(False)
+        text.set_text(drawable(text.get_text()))
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    for child in artist.get_children():
+        if isinstance(child, Tick):
+            continue
+        if isinstance(child, Text):
+            yield child
+        yield from _texts(child)
+
+
+@cache
+def _letters() -> frozenset[int]:
+    """Code points that the font has in all weights that are used."""
+    weights = (FontProperties(family=FAMILY, weight=weight) for weight in ("normal", "bold"))
+    return frozenset.intersection(*(frozenset(FT2Font(findfont(w)).get_charmap()) for w in weights))
+
 
 STYLE: dict[Any, Any] = {
     "font.family": FAMILY,

@@ -9,11 +9,9 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.assessment import EFFECTS
 from gpsim.diagnosis.report import MeasuredCurve, NamedEffect
 from gpsim.reports.account_effects import effect_name
-from gpsim.reports.canvas import legend_above, panels, png
+from gpsim.reports.canvas import FAINT, GRID, INK, LABEL, legend_above, named, panels, png
 from gpsim.reports.curve_text import law_name, nearest_said
 from gpsim.reports.diagnosis_figures import COLOURS, Picture
-from gpsim.reports.lettering import LABEL, named
-from gpsim.reports.palette import FAINT, GRID, INK
 
 WIDE = 5.4  # inches
 LAWS = 2  # nearest laws that are drawn

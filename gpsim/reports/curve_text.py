@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gpsim.diagnosis.report import MeasuredCurve, NamedEffect, NearestLaw
-from gpsim.reports.effect_text import noun
-from gpsim.reports.lettering import shortened
+from gpsim.reports.canvas import shortened
+from gpsim.reports.diagnosis_text import noun
 from gpsim.reports.quantities import percent
 
 NAMES = 3  # nearest laws that are told

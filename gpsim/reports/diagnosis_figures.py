@@ -11,9 +11,17 @@ import numpy as np
 
 from gpsim.diagnosis import Outcome
 from gpsim.diagnosis.assessment import BASE, EFFECTS, Course, Trace, Traces, most_telling
-from gpsim.reports.canvas import legend_above, panels, png, style
-from gpsim.reports.lettering import LABEL, LONGEST_UNIT, named, shortened
-from gpsim.reports.palette import FAINT
+from gpsim.reports.canvas import (
+    FAINT,
+    LABEL,
+    LONGEST_UNIT,
+    legend_above,
+    named,
+    panels,
+    png,
+    shortened,
+    style,
+)
 from gpsim.reports.quantities import in_percent, number
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}

@@ -1,27 +1,38 @@
-"""A diagnosis as one page: its account on the first screen beside two pictures, everything else folded below."""
+"""A diagnosis as a page and as a piece of a notebook's page: the account first, everything else folded below it."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from itertools import accumulate
+
+from markupsafe import Markup
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import HeldOutFit, Kind, RolloutErrors, StepErrors
 from gpsim.diagnosis.run import Decision
-from gpsim.reports.account import account_of
+from gpsim.reports.account import Account, account_of
 from gpsim.reports.account_effects import Row
 from gpsim.reports.account_figures import MISSING_CURVE, MOST, PARTS, ROLLOUT
+from gpsim.reports.canvas import FAINT, SEGMENTS
 from gpsim.reports.diagnosis_figures import Picture
-from gpsim.reports.diagnosis_text import ranking
-from gpsim.reports.html import page_of
-from gpsim.reports.not_asked_text import not_asked_lines
-from gpsim.reports.palette import FAINT, SEGMENTS
+from gpsim.reports.diagnosis_text import not_asked_lines, ranking
+from gpsim.reports.html import fragment_of, page_of, resource
 from gpsim.reports.quantities import in_percent, number
 from gpsim.reports.recordings_text import recordings_sheet
-from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics
-from gpsim.reports.trace_text import trace_lines
+from gpsim.reports.statistics_text import effects_sheet, parameters_sheet, statistics, trace_lines
+
+
+def account_fragment(account: Account, pictures: Sequence[Picture] = ()) -> str:
+    """HTML without scripts and without anything from elsewhere; every text is escaped."""
+    return fragment_of(
+        "account.html.jinja",
+        style=Markup(resource("account.css")),
+        account=account,
+        sentence=account.sentence[:1].upper() + account.sentence[1:],
+        pictures=pictures,
+    )
+
 
 FRONT = (ROLLOUT, PARTS)
 FRONT_UNKNOWN = (ROLLOUT, MISSING_CURVE)
@@ -56,8 +67,8 @@ def page(
     first = front_of(diagnosis)
     account = account_of(diagnosis, simulator=simulator)
     return page_of(
-        _resource("diagnosis.html.jinja"),
-        _resource("diagnosis.css") + _bars(),
+        "diagnosis.html.jinja",
+        resource("diagnosis.css") + _bars(),
         name=name,
         account=account,
         sentence=account.sentence[:1].upper() + account.sentence[1:],
@@ -89,12 +100,8 @@ def front_of(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 def _first_rows(rows: Sequence[Row]) -> int:
     """How many rows have room on the first screen: one at least."""
-    lines = [max(len(row.sizes), 1 + bool(row.gate) + bool(row.members)) for row in rows]
+    lines = [max(len(row.sizes), 1 + bool(row.gate) + bool(row.instead) + bool(row.members)) for row in rows]
     return max(1, sum(used <= MOST_LINES for used in accumulate(lines)))
-
-
-def _resource(name: str) -> str:
-    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")
 
 
 def _bars() -> str:

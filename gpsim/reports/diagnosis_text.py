@@ -1,15 +1,152 @@
-"""Where recording and simulator differ, in words, and the list of all explanations that were fitted."""
+"""What is peculiar to a log, and what parameters fix only together, in words."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import SINCE_REVERSAL
-from gpsim.diagnosis.report import Claims, NamedEffect, RankedHypothesis
-from gpsim.reports.lettering import shortened
-from gpsim.reports.quantities import number, percent
+from gpsim.diagnosis.report import Claims, Combination, LogFact, NamedEffect, NotAsked, RankedHypothesis
+from gpsim.effects import CURVES, FAMILIES
+from gpsim.reports.canvas import spelled
+from gpsim.reports.quantities import interval_text, number, percent
+from gpsim.reports.sheets import unit
+
+COUNTED: Mapping[str, tuple[str, str]] = {
+    "repeated": ("{of} repeats the one before", "{of} repeat the one before"),
+    "missing": ("{of} is missing", "{of} are missing"),
+    "outliers": ("{of} leaps and was left out", "{of} leap and were left out"),
+    "touching": (
+        "in {of} something touches: accelerations are not compared there, rollouts are",
+        "in {of} something touches: accelerations are not compared there, rollouts are",
+    ),
+}
+MEASURED: Mapping[str, str] = {
+    "quantised": "{channel} is quantised{to}",
+    "jitter": "{clock} jitters{by}",
+    "late": "{channel} arrives late{by}",
+    "drift": "{clock} drifts{by}",
+}
+WHOLE = "parameter_offset"  # a parameter of the simulator itself: its place is its name
+
+
+def log_fact_text(fact: LogFact) -> str:
+    """`3 samples of theta repeat the one before`, `theta is quantised to 0.001 rad`."""
+    size = "" if fact.value is None else f"{fact.value:.3g} {unit(fact.unit)}".strip()
+    if fact.kind in COUNTED:
+        samples = f"{fact.count} sample{'' if fact.count == 1 else 's'}" if fact.count else "samples"
+        of = f"{samples} of {fact.channel}" if fact.channel else samples
+        said = COUNTED[fact.kind][fact.count != 1].format(of=of)
+        return f"{said} ({size})" if size else said
+    said = MEASURED[fact.kind].format(
+        channel=fact.channel or "everything",
+        clock=f"the clock of {fact.channel}" if fact.channel else "the clock",
+        to=f" to {size}" if size else "",
+        by=f" by {size}" if size else "",
+    )
+    return f"{said}, at {fact.count} samples" if fact.count else said
+
+
+def fixed_text(combination: Combination) -> str:
+    """What the data fix: the product of powers, and its value; that it is one combination where nobody knows which."""
+    powers = combination.exponents
+    if len(powers) != len(combination.of) or not any(powers):
+        return "one combination of them"
+    names = [_parameter(name) for name in combination.of]
+    above = [_power(n, p) for n, p in zip(names, powers, strict=True) if p > 0]
+    below = [_power(n, -p) for n, p in zip(names, powers, strict=True) if p < 0]
+    said = f"{' · '.join(above) or '1'}{' / ' + ' / '.join(below) if below else ''}"
+    value, low, high = combination.value, combination.low, combination.high
+    if value is None:
+        return said
+    of = "" if combination.unit == "1" else f" {unit(combination.unit)}"
+    size = f"{value:.4g}" if low is None or high is None else interval_text(value, low, high)
+    return f"{said} = {size}{of}"
+
+
+def open_text(combination: Combination) -> str:
+    """The direction that the data leave open."""
+    powers = combination.exponents
+    if len(powers) != len(combination.of) or len(powers) != 2:
+        return "all of them may change as long as it stays"
+    return "both may be scaled alike" if _is_ratio(combination) else "one may grow as the other shrinks"
+
+
+def combination_text(combination: Combination) -> str:
+    """What of some parameters is fixed, and what stays open, in a sentence."""
+    names = [_parameter(name) for name in combination.of]
+    named = all(name in combination.fixed for name in names)
+    of = "" if named else f"of {_listed(names)} "
+    return f"{of}only {combination.fixed} is fixed; {combination.open}"
+
+
+def combination_texts(combinations: Sequence[Combination]) -> list[str]:
+    """The same of several; ratios, which are all open in one way, share a sentence."""
+    ratios = [c for c in combinations if _is_ratio(c)]
+    if len(ratios) < 2:
+        return [combination_text(c) for c in combinations]
+    together = f"only {_listed([c.fixed for c in ratios])} are fixed: these may all be scaled alike"
+    return [together, *(combination_text(c) for c in combinations if not _is_ratio(c))]
+
+
+def _is_ratio(combination: Combination) -> bool:
+    return len(combination.exponents) == 2 and math.prod(combination.exponents) < 0.0
+
+
+def parameters_of(combination: Combination) -> str:
+    """`cart_mass or the gain of force`: what would have to be known from elsewhere."""
+    return _listed([_parameter(name) for name in combination.of], "or")
+
+
+def _listed(names: Sequence[str], word: str = "and") -> str:
+    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _parameter(name: str) -> str:
+    """`force gain` of `actuator_gain on force: gain`; a name of another form stays as it is."""
+    claim, between, parameter = name.rpartition(": ")
+    family, on, place = claim.partition(" on ")
+    if not (between and on):
+        return name
+    return place if family == WHOLE else f"{place} {parameter.replace('_', ' ')}"
+
+
+def _power(name: str, power: float) -> str:
+    return name if abs(power - 1.0) < 1e-9 else f"{name}^{power:.2g}"
+
+
+MOST_NAMED = 4
+"""Families that are named in a line; of more their number is said."""
+
+
+def not_asked_lines(entries: Sequence[NotAsked]) -> list[str]:
+    """One line each: what never changed, was not measured or was settled, and what is left out for it."""
+    return [_line(entry) for entry in entries]
+
+
+def _line(entry: NotAsked) -> str:
+    name, value = entry.channel, f"{entry.value:g} {entry.unit}" if entry.value is not None else ""
+    said = {
+        "no command": f"{name} was not recorded and is taken as 0 {entry.unit}",
+        "constant command": f"{name} never changes ({value})",
+        "constant": f"{name} never changes: it says little",
+        "held": f"{name} never changes ({value}): it is taken as held still from outside",
+        "not needed": f"{name} was not measured, and nothing that was depends on it: it is left out",
+        "estimated": f"{name} was not measured and is estimated",
+        "known": f"{name} is known ({value})",
+        "asked": "left out as you said",
+        "does nothing": f"{name} is required and does nothing here: it is left out",
+    }[entry.because]
+    return said + (f"; not asked: {_families(entry.families)}" if entry.families else "")
+
+
+def _families(families: Sequence[str]) -> str:
+    names = [family.replace("_", " ") for family in families]
+    if len(names) > MOST_NAMED:
+        return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more families"
+    return ", ".join(names)
+
 
 NOTHING = "nothing missing"
 RANKINGS = {"all": "On all training windows:", "search": "Given up in the search, on its windows:"}
@@ -32,18 +169,21 @@ def where(diagnosis: Diagnosis) -> str:
     """In which rates, on what they depend, in which part of state or time, and what of the log was looked at."""
     location = diagnosis.location
     if diagnosis.verdict == "none":
-        return f"nowhere beyond noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
+        return (
+            f"nowhere: the error is noise and numerical error.{_own_step(diagnosis)}{_looked_at(diagnosis)}"
+        )
     shares = sorted(location.channels.items(), key=lambda item: -item[1])
-    told = [f"{percent(share)} % of {shortened(name)}'s" for name, share in shares if share > TRIFLE]
-    text = f"beyond noise lies {listed([f'{told[0]} residual', *told[1:]])}" if told else _no_part(diagnosis)
+    told = [(spelled(name), percent(share)) for name, share in shares if share > TRIFLE]
+    text = _error_in(told) if told else _no_part(diagnosis)
     if location.depends_on:
-        text += f"; it depends on {listed([shortened(name) for name in location.depends_on])}"
+        inputs = [spelled(name) for name in location.depends_on]
+        text += f"; look at {listed(inputs)}: the error changes with {'it' if len(inputs) == 1 else 'them'}"
     for name, (low, high) in location.region.items():
-        text += f"; it acts where {in_region(name, low, high)}"
+        text += f"; only where {in_region(name, low, high)}"
     if location.since is not None:
         text += f"; since t = {_moment(location.since, diagnosis.dt)} s"
     if location.since_episode is not None:
-        text += f"; since episode {shortened(location.since_episode)}"
+        text += f"; since episode {spelled(location.since_episode)}"
     return f"{text}{_part(diagnosis)}.{_looked_at(diagnosis)}"
 
 
@@ -53,15 +193,15 @@ def gate_text(effect: NamedEffect, dt: float | None) -> str:
     if effect.since is not None:
         said.append(f"since t = {_moment(effect.since, dt)} s")
     if effect.since_episode is not None:
-        said.append(f"since episode {shortened(effect.since_episode)}")
+        said.append(f"since episode {spelled(effect.since_episode)}")
     if effect.recordings is not None:
-        said.append(f"only in {listed([shortened(name) for name in effect.recordings])}")
+        said.append(f"only in {listed([spelled(name) for name in effect.recordings])}")
     return ", ".join(said)
 
 
 def in_region(name: str, low: float, high: float) -> str:
     """`x in [-1.1, -0.4]`."""
-    return f"{shortened(name)} in {_between(low, high)}"
+    return f"{spelled(name)} in {_between(low, high)}"
 
 
 def listed(names: Sequence[str], most: int = MOST) -> str:
@@ -78,7 +218,7 @@ def _own_step(diagnosis: Diagnosis) -> str:
     if not coarse:
         return ""
     left = listed(
-        [f"{number(finely)} of {shortened(n)}'s {number(e.before)} {e.unit}" for n, e, finely in coarse]
+        [f"{number(finely)} of {spelled(n)}'s {number(e.before)} {e.unit}" for n, e, finely in coarse]
     )
     return f" The simulator's own step is coarse: integrated finely, {left} is left one step ahead."
 
@@ -91,16 +231,16 @@ def _part(diagnosis: Diagnosis) -> str:
         return ""
     (low, high), name = part.interval, part.channel
     of = name if part.is_channel else name.removeprefix(SINCE_REVERSAL)
-    lies = f"{part.where} {shortened(name)} = {_between(low, high)}" if of == name else _soon_after(of, high)
+    lies = f"{part.where} {spelled(name)} = {_between(low, high)}" if of == name else _soon_after(of, high)
     return (
-        f"; {percent(part.share_of_mismatch)} % of {shortened(part.rate)}'s lies {lies}, "
+        f"; {percent(part.share_of_mismatch)} % of {spelled(part.rate)}'s error lies {lies}, "
         f"in {percent(part.share_of_samples)} % of the samples"
     )
 
 
 def _soon_after(of: str, seconds: float) -> str:
-    of = shortened(of)
-    return f"within {seconds:.3g} s of a reversal of {of}" if seconds > 0.0 else f"where {of} turns round"
+    of = spelled(of)
+    return f"within {seconds:.3g} s of a reversal of {of}" if seconds > 0.0 else f"where {of} reverses"
 
 
 def _between(low: float, high: float) -> str:
@@ -122,10 +262,10 @@ def _looked_at(diagnosis: Diagnosis) -> str:
     """What a reader must know of the data that were looked at."""
     text = ""
     if diagnosis.thinned > 1:
-        text += f" The clock is fast: every {_ordinal(diagnosis.thinned)} sample was read, commands averaged between."
+        text += f" The clock is fast: every {_ordinal(diagnosis.thinned)} sample was used, commands averaged between."
     if diagnosis.not_measured:
-        names = listed([shortened(name) for name in diagnosis.not_measured])
-        text += f" Nobody measured {names}: it is what each model's own windows say."
+        names = listed([spelled(name) for name in diagnosis.not_measured])
+        text += f" Not measured and estimated by each model: {names}."
     return text
 
 
@@ -133,11 +273,21 @@ def _ordinal(number: int) -> str:
     return f"{number}{ {2: 'nd', 3: 'rd'}.get(number, 'th') }"
 
 
+def _error_in(told: Sequence[tuple[str, str]]) -> str:
+    """In which rates the simulator is wrong, the worst first: how much of the error there is more than noise."""
+    (first, share), others = told[0], told[1:]
+    names = [
+        f"{first} ({share} % of the error there is not noise)",
+        *(f"{name} ({s} %)" for name, s in others),
+    ]
+    return f"in {listed(names)}"
+
+
 def _no_part(diagnosis: Diagnosis) -> str:
     return (
-        "beyond noise lies a small part of the residual"
+        "the error is small in every rate, but more than noise"
         if diagnosis.fit.one_step
-        else "in a rate that nobody measured"
+        else "in a rate that was not measured"
     )
 
 
@@ -153,3 +303,10 @@ def _ranked(entry: RankedHypothesis) -> str:
 def terms_text(effects: Claims) -> str:
     """The families and places of an explanation."""
     return " + ".join(f"{family} on {on}" for family, on in effects) or NOTHING
+
+
+def noun(family: str) -> str:
+    """What people call a family of effects, in the catalogue or not."""
+    found = FAMILIES.get(family) or CURVES.get(family)
+    known = found.noun if found is not None else ""
+    return known or family.replace("_", " ")

@@ -1,40 +1,78 @@
-"""A fleet as one self-contained page: which robots differ, all of them in a table, and every account below."""
+"""Sizes of a fleet's common effects, a panel an effect and a point a robot: who lies apart is seen at once."""
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from gpsim.diagnosis.report import Estimate
 from gpsim.reports.account import account_of
-from gpsim.reports.account_effects import effect_name, told_effects
+from gpsim.reports.account_effects import claim_name, effect_name, told_effects
 from gpsim.reports.account_lines import account_lines
-from gpsim.reports.canvas import data_uri
+from gpsim.reports.canvas import INK, data_uri, named, panels, shortened, style
 from gpsim.reports.diagnosis_text import gate_text
-from gpsim.reports.fleet import Deviation, Robot, deviations, headline, size_of
-from gpsim.reports.fleet_picture import fleet_picture
-from gpsim.reports.html import page_of
-from gpsim.reports.prove_page import STYLE
+from gpsim.reports.fleet import Claim, Deviation, Robot, deviations, headline, size_of
+from gpsim.reports.html import page_of, resource
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, whole_percent
+
+ODD = "#B42318"  # as the page marks names
+MOST, NAMED = 6, 30  # panels; robots whose names fit below an axis
+Point = tuple[int, Estimate]
+"""Which robot, counted from 0, and the size of its effect."""
+
+
+def fleet_picture(robots: Sequence[Robot], found: Sequence[Deviation]) -> Figure | None:
+    """The first parameter of each effect that more than half of the robots have; None where there is none."""
+    odd = {(d.robot, d.effect) for d in found}
+    chosen = [(claim, points) for claim in _common(robots) if (points := _points(robots, claim))][:MOST]
+    if not chosen:
+        return None
+    names = [robot.name for robot in robots]
+    with style():
+        size = (min(12.0, 2.5 + 0.28 * len(robots)), 1.9 * len(chosen) + 0.8)
+        figure, axes = panels(len(chosen), 1, size, sharex=True)
+        for axis, (claim, points) in zip(axes[:, 0], chosen, strict=True):
+            _draw(axis, claim, points, [(name, claim_name(*claim)) in odd for name in names])
+        last = axes[-1, 0]
+        if len(names) <= NAMED:
+            last.set_xticks(range(len(names)), [shortened(name) for name in names], rotation=60, ha="right")
+        else:
+            last.set_xlabel("robot, in the order of the table")
+        last.set_xlim(-0.5, len(names) - 0.5)
+    return figure
+
+
+def _common(robots: Sequence[Robot]) -> list[Claim]:
+    """The most frequent first."""
+    judged = [robot for robot in robots if robot.judged]
+    often = Counter(claim for robot in judged for claim in robot.effects)
+    return [claim for claim, count in often.most_common() if 2 * count > len(judged) and count > 1]
+
+
+def _points(robots: Sequence[Robot], claim: Claim) -> list[Point]:
+    having = [(i, robot.effects[claim]) for i, robot in enumerate(robots) if claim in robot.effects]
+    sizes = [(i, next(iter(effect.parameters.values()), None)) for i, effect in having]
+    return [(i, size) for i, size in sizes if size is not None and math.isfinite(size.value)]
+
+
+def _draw(axis: Axes, claim: Claim, points: Sequence[Point], odd: Sequence[bool]) -> None:
+    for i, size in points:
+        low, high = (size.value if end is None else end for end in (size.low, size.high))
+        colour = ODD if odd[i] else INK
+        axis.plot([i, i], [low, high], color=colour, linewidth=1.2)
+        axis.plot(i, size.value, "o", color=colour, markersize=4.5)
+    axis.set_title(shortened(claim_name(*claim), 60))
+    axis.set_ylabel(named("size", points[0][1].unit))
+    axis.margins(y=0.15)
+
 
 MORE = """
 td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; }
 img { max-width: 100%; } pre { overflow-x: auto; background: #f6f7f9; padding: .7rem; } summary { cursor: pointer; }
-"""
-PAGE = """<!doctype html>
-<html lang="en"><head>{{ head }}<title>gpsim diagnose --each</title></head><body>
-<h1>{{ robots|length }} recordings</h1>
-<p>{{ said[:1]|upper }}{{ said[1:] }}.</p>
-{% if picture %}<img src="{{ picture }}" alt="Sizes of the common effects, robot by robot">
-<p>Effects that most robots have, with 90 % intervals; red: apart from the fleet.</p>{% endif %}
-{% for sheet in sheets if sheet.rows %}<h2>{{ sheet.title }}</h2><div class="wide"><table class="words">
-<tr>{% for name in sheet.columns %}<th>{{ name }}</th>{% endfor %}</tr>
-{% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
-{{- cell.text.split("\n")|map("short", 90)|join("<br>"|safe) }}</td>{% endfor %}</tr>
-{% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}
-{% endfor %}
-<h2>Accounts</h2>
-{% for name, lines in accounts %}<details><summary>{{ name }}</summary><pre>{{ lines|join("\\n") }}</pre></details>
-{% endfor %}
-</body></html>
 """
 NOTE = (
     "An effect belongs to the fleet where more than half of the robots have it. A size is apart where it lies beyond "
@@ -47,8 +85,8 @@ def fleet_page(robots: Sequence[Robot], simulators: Sequence[str]) -> str:
     found = deviations(robots)
     figure = fleet_picture(robots, found)
     return page_of(
-        PAGE,
-        STYLE + MORE,
+        "fleet.html.jinja",
+        resource("plain.css") + MORE,
         robots=robots,
         said=headline(robots, found),
         picture=None if figure is None else data_uri(figure),

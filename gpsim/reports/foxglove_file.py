@@ -19,8 +19,7 @@ from mcap_protobuf.schema import register_schema
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.diagnosis.assessment import Along, Alongside
 from gpsim.recordings import Recording, start_times
-from gpsim.reports.foxglove_bodies import Body
-from gpsim.reports.foxglove_scene import scene, transform
+from gpsim.reports.foxglove_scene import Body, scene, transform
 
 REAL = "real"
 NUMBER, TEXT, FLAG = "number", "string", "boolean"

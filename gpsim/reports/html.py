@@ -5,18 +5,19 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
+from importlib import resources
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from gpsim.reports.lettering import LABEL, shortened
+from gpsim.reports.canvas import LABEL, shortened
 
 LONGEST = 48  # letters of a name in a table: its title holds all of them
 
 
 def page_of(template: str, style: str, **content: Any) -> str:
-    """The page that a template makes of its content; `head` in it is the charset, the policy and the style.
+    """The page that a template file makes of its content; `head` in it is the charset, the policy and the style.
 
     style: the one style sheet. Scripts, frames, forms and everything from elsewhere stay out, whatever a name holds.
     """
@@ -24,12 +25,21 @@ def page_of(template: str, style: str, **content: Any) -> str:
 
 
 def fragment_of(template: str, **content: Any) -> str:
-    """What a template makes of its content, for a page that somebody else makes."""
+    """What a template file makes of its content, for a page that somebody else makes."""
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=FunctionLoader(resource),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.filters |= {"short": _short, "title_of": _title_of, "titles_of": _titles_of}
-    return environment.from_string(template).render(**content)
+    return environment.get_template(template).render(**content)
+
+
+def resource(name: str) -> str:
+    """The text of a template or a style sheet."""
+    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")
 
 
 def security_policy(style: str) -> str:

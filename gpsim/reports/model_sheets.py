@@ -6,8 +6,11 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from gpsim.evaluation import coverage_warnings
-from gpsim.reports import thesis
-from gpsim.reports.loop_report import LoopReport
+from gpsim.reports.loop_report import (
+    LoopReport,
+    OneStepFigure,
+    printed_one_step,
+)
 from gpsim.reports.sheets import (
     MISSING,
     Cell,
@@ -52,7 +55,7 @@ def scores(report: LoopReport, key: str, rate: str) -> Mapping[str, Any]:
 
 def one_step_sheet(report: LoopReport) -> Sheet:
     """NRMSE and R2 of mean and sample on both drivers' data, beside the thesis's where the experiment is one of its."""
-    printed = thesis.one_step(report.experiment, report.system)
+    printed = printed_one_step(report.experiment, report.system)
     columns = ["Rate", "Prediction", *(["Thesis NRMSE", "Thesis R²"] if printed else [])]
     for words in data_of(report).values():
         columns += [f"NRMSE, {words}", "R²"]
@@ -245,7 +248,7 @@ def gp_warnings(report: LoopReport) -> list[str]:
     ]
 
 
-def _thesis(figure: thesis.OneStepFigure | None) -> tuple[str, str]:
+def _thesis(figure: OneStepFigure | None) -> tuple[str, str]:
     if figure is None:
         return MISSING, MISSING
     r2 = f"{figure.r2.mean} ± {figure.r2.std}" if figure.r2 else MISSING

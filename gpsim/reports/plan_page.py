@@ -9,31 +9,13 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import Channels
 from gpsim.planning import FIXED, Plan
-from gpsim.reports.canvas import data_uri, legend_above, panels, style
-from gpsim.reports.html import page_of
-from gpsim.reports.lettering import LABEL, named
-from gpsim.reports.palette import FAINT, OTHERS
+from gpsim.reports.canvas import FAINT, LABEL, OTHERS, data_uri, legend_above, named, panels, style
+from gpsim.reports.html import page_of, resource
 from gpsim.reports.plan_text import plan_facts, told
-from gpsim.reports.prove_page import STYLE
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, significant, unit
 
 MORE = """
 td, th, td:first-child, th:first-child { text-align: left; vertical-align: top; } img { max-width: 100%; }
-"""
-PAGE = """<!doctype html>
-<html lang="en"><head>{{ head }}<title>gpsim plan</title></head><body>
-<h1>What to play next</h1>
-{% for line in lines %}<p>{{ line }}</p>
-{% endfor %}
-<img src="{{ picture }}" alt="Commands and the motion under each explanation">
-<p>Above: the commands. Below: the motion that each explanation foresees, at its estimate; dashed: the box.</p>
-{% for sheet in sheets if sheet.rows %}<h2>{{ sheet.title }}</h2><div class="wide"><table class="words">
-<tr>{% for name in sheet.columns %}<th>{{ name }}</th>{% endfor %}</tr>
-{% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
-{{- cell.text }}</td>{% endfor %}</tr>
-{% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}
-{% endfor %}
-</body></html>
 """
 NOTE = (
     "Nats are what the explanation that is not true loses in log likelihood after its parameters have moved to where "
@@ -46,8 +28,8 @@ NOTE = (
 def plan_page(plan: Plan, state: Channels, action: Channels, box: Mapping[str, Sequence[float]]) -> str:
     """The page; equal plans give equal pages."""
     return page_of(
-        PAGE,
-        STYLE + MORE,
+        "plan.html.jinja",
+        resource("plain.css") + MORE,
         lines=told(plan_facts(plan)),
         picture=data_uri(plan_figure(plan, state, action, box)),
         sheets=[pairs_sheet(plan), pieces_sheet(plan)],

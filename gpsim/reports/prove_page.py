@@ -1,60 +1,146 @@
-"""A proof as one self-contained page: what had to be reached, strata, confusion, every miss with its report."""
+"""A proof as a page and as a text to publish: its tables, the confusion matrix, every miss in words."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from gpsim.reports.html import page_of
-from gpsim.reports.prove_misses import miss_rows
+from gpsim.reports.html import page_of, resource
+from gpsim.reports.printable import printable
 from gpsim.reports.prove_sheets import beside, confusion_sheet, proof_sheets
+from gpsim.reports.sheets import Cell, Sheet, row
 
 Json = Mapping[str, Any]
-STYLE = """
-body { font-family: system-ui, sans-serif; max-width: 76rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24; }
-h1 { font-size: 1.5rem; } h2 { font-size: 1.15rem; margin-top: 2rem; }
-.wide { overflow-x: auto; } table { border-collapse: collapse; font-size: .9rem; }
-td, th { padding: .2rem .7rem; text-align: right; } td:first-child, th:first-child, .words td { text-align: left; }
-th { vertical-align: bottom; } tr { border-bottom: 1px solid #e5e7eb; } .marked { color: #b42318; font-weight: 600; }
-.matrix th { writing-mode: vertical-rl; transform: rotate(180deg); font-weight: 400; }
-.matrix th:first-child { writing-mode: horizontal-tb; }
-"""
-PAGE = """<!doctype html>
-<html lang="en"><head>{{ head }}<title>gpsim prove</title></head><body>
-<h1>Concealed worlds, diagnosed blind</h1>
-<p>{{ content.all.n }} worlds of 2&nbsp;000 to 12&nbsp;000 transitions and {{ content.long.n }} longer ones,
-{% if "rough" in content %}{{ content.rough.n }} rough ones, {% endif %}
-{% if "machines" in content %}{{ content.machines.n }} whole machines, {% endif %}
-{% if "mjcf" in content %}{{ content.mjcf.n }} robots by their MuJoCo models, {% endif %}seed
-{{ content.seed }}. Every answer was hashed before the diagnosis began and verified before it was scored. A world
-is visible when each of its effects makes 5 % of the mean squared one-step residual or moves a rollout of a second by
-more than half the noise; the headline figures hold the visible ones. Commits of
-the diagnoses: {{ content.diagnosed_under|join(", ") }}; of this page: {{ content.git_commit or "not recorded" }}.</p>
-{% for line in beside %}<p class="marked">{{ line }}</p>
-{% endfor %}
-{% macro table(sheet, kind="") %}<h2>{{ sheet.title }}</h2><div class="wide"><table class="{{ kind }}">
-<tr>{% for name in sheet.columns %}<th>{{ name }}</th>{% endfor %}</tr>
-{% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
-{{- cell.text }}</td>{% endfor %}</tr>
-{% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}{% endmacro %}
-{% for sheet in sheets if sheet.rows %}{{ table(sheet) }}
-{% endfor %}
-{{ table(confusion, "matrix") }}
-<h2>{{ misses|length }} misses</h2><div class="wide"><table class="words">
-<tr><th>trial</th><th>world</th><th>truth</th><th>said</th><th>listed equivalents</th></tr>
-{% for miss in misses %}<tr><td><a href="diagnoses/{{ miss.trial }}/diagnosis/report.html">{{ miss.trial }}</a></td>
-<td>{{ miss.stratum }}: {{ miss.world }}</td><td>{{ miss.truth }}</td>
-<td>{{ miss.said }} {{ miss.error }}</td><td>{{ miss.equivalents }}</td></tr>
-{% endfor %}</table></div>
-</body></html>
-"""
+
+
+def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
+    """One line a miss, for the page."""
+    return [
+        {
+            "trial": str(s["trial"]),
+            "stratum": str(s["stratum"]),
+            "world": f"{s['system']}, {s['noise_level']} noise, {s['velocities'] or _unmeasured(s)}, {s['excitation']}"
+            + ("" if s["visible"] else ", not visible")
+            + (f", {', '.join(s['defects'])}" if s["defects"] else ""),
+            "truth": _true_share(s) + (" + ".join(_true_effect(e) for e in s["effects"]) or "nothing"),
+            "said": f"{s['verdict']}{_said_share(s)}: "
+            + (" + ".join(f"{f} on {on}" for f, on in s["said"]) or "nothing"),
+            "equivalents": "; ".join(" + ".join(f"{f} on {on}" for f, on in c) for c in s["equivalents"]),
+            "error": str(s["error"] or ""),
+        }
+        for s in scores
+        if not s["right"]
+    ]
+
+
+def _unmeasured(score: Json) -> str:
+    return "positions only" if "robot" in score else "pose only"
+
+
+def _true_share(score: Json) -> str:
+    """Of a rough world and a machine: the verdict called for, and what their own effects explain."""
+    if "explained" not in score:
+        return ""
+    return f"{' or '.join(score['verdicts'])} (explained {score['explained']:.2f}): "
+
+
+def _said_share(score: Json) -> str:
+    share = score.get("said_explained")
+    return "" if share is None else f" ({share:.2f})"
+
+
+def _true_effect(effect: Json) -> str:
+    numbers = ", ".join(f"{k} {v:.4g}" for k, v in effect["parameters"].items())
+    where = "".join(f", {k} in [{low:.3g}, {high:.3g}]" for k, (low, high) in effect["region"].items())
+    when = f", since {effect['since']:.6g} s" if effect["since"] is not None else ""
+    return f"{effect['family']} on {effect['on']} ({numbers}{where}{when})"
+
+
+_TAG = re.compile(r"<(?=[A-Za-z/!?])")  # what Markdown hands on as HTML
+
+
+def record(content: Json) -> str:
+    """The text, from the content of prove.json."""
+    commits = ", ".join(str(commit) for commit in content["diagnosed_under"])
+    head = f"{_worlds(content)}, seed {content['seed']}; diagnosed with commit: {commits}."
+    sections = (section(f"## {sheet.title}", sheet) for sheet in record_sheets(content))
+    return "\n\n".join([head, *beside(content), *sections]) + "\n"
+
+
+def record_sheets(content: Json) -> list[Sheet]:
+    """Every table of a proof that has rows: from the content of prove.json, or of a record that holds its tables."""
+    if "tables" in content:
+        return [_told(table) for table in content["tables"]]
+    return [sheet for sheet in (*proof_sheets(content), _misses(content)) if sheet.rows]
+
+
+def section(heading: str, sheet: Sheet) -> str:
+    """A table in Markdown below its heading, and what is to be said of it."""
+    rule = ["---"] * sheet.labels + ["---:"] * (len(sheet.columns) - sheet.labels)
+    lines = [_line(sheet.columns), _line(rule), *(_line(map(_text, cells)) for cells in sheet.rows)]
+    return "\n\n".join([heading, "\n".join(lines), *([sheet.note] if sheet.note else [])])
+
+
+def _worlds(content: Json) -> str:
+    """How many of which there are."""
+    words = {"all": "worlds of 2 000 to 12 000 transitions", "long": "longer ones", **WORDS}
+    counts = {part: content.get(part, {}).get("n", 0) for part in words}
+    return ", ".join(f"{counts[part]} {what}" for part, what in words.items() if counts[part]) or "no worlds"
+
+
+def _told(table: Json) -> Sheet:
+    """A table as a record holds it: a cell is its text, or `text` and whether it is `missed`."""
+    rows = tuple(
+        tuple(Cell(c) if isinstance(c, str) else Cell(c["text"], marked=c["missed"]) for c in cells)
+        for cells in table["rows"]
+    )
+    note = " ".join(text for text in (table.get("about", ""), table["note"]) if text)
+    return Sheet(table["title"], tuple(table["columns"]), rows, labels=table["labels"], note=note)
+
+
+def _misses(content: Json) -> Sheet:
+    rows = [
+        row(
+            m["trial"],
+            f"{m['stratum']}: {m['world']}",
+            m["truth"],
+            f"{m['said']} {m['error']}".strip(),
+            m["equivalents"],
+        )
+        for m in content.get("every_miss", ())  # proofs of earlier versions list the trials alone
+    ]
+    columns = ("trial", "world", "truth", "said", "listed equivalents")
+    return Sheet("Every miss", columns, tuple(rows), labels=len(columns))
+
+
+def _line(cells: Iterable[str]) -> str:
+    return "| " + " | ".join(map(_in_a_cell, cells)) + " |"
+
+
+def _in_a_cell(text: str) -> str:
+    """One line, in which neither a bar ends the cell nor a tag begins."""
+    return _TAG.sub(r"\\<", " ".join(printable(text).split("\n"))).replace("|", "\\|")
+
+
+def _text(cell: Cell) -> str:
+    return f"**{cell.text}** !" if cell.marked else cell.text
+
+
+WORDS = {
+    "rough": "rough ones",
+    "machines": "whole machines",
+    "mjcf": "robots by their MuJoCo models",
+}
+"""The groups of special worlds, as a page counts them."""
 
 
 def page(content: Json, scores: Sequence[Json]) -> str:
     """The page; it stands beside the folder of diagnoses that it links to."""
     return page_of(
-        PAGE,
-        STYLE,
+        "prove.html.jinja",
+        resource("plain.css"),
+        groups=WORDS,
         content=content,
         beside=beside(content),
         sheets=proof_sheets(content),

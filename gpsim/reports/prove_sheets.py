@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gpsim.reports.machine_sheets import machine_sheets
-from gpsim.reports.robot_sheets import robot_sheets
-from gpsim.reports.rough_sheets import rough_sheets
+from gpsim.reports.prove_groups import brief_sheets, group_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
 from gpsim.trials.statistics import EQUIVALENT, GOALS, bounds_of
 
@@ -55,9 +53,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
         medians_sheet(content),
         rivals_sheet(content),
         namers_sheet(content),
-        *rough_sheets(content),
-        *robot_sheets(content),
-        *machine_sheets(content),
+        *group_sheets(content),
         *strata_sheets(content),
         families_sheet(content),
         kinds_sheet(content),
@@ -66,10 +62,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
 
 def terminal_sheets(content: Json) -> list[Sheet]:
     """Those that a terminal shows: of the rough worlds what was said where what was called for."""
-    verdicts = rough_sheets(content)[-2:-1]
-    verdicts += robot_sheets(content)[:1]
-    verdicts += machine_sheets(content)[:2]
-    sheets = [goals_sheet(content), *verdicts, rivals_sheet(content), namers_sheet(content)]
+    sheets = [goals_sheet(content), *brief_sheets(content), rivals_sheet(content), namers_sheet(content)]
     return [sheet for sheet in sheets if sheet.rows]
 
 

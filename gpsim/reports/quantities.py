@@ -8,6 +8,7 @@ from gpsim.diagnosis.report import Estimate, Odds, Share
 from gpsim.reports.sheets import MISSING, significant, unit
 
 MANY = 1e4  # odds beyond which nobody counts
+OPEN = 3.0  # to one: lower odds decide nothing, as in the verdict
 TIMES = frozenset({"ratio", "gain", "gain_positive", "gain_negative", "scale"})
 """Parameters that multiply what the simulator believes."""
 PLAIN = (1e-4, 1e6)  # between these a number is written without an exponent
@@ -63,6 +64,21 @@ def odds_text(odds: Odds | None) -> str:
         return ">1e4"
     times = math.exp(odds.nats)
     return f"{float(f'{times:.2g}'):.0f}:1" if times >= 9.5 else f"{times:.2g}:1"
+
+
+def certainty_text(odds: Odds | None) -> str:
+    """`sure`, `120 to 1`, `undecided`; MISSING where no explanation without the effect was fitted."""
+    said = odds_text(odds)
+    if said == MISSING or odds is None or odds.nats is None:
+        return MISSING
+    if is_open(odds):
+        return "undecided"
+    return "sure" if odds.nats >= math.log(MANY) else said.replace(":", " to ")
+
+
+def is_open(odds: Odds | None) -> bool:
+    """Whether the data do not tell the effect from what could replace it."""
+    return odds is not None and odds.nats is not None and odds.nats < math.log(OPEN)
 
 
 def size_text(name: str, estimate: Estimate) -> str:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import resources
 
-from gpsim.reports.html import page_of
-from gpsim.reports.palette import colours
+from gpsim.reports.canvas import colours
+from gpsim.reports.html import page_of, resource
 
 
 @dataclass(frozen=True)
@@ -74,15 +73,11 @@ def index_page(experiments: Sequence[Experiment], place: str) -> str:
     tints = {name: f"tint{i}" for i, name in enumerate(known)}
     dots = "".join(f".{tints[n]} {{ background: {c}; }}\n" for n, c in colours(known).items())
     return page_of(
-        _resource("site.html.jinja"),
-        _resource("loop_report.css") + _resource("site.css") + dots,
+        "site.html.jinja",
+        resource("loop_report.css") + resource("site.css") + dots,
         experiments=experiments,
         place=place,
         artifacts=sum(len(group.entries) for group in experiments),
         reports=sum(len(group.reports) for group in experiments),
         tints=tints,
     )
-
-
-def _resource(name: str) -> str:
-    return resources.files("gpsim.reports").joinpath(name).read_text(encoding="utf-8")

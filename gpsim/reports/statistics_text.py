@@ -1,15 +1,61 @@
-"""What a statistician asks of a diagnosis: nats, odds, p-values and intervals of shares, below the account."""
+"""The trace of a diagnosis in words: what was looked at, what was taken, by which rule and by how much."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import MissingLaw, Share
+from gpsim.diagnosis.report import MissingLaw, Score, Scored, Share
+from gpsim.diagnosis.run import Decision
 from gpsim.reports.account_effects import effect_name
 from gpsim.reports.diagnosis_text import terms_text
 from gpsim.reports.quantities import MANY, number, odds_text, percent, share_text
 from gpsim.reports.sheets import MISSING, Sheet, row
+
+RULE = 29  # columns that a rule's name is given
+
+
+def trace_lines(decisions: Sequence[Decision]) -> list[str]:
+    """A line a decision below the step that made it, in order; what was decided again alike is left out."""
+    return list(_decisions(decisions))
+
+
+def _decisions(decisions: Sequence[Decision]) -> Iterator[str]:
+    step = ""
+    told: set[str] = set()
+    for decision in decisions:
+        if decision.step != step:
+            step, told = decision.step, set()
+            yield f"{step}"
+        line = _decision(decision)
+        if line not in told:
+            told.add(line)
+            yield line
+
+
+def _decision(decision: Decision) -> str:
+    verb = "taken  " if decision.taken else "refused"
+    numbers = f"{_optional(decision.gain, '.1f'):>9} nats {_in_percent(decision.share):>7}"
+    return f"  {verb} {numbers}  {decision.rule:<{RULE}} {difference(decision.candidate, decision.over)}"
+
+
+def difference(candidate: Sequence[str], over: Sequence[str]) -> str:
+    """What the candidate has more and less than what it is compared with, and what both have."""
+    more = [f"+ {term}" for term in candidate if term not in over]
+    less = [f"- {term}" for term in over if term not in candidate]
+    both = [term for term in candidate if term in over]
+    changed = " ".join([*more, *less]) or "the same terms"
+    return f"{changed} (beside {', '.join(both)})" if both else changed
+
+
+def _optional(value: float | None, form: str) -> str:
+    return MISSING if value is None else format(value, form)
+
+
+def _in_percent(share: float | None) -> str:
+    return MISSING if share is None else f"{100 * share:.3g} %"
+
 
 GLITCHES = 3.0  # times the typical error: a larger root mean square is made by a few samples
 EFFECTS = ("effect", "role", "share", "needed", "of its residual", "evidence, nats", "odds", "against")
@@ -102,3 +148,61 @@ def _edge(value: float | None) -> str:
 
 def _bound(held: bool) -> str:
     return "at the bound of the search" if held else ""
+
+
+HEAD = ("", "unit", "base", "+ effects", "+ GP", "of the base's (90 %)")
+
+
+def score_lines(score: Score) -> list[str]:
+    """The table, a line each, and what it does not say by itself."""
+    rows = [_row(f"{name}, one step", errors) for name, errors in score.one_step.items()]
+    rows += [_row(f"{name}, after {score.horizon_s:.3g} s", errors) for name, errors in score.rollout.items()]
+    said = [
+        f"{score.transitions} transitions; errors of {score.steps} single steps and {score.rollouts} rollouts:"
+    ]
+    said += _table([HEAD, *rows])
+    worth = None if score.explained is None else score.explained.rollout
+    if worth is not None:
+        low, high = worth.low, worth.high
+        between = "" if low is None or high is None else f" ({100 * low:.0f} to {100 * high:.0f})"
+        said.append(f"the effects explain {100 * worth.share:.0f} %{between} of the mismatch here")
+    if score.thinned > 1:
+        said.append(f"one of {score.thinned} samples was read, commands averaged between")
+    if score.without_gp:
+        said.append(f"no Gaussian process: {score.without_gp}")
+    return said
+
+
+def errors_lines(rows: Sequence[tuple[str, str, float, float]], steps: int, rollouts: int) -> list[str]:
+    """A table of (what, unit, error of the base, error of the corrected), a line each."""
+    told = [(name, unit, _number(base, 3), _number(after, 3)) for name, unit, base, after in rows]
+    return [
+        f"errors of {steps} single steps and {rollouts} rollouts:",
+        *_table([("", "unit", "base", "corrected"), *told]),
+    ]
+
+
+def _row(name: str, errors: Scored) -> tuple[str, ...]:
+    over = errors.over_before
+    share = "diverged" if over.value is None else f"{100 * over.value:.3g} %"
+    if over.low is not None and over.high is not None:
+        share += f" ({100 * over.low:.3g} to {100 * over.high:.3g})"
+    gp = "-" if errors.after_gp is None else _number(errors.after_gp, 3)
+    return name, errors.unit, _number(errors.before, 3), _number(errors.after, 3), gp, share
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}g}" if math.isfinite(value) else "diverged"
+
+
+def _table(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  ".join(map(_aligned, row, widths, range(len(row)))).rstrip() for row in rows]
+
+
+def _aligned(cell: str, width: int, column: int) -> str:
+    """Names and units to the left, numbers to the right."""
+    return cell.ljust(width) if column < NAMED else cell.rjust(width)
+
+
+NAMED = 2  # columns of words

@@ -9,10 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from gpsim.reports.canvas import data_uri, panels, style
-from gpsim.reports.html import page_of
-from gpsim.reports.palette import colours
-from gpsim.reports.prove_page import STYLE
+from gpsim.reports.canvas import colours, data_uri, panels, style
+from gpsim.reports.html import page_of, resource
 from gpsim.reports.sheets import Cell, Sheet, row, significant
 
 SEED = "seed"
@@ -31,20 +29,6 @@ OF_A_RATE = (".log_marginal_likelihood", ".hyper_parameters_original.noise_std")
 MOST, MOST_DRAWN = 12, 6  # columns of a table; lines of a picture
 MOST_WHOLE = 1e6  # numbers below it are written without a point, if they have no use for one
 MOST_ROWS = 2000  # points in the page: the CSV has all
-PAGE = """<!doctype html>
-<html lang="en"><head>{{ head }}<title>gpsim sweep</title></head><body>
-<h1>Sweep of {{ of }} over {{ swept|join(", ") or "nothing" }}</h1>
-<p>{{ points }} points{% if missing %}, <span class="marked">{{ missing }} of them failed</span>{% endif %}. All figures
-are in sweep.csv and sweep.parquet beside this page.</p>
-{% if picture %}<img src="{{ picture }}" alt="Main figures over {{ over }}">{% endif %}
-{% for sheet in sheets if sheet.rows %}<h2>{{ sheet.title }}</h2><div class="wide"><table>
-<tr>{% for name in sheet.columns %}<th>{{ name|short }}</th>{% endfor %}</tr>
-{% for cells in sheet.rows %}<tr>{% for cell in cells %}<td{% if cell.marked %} class="marked"{% endif %}>
-{{- cell.text }}</td>{% endfor %}</tr>
-{% endfor %}</table></div>{% if sheet.note %}<p>{{ sheet.note }}</p>{% endif %}
-{% endfor %}
-</body></html>
-"""
 
 
 def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
@@ -52,8 +36,8 @@ def sweep_page(of: str, swept: Sequence[str], table: pd.DataFrame) -> str:
     shown, over = main_figures(swept, table), _axis(swept, table)
     figure = None if over is None else _picture(over, shown, table)
     return page_of(
-        PAGE,
-        STYLE + "img { max-width: 100%; } td { white-space: nowrap; }\n",
+        "sweep.html.jinja",
+        resource("plain.css") + "img { max-width: 100%; } td { white-space: nowrap; }\n",
         of=of,
         swept=swept,
         points=len(table),

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from gpsim.channels import FloatArray
-from gpsim.reports.canvas import panels, style
+from gpsim.reports.canvas import FAINT, INK, colours, panels, style
 from gpsim.reports.loop_report import LoopReport, TripReport
-from gpsim.reports.palette import FAINT, INK, colours
 
 SHOWN = ("Source", "GP-Mean", "GP-Sample", "Effects", "Target")
 COLOURS = "viridis"

@@ -69,7 +69,7 @@ os.register_at_fork(after_in_child=_copy)
 
 def no_answer(what: str) -> str:
     """The line about a call that does not return."""
-    return f"{what} did not return within {longest_call():g} s; mend it, or give it longer: {SETTING}=600 (s)"
+    return f"{what} did not return within {longest_call():g} s; fix it, or allow more time: {SETTING}=600 (s)"
 
 
 def said(error: BaseException) -> str:

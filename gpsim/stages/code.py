@@ -12,11 +12,15 @@ What is made anew to the same bytes is the same artifact to those that rest on i
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import gpsim
-from gpsim.errors import UsageError
+from gpsim.errors import Terminated, UsageError
 from gpsim.files import file_digest
+from gpsim.simulators import source_file
+from gpsim.workers import WorkerDiedError
 
 APART = ("cli", "conf", "face", "launchers", "trials")
 """Folders that no diagnosis rests on."""
@@ -52,3 +56,25 @@ def check_same_code(code: str) -> None:
         raise UsageError(
             f"the worker runs {what}, the command gpsim {release}: install the same on both, and start the workers anew"
         )
+
+
+@contextmanager
+def blamed(simulator: object) -> Iterator[None]:
+    """Within it what ends this process or crashes a worker is one line that names the file of a user's simulator."""
+    file = source_file(simulator) if isinstance(simulator, str) else None
+    try:
+        yield
+    except Terminated:
+        raise
+    except SystemExit as error:
+        if file is None:
+            raise
+        raise UsageError(
+            f"{file}: ended the program (exit code {error.code}); a simulator only returns: take exit() out of it"
+        ) from error
+    except WorkerDiedError as error:
+        if file is None or error.killed:
+            raise
+        raise UsageError(
+            f"{file}: a worker process {error.how}, most likely in the code of this file; fix it, then run again"
+        ) from error

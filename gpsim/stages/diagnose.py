@@ -18,12 +18,18 @@ from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_n
 from gpsim.recordings import Recording, joined, read_recording
 from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
-from gpsim.stages.code import SOURCES
-from gpsim.stages.diagnosing import Question, answer, plant_of, title_of
-from gpsim.stages.diagnosis_files import LEFT_OPEN, POSTERIOR, write_diagnosis
+from gpsim.stages.code import SOURCES, blamed
+from gpsim.stages.diagnosis_files import (
+    LEFT_OPEN,
+    POSTERIOR,
+    Question,
+    answer,
+    plant_of,
+    title_of,
+    write_diagnosis,
+)
 from gpsim.stages.policy_files import read_gp
 from gpsim.stages.stage import Request, Stage
-from gpsim.stages.users_code import blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1

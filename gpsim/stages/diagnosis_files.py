@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsim.artifacts import Mishaps
-from gpsim.corrected import ages_of, describe_posterior
-from gpsim.diagnosis import Diagnosis, Outcome
+from gpsim.channels import Channels
+from gpsim.corrected import (
+    EffectsPlant,
+    Features,
+    GpCorrection,
+    ages_of,
+    describe,
+    describe_posterior,
+    plant_from,
+)
+from gpsim.diagnosis import Diagnosis, Outcome, diagnose
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
-from gpsim.diagnosis.run import Decision
+from gpsim.diagnosis.run import Decision, Run, cores
+from gpsim.diagnosis.settings import Known, Settings
+from gpsim.diagnosis.setup import look
+from gpsim.errors import UsageError
 from gpsim.files import Json, plain, write_json
+from gpsim.gp import Predictor
+from gpsim.recordings import Recording
 from gpsim.reports.wording import worded
-from gpsim.simulators import Simulator
+from gpsim.residuals import check_each_holds_out, check_rates
+from gpsim.simulators import Simulator, wrapping
+from gpsim.stages.code import blamed
 from gpsim.stages.corrected_model import where_effects_go
-from gpsim.stages.diagnosing import described
 from gpsim.stages.policy_files import write_gp
+from gpsim.stages.stage import Progress, generator, silent
 
 if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture
@@ -120,3 +136,74 @@ def drawn(diagnosis: Diagnosis, found: Outcome, mishaps: Mishaps) -> Mapping[str
         pictures = account_figures(diagnosis, found.question.everything.simulator.state, shown, contained)
         pictures |= figures(found, shown, past, contained)
     return pictures
+
+
+Process = Callable[[Channels], tuple[Predictor, Features]]
+"""process(channels of state and action): a Gaussian process and its inputs."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked beside the recording: settings, what the user knows, seed, processes, and who hears of progress."""
+
+    settings: Settings
+    known: Known
+    seed: int
+    cores: int = 1
+    progress: Progress = silent
+
+
+def answer(recording: Recording, simulator: Simulator, question: Question) -> Outcome:
+    """Diagnose; raises UsageError where recording and simulator do not go together, or nothing can be said."""
+    with blamed(simulator.name):
+        parameters = simulator.defaults(recording.parameters)
+        sight = look(recording, simulator)
+        _check_names(simulator)
+        check_each_holds_out(recording)
+        check_rates(sight.completed(recording), sight.simulator, parameters)
+        rng = generator(question.seed, "diagnose")
+        with cores(question.cores) as workers:
+            run = Run(workers, question.settings, known=question.known)
+            return diagnose(recording, simulator, parameters, rng, question.progress, run)
+
+
+def _check_names(simulator: Simulator) -> None:
+    """diagnosis.json has one key of its own beside the state channels (`fit.rollout`)."""
+    if "horizon_s" in simulator.state.names:
+        raise UsageError(
+            "a state called 'horizon_s': diagnosis.json says there how far rollouts go; call the channel otherwise"
+        )
+
+
+def title_of(recording: Recording) -> str:
+    """What its page is called. Not the folder's name: the same recording elsewhere makes the same page."""
+    of = f" of {len(recording.sources)} recordings" if recording.sources else ""
+    return f"{recording.system}, {recording.transition_count} transitions{of}"
+
+
+def described(found: Outcome, diagnosis: Diagnosis, own: Channels) -> Json:
+    """corrected.json, and which channels wrap though the simulator's `own` state channels do not."""
+    plant = replace(found.plant, ages=ages_of(found.question.recording))
+    gp = diagnosis.remainder.gp
+    wraps = [c.name for c, known in zip(plant.state, own, strict=True) if c.wraps and not known.wraps]
+    content = describe(plant, gp=gp is not None and gp.used) | ({"wraps": wraps} if wraps else {})
+    if gp is not None and gp.beside == "base":
+        content["with_gp"] = {"terms": [], "scheme": found.question.recording.integrator}
+    return content
+
+
+def plant_of(content: Json, simulator: Simulator, process: Process | None = None) -> EffectsPlant:
+    """The corrected simulator of a corrected.json; process: the Gaussian process beside the effects, if it is wanted.
+
+    It may stand in the effects' place.
+    """
+    simulator = wrapping(simulator, _wrapped(simulator.state, content.get("wraps", ())))
+    if process is None or not content["gp"]:
+        return plant_from(content, simulator)
+    correction = GpCorrection(*process(simulator.state + simulator.action), "mean", sample_noise=False)
+    return plant_from(content | content.get("with_gp", {}), simulator, correction)
+
+
+def _wrapped(state: Channels, too: Iterable[str]) -> Channels:
+    """A simulator's state channels, wrapping where they do and where their recording said so."""
+    return Channels.of(state.units, wraps=(*(c.name for c in state if c.wraps), *too))

@@ -18,10 +18,10 @@ from gpsim.errors import UsageError
 from gpsim.files import disk_errors, written_whole
 from gpsim.recordings import Recording
 from gpsim.reports.account import account_of
-from gpsim.reports.foxglove_bodies import body_of
+from gpsim.reports.foxglove_scene import body_of
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
-from gpsim.stages.users_code import blamed
+from gpsim.stages.code import blamed
 
 FORMATS = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 """What the extra `foxglove` brings."""

@@ -15,13 +15,13 @@ from gpsim.stages.building import (
     randomised_plant,
     target_plant,
 )
+from gpsim.stages.code import blamed
 from gpsim.stages.compared import DIAGNOSED, TRAINED_BY, needs_diagnosis, policy_names
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.jobs import Finished, Job, run_jobs
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import effects_plant
 from gpsim.stages.train_source import settings_for
-from gpsim.stages.users_code import blamed
 
 
 def plan(request: Request, seeds: tuple[int, ...]) -> list[Job]:

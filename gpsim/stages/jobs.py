@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
 from gpsim.artifacts import Artifact, listed_once
 from gpsim.errors import UsageError
-from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks
+from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks, settle
 from gpsim.stages.code import check_same_code, code_here
 from gpsim.stages.diagnose import Task as Recorded
 from gpsim.stages.diagnose import stage_for
@@ -160,3 +161,61 @@ def _in_a_line(error: Exception) -> str:
     lines = str(error).strip().splitlines()
     ends = dict.fromkeys((lines[0].rstrip(":"), lines[-1]) if lines else ())
     return ": ".join([type(error).__name__, *ends])
+
+
+Result = TypeVar("Result")
+
+
+def _nothing(number: int) -> Iterable[Path]:
+    return ()
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What travels where no file system is shared: all trials write below `out`; needs(number): what one reads."""
+
+    out: Path
+    needs: Callable[[int], Iterable[Path]] = _nothing
+
+
+def run_trials(
+    work: Callable[[int], Result],
+    numbers: Sequence[int],
+    launcher: Launcher,
+    progress: Progress,
+    carried: Carried | None = None,
+) -> Iterator[tuple[int, Result]]:
+    """(number, work(number)) as they finish; `work` must be picklable and keep what it finishes."""
+    by_label = {f"trial {number}": number for number in numbers}
+    tasks = [_trial_task(label, work, number, carried) for label, number in by_label.items()]
+
+    def update(label: str, at: int, total: int, note: str) -> None:
+        """Trials tell nothing of themselves before they end."""
+
+    for done, outcome in enumerate(run_tasks(launcher, tasks, update), 1):
+        yield by_label[outcome.label], outcome.result
+        where = f" on {outcome.node}" if outcome.node else ""
+        progress(done, len(numbers), f"{outcome.label}{where}")
+
+
+def _trial_task(label: str, work: Callable[[int], Any], number: int, carried: Carried | None) -> Task:
+    whole = partial(_run, work, number, code_here())
+    if carried is None:
+        return Task(label, whole)
+    return Task(
+        label,
+        whole,
+        needs=partial(carried.needs, number),
+        writes=(carried.out,),
+        keep=partial(_keep_trial, carried.out),
+    )
+
+
+def _run(work: Callable[[int], Result], number: int, code: str, progress: Progress) -> Result:
+    check_same_code(code)
+    return work(number)
+
+
+def _keep_trial(out: Path, folder: Path, result: Result) -> Result:
+    settle(folder, out)
+    return result

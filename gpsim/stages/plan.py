@@ -22,10 +22,9 @@ from gpsim.planning import STATED, Limits, Machine, Plan, PlanSettings, limits_o
 from gpsim.recordings import read_yaml
 from gpsim.settings import build
 from gpsim.simulators import Simulator
-from gpsim.stages.code import SOURCES
+from gpsim.stages.code import SOURCES, blamed
 from gpsim.stages.diagnose import read_corrected, read_diagnosis, read_left_open
 from gpsim.stages.stage import Progress, Request, Stage, generator, silent
-from gpsim.stages.users_code import blamed
 
 FORMAT = 1
 COMMANDS, FACTS, PAGE = "plan.csv", "plan.yaml", "report.html"

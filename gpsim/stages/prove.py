@@ -13,11 +13,9 @@ from typing import Any
 from gpsim.artifacts import git_commit, held, package_versions
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, plain, read_object, write_json, written_whole
-from gpsim.launchers import Launcher
-from gpsim.reports.prove_misses import miss_rows
-from gpsim.reports.prove_page import page
-from gpsim.reports.prove_record import record
-from gpsim.stages.trial_jobs import Carried, Progress, run_trials
+from gpsim.launchers import Launcher, Progress
+from gpsim.reports.prove_page import miss_rows, page, record
+from gpsim.stages.jobs import Carried, run_trials
 from gpsim.trials.blinding import (
     ANSWER,
     DIAGNOSES,

@@ -28,7 +28,7 @@ from gpsim.recordings import (
     open_log,
     parse_mapping,
 )
-from gpsim.reports.guess_text import Asking, asked, told
+from gpsim.reports.import_text import Asking, asked, told
 from gpsim.simulators import SIMULATORS, Simulator
 from gpsim.stages import import_log
 from gpsim.stages.log_files import digests_read

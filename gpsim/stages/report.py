@@ -16,9 +16,9 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.corrected import GpCorrection
 from gpsim.evaluation import start_sets, success_by_set, summarise_seeds
 from gpsim.files import Json, plain, read_object, write_json
+from gpsim.reports.gp_figures import residual_slices
+from gpsim.reports.loop_page import render
 from gpsim.reports.loop_report import LoopReport, MadeBy, ResidualSlice, TripReport
-from gpsim.reports.page import render
-from gpsim.reports.slices import residual_slices
 from gpsim.stages import (
     build_residuals,
     certify,

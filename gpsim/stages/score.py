@@ -10,9 +10,8 @@ from gpsim.diagnosis.report import Score
 from gpsim.diagnosis.run import Run, cores
 from gpsim.files import Json, read_object, write_json
 from gpsim.stages import diagnose
-from gpsim.stages.code import SOURCES
+from gpsim.stages.code import SOURCES, blamed
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.users_code import blamed
 
 FORMAT = 1
 FILE = "score.json"

@@ -17,8 +17,7 @@ from gpsim.files import Json
 from gpsim.mjcf import files_digest
 from gpsim.settings import whole
 from gpsim.simulators import source_file
-from gpsim.stages.code import RELEASE
-from gpsim.stages.users_code import blamed
+from gpsim.stages.code import RELEASE, blamed
 
 Progress = Callable[[int, int, str], None]
 """progress(done, total, note); of no total: the note alone, which is said at once"""

@@ -14,7 +14,7 @@ from gpsim.environments import Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.files import Json, written_whole
 from gpsim.recordings import ChannelSource, parse_mapping
-from gpsim.recordings.bag_writing import Topics, write_ros1_bag, write_ros2_bag
+from gpsim.recordings.export import Topics, write_ros1_bag, write_ros2_bag
 from gpsim.settings import positive
 from gpsim.stages.building import base_plant, make_task, target_plant
 from gpsim.stages.import_log import changes_of, read_logs, resolved_mapping, write_import

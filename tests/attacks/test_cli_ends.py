@@ -90,7 +90,7 @@ KILLED = "error: killed (out of memory?); finished artifacts are whole, run the 
         (
             f"{CALLS}; os.kill(os.getpid(), signal.SIGVTALRM)",
             2,
-            "error: my[31m.py: a call did not return; mend it",
+            "error: my[31m.py: a call did not return; fix it",
         ),
         ("os.kill(os.getpid(), signal.SIGKILL)", 2, KILLED),
         (
@@ -128,7 +128,7 @@ def recording(tmp_path):
         ("ctypes.string_at(0)", "crashed Python (SIGSEGV) at line 12, in rates"),
         pytest.param("os.fork()", "made a copy of the process that came back", marks=pytest.mark.slow),
         pytest.param("raise GeneratorExit", "rates raised GeneratorExit", marks=pytest.mark.slow),
-        pytest.param("time.sleep(1e6)", "rates did not return within 1 s; mend it", marks=pytest.mark.slow),
+        pytest.param("time.sleep(1e6)", "rates did not return within 1 s; fix it", marks=pytest.mark.slow),
     ],
 )
 def test_a_model_that_does_so_after_200_calls_is_named(tmp_path, recording, what, said):

@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from gpsim.errors import UsageError
 from gpsim.recordings import read_recording
-from gpsim.recordings.bag_writing import DriveLog, Topics, write_ros1_bag, write_ros2_bag
+from gpsim.recordings.export import DriveLog, Topics, write_ros1_bag, write_ros2_bag
 
 REACHED = "the diagnosis has begun"
 
@@ -25,7 +25,7 @@ def stopped(monkeypatch):
         seen.append((recording, simulator, parameters))
         raise UsageError(REACHED)
 
-    monkeypatch.setattr("gpsim.stages.diagnosing.diagnose", stop)
+    monkeypatch.setattr("gpsim.stages.diagnosis_files.diagnose", stop)
     return seen
 
 
@@ -107,7 +107,7 @@ def test_a_matlab_file_whose_command_nobody_can_guess(gpsim, stopped, tmp_path):
     code, _, err = gpsim("diagnose", "rig.mat")
     assert code == 2
     assert "force: of qg, vir" in err
-    assert "force=none where nobody commanded it" in err
+    assert "force=none where there was no command" in err
     words = [word.replace("force=COLUMN", "force=35.15*vir") for word in proposed(err)]
     code, _, err = gpsim(*words, "--cores", "1")
     assert err.splitlines()[-1] == f"error: {REACHED}"

@@ -14,7 +14,7 @@ from gpsim.diagnosis.settings import Known, read_known
 from gpsim.diagnosis.setup import not_asked, offers_of, prepare
 from gpsim.errors import UsageError
 from gpsim.recordings import write_recording
-from gpsim.reports.not_asked_text import not_asked_lines
+from gpsim.reports.diagnosis_text import not_asked_lines
 from gpsim.simulators import make_simulator
 from gpsim.stages.diagnose import Task, stage_for
 from gpsim.stages.stage import Request

@@ -17,7 +17,7 @@ from gpsim.diagnosis.report import NoGp
 from gpsim.errors import UsageError
 from gpsim.recordings.files import write_recording
 from gpsim.reports import diagnosis_figures
-from gpsim.stages import diagnosing, diagnosis_files
+from gpsim.stages import diagnosis_files
 from gpsim.stages.diagnose import read_corrected, why_no_gp
 
 from .worlds import World, record
@@ -46,7 +46,7 @@ def searched(monkeypatch):
         found[:] = found or [diagnose_recording(*given, **named)]
         return found[0]
 
-    monkeypatch.setattr(diagnosing, "diagnose", once)
+    monkeypatch.setattr(diagnosis_files, "diagnose", once)
     return found
 
 

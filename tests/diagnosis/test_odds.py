@@ -101,11 +101,18 @@ def test_pairs_that_need_two_recordings_get_two():
 
 
 @pytest.mark.parametrize(
-    ("nats", "words"), [(2.5, "12:1"), (-1.0, "0.37:1"), (13.0, ">1e4"), (400.0, ">1e4"), (None, "–")]
+    ("nats", "words", "certainty"),
+    [
+        (2.5, "12:1", "12 to 1"),
+        (-1.0, "0.37:1", "undecided"),
+        (13.0, ">1e4", "sure"),
+        (400.0, ">1e4", "sure"),
+        (None, "–", "–"),
+    ],
 )
-def test_the_odds_are_said(nats, words):
+def test_the_odds_are_said(nats, words, certainty):
     odds = Odds(nats, (("constant_force", "x"),))
     found = made_diagnosis(verdict="named", effects=(made_effect(odds=odds),))
-    assert row_of(found.effects[0], found).odds == words
+    assert row_of(found.effects[0], found).certainty == certainty
     ((*_, said, against),) = effects_sheet(found).rows
     assert (said.text, against.text) == (words, "constant_force on x")

@@ -15,7 +15,7 @@ from gpsim.diagnosis.settings import EvidenceSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import EffectParameter, Term, own_name
 from gpsim.recordings import joined
-from gpsim.reports.effect_text import implausible_text
+from gpsim.reports.wording import implausible_text
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record

@@ -15,7 +15,7 @@ from gpsim.diagnosis.report import Score
 from gpsim.effects import Gate, Term
 from gpsim.errors import UsageError
 from gpsim.recordings import write_recording
-from gpsim.reports.score_text import score_lines
+from gpsim.reports.statistics_text import score_lines
 from gpsim.simulators import make_simulator
 
 from .test_sight import keeping, without_actions

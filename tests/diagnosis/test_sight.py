@@ -10,7 +10,7 @@ from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.setup import check_moves, look, not_asked, offers_of, prepare
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode
-from gpsim.reports.not_asked_text import not_asked_lines
+from gpsim.reports.diagnosis_text import not_asked_lines
 from gpsim.simulators import make_simulator
 
 from .worlds import H, World, mechanical_step, record

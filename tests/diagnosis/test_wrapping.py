@@ -15,7 +15,7 @@ from gpsim.diagnosis.fitting.predict import predicted
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
-from gpsim.stages.diagnosing import described, plant_of
+from gpsim.stages.diagnosis_files import described, plant_of
 
 from .worlds import World, record
 

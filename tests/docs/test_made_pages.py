@@ -8,7 +8,7 @@ import pytest
 import typer
 from gpsim.cli.main import app
 
-from gpsim.reports.prove_record import record_sheets
+from gpsim.reports.prove_page import record_sheets
 from gpsim.trials.statistics import GOALS
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -5,7 +5,7 @@ import pytest
 
 from gpsim.corrected.command_filter import CommandFilter, fit_filter, settled_rows
 from gpsim.errors import UsageError
-from gpsim.recordings.gaps import OverGaps, gaps
+from gpsim.recordings.episodes import OverGaps, gaps
 
 FILTER = CommandFilter((0.13, 0.0), (0.11, 0.25), 0.1)
 

@@ -22,18 +22,17 @@ from gpsim.policies.training import sac
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.sac import train_sac
 from gpsim.policies.training.settings import PpoSettings, SacSettings
-from gpsim.recordings.bag_writing import DriveLog, Topics, write_ros1_bag, write_ros2_bag
+from gpsim.recordings.export import DriveLog, Topics, write_ros1_bag, write_ros2_bag
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant
 from gpsim.stages.building import make_task, target_plant
-from gpsim.stages.export_policy import export_policy
+from gpsim.stages.export import export_policy
 from gpsim.stages.import_log import read_logs
 from gpsim.stages.policy_files import write_policy
 from gpsim.tasks import Balance, GoalReaching, Start
 
 CONFIG = resolve(["experiment=limo"], None)
 CAR, TASK = target_plant(CONFIG), make_task(CONFIG)
-CHANGES = CONFIG["collect"]["changes"]
 PLANT = SimulatorPlant(make_simulator("unicycle"), {}, "euler", 0.1)
 SMALL = SacSettings(total_steps=480, n_envs=8, gradient_steps=2, learning_starts=80, checkpoint_every=240,
                     checkpoint_episodes=8, hidden=(16, 16), action_repeat=5)  # fmt: skip

@@ -18,7 +18,7 @@ from gpsim.simulators import make_simulator
 from gpsim.stages import evaluate_robustness, train_gp_policy
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.diagnosis_files import POSTERIOR
-from gpsim.stages.export_policy import export_policy
+from gpsim.stages.export import export_policy
 from gpsim.stages.stage import Request
 
 TINY = (

@@ -12,7 +12,7 @@ from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.mjcf import load_mjcf
 from gpsim.recordings import Episode, Recording
-from gpsim.reports.fact_text import log_fact_text
+from gpsim.reports.diagnosis_text import log_fact_text
 from gpsim.simulators import make_simulator
 
 BALL = f'<geom name="ball" size=".1" pos="0 0 -{LENGTH}" mass="0"/></body></worldbody>'

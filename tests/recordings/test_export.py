@@ -9,7 +9,7 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording, write_recording
 from gpsim.recordings.readers import open_log
 from gpsim.simulators.registry import make_simulator
-from gpsim.stages.export_recording import export_recording
+from gpsim.stages.export import export_recording
 
 
 def simulated_recording(system="cartpole", clock="episode"):

@@ -13,8 +13,8 @@ from gpsim.errors import UsageError
 from gpsim.recordings import velocities
 from gpsim.recordings.bare_table import read_bare_table
 from gpsim.recordings.files import read_recording, write_recording
+from gpsim.recordings.guessing_time import likely_unit
 from gpsim.recordings.mapping import Smoothing
-from gpsim.recordings.time_units import likely_unit
 from gpsim.reports.import_text import as_text
 from gpsim.stages.import_log import import_log, read_logs
 

@@ -21,7 +21,7 @@ from rich_diagnoses import (
 )
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Combination, Explained, LogFact, MissingLaw, Share
+from gpsim.diagnosis.report import Combination, Explained, LogFact, MissingLaw, Odds, Share
 from gpsim.reports.account import account_of
 from gpsim.reports.account_lines import account_lines
 from gpsim.reports.statistics_text import effects_sheet, statistics
@@ -35,9 +35,9 @@ def said(diagnosis, **given):
     ("verdict", "words"),
     [
         ("named", "named: the effects below explain 97 % (95 to 98) of the mismatch; no other"),
-        ("ambiguous", "97 % (95 to 98) of the mismatch, but these data cannot tell this from another explanation"),
+        ("ambiguous", "97 % (95 to 98) of the mismatch, but these data cannot tell it apart from another"),
         ("partial", "93 % (88 to 96) of the mismatch, but the law of viscous friction on x holds only approximately"),
-        ("unknown", "unknown: something is missing; the best that I know explains 21 % (10 to 34) of it"),
+        ("unknown", "unknown: something is missing; the best explanation covers 21 % (10 to 34) of it"),
         ("none", "none: nothing is missing that this recording could show"),
     ],
 )  # fmt: skip
@@ -47,13 +47,14 @@ def test_the_verdict_says_how_much_is_explained(verdict, words):
 
 def test_a_partial_account_whose_laws_hold_says_that_the_rest_has_no_name():
     held = replace(partial(), effects=(friction(),))
-    assert "Coulomb friction on x explains 93 % (88 to 96) of the mismatch; the rest has no name yet" in said(
+    assert "Coulomb friction on x explains 93 % (88 to 96) of the mismatch; the rest is unexplained" in said(
         held
     )
 
 
 @pytest.mark.parametrize(
-    ("judged_on", "words"), [("cross-fitted rollouts", "cross-fitted"), ("fit windows", "where it learnt")]
+    ("judged_on", "words"),
+    [("cross-fitted rollouts", "cross-fitted"), ("fit windows", "on its own training data")],
 )
 def test_what_the_share_is_judged_on_is_said_where_it_is_not_held_out(judged_on, words):
     found = Explained(rollout=Share(0.97), judged_on=judged_on)
@@ -66,7 +67,7 @@ def test_headline_effects_stand_by_importance_and_slight_ones_apart():
     account = account_of(named())
     assert [row.effect for row in account.rows] == ["Coulomb friction on x", "viscous friction on x"]
     assert [row.percent for row in account.rows] == ["74 %", "19 %"]
-    assert [row.odds for row in account.rows] == [">1e4", "120:1"]
+    assert [row.certainty for row in account.rows] == ["sure", "120 to 1"]
     assert (
         account.slight == "small corrections, not claims: actuator gain on force (0.930 ± 0.012 times, 1 %)"
     )
@@ -76,7 +77,7 @@ def test_headline_effects_stand_by_importance_and_slight_ones_apart():
 def test_what_is_no_claim_and_makes_much_of_the_mismatch_is_not_called_small():
     redundant = gain(importance=Share(0.4, 0.2, 0.6))
     slight = account_of(replace(named(), effects=(friction(), redundant))).slight
-    assert slight.startswith("not claims, as other effects could stand for them: actuator gain on force")
+    assert slight.startswith("not claims, because other effects could replace them: actuator gain on force")
 
 
 def test_only_the_forms_of_headline_effects_count():
@@ -99,29 +100,29 @@ def test_an_unknown_mismatch_has_no_names():
     assert (account.rows, account.slight, account.rivals) == ((), "", ())
     told = said(found)
     assert "friction" not in told
-    assert "98 % of the mismatch, most of it in theta_acc; it depends on theta_dot" in told
+    assert "98 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot" in told
     assert "What" not in told.split()
 
 
-def test_what_all_explanations_share_is_certain():
+def test_what_all_explanations_share_stands_apart():
     certain, undecided = account_of(ambiguous()).rivals
     assert certain.endswith(": viscous friction on x")
     assert undecided == (
-        "undecided: Coulomb friction on x and actuator gain on force (62 %), or actuator dead zone on force (38 %); "
-        "told is the likeliest"
+        "either Coulomb friction on x and actuator gain on force (62 %) or actuator dead zone on force (38 %); "
+        "the table shows the likeliest"
     )
 
 
 def test_rivals_that_claim_the_same_are_no_alternatives_to_weigh():
     shown = account_of(replace(named(), alternatives=ambiguous().alternatives))
-    assert "what does as well differs in small corrections alone" in shown.sentence
+    assert "differ in small corrections only" in shown.sentence
     assert not list(shown.rivals)
 
 
 def test_where_much_has_no_name_that_is_said_whatever_the_laws_do():
     short = Explained(rollout=Share(0.66, 0.58, 0.73))
     shown = account_of(replace(partial(), explained=short)).sentence
-    assert "the rest has no name yet" in shown
+    assert "the rest is unexplained" in shown
     assert "only approximately" not in shown
 
 
@@ -139,22 +140,23 @@ def test_what_only_a_statistician_asks_is_no_part_of_the_account():
 
 def test_what_is_left_says_how_much_where_and_on_what_it_depends():
     first, *others = account_of(partial()).left
-    assert first == "7 % of the mismatch, most of it in theta_acc; it depends on theta_dot"
+    assert first == "7 % of the mismatch is unexplained, most of it in theta_acc; it changes with theta_dot"
     assert "the log: the clock jitters by 0.4 ms" in others
-    assert "one step ahead the account explains only 28 % of theta_acc" in others
+    assert "one step ahead only 28 % of theta_acc is explained" in others
     memory = MissingLaw(rate="x_acc", on=("force",), memory=0.2, nats=90.0, p_value=1e-30)
     left = account_of(replace(partial(), remainder=made_remainder(structured=True, lack_of_fit=memory))).left[
         0
     ]
     assert (
         left
-        == "7 % of the mismatch, most of it in x_acc; it depends on force, also on what that was over the last 0.2 s"
+        == "7 % of the mismatch is unexplained, most of it in x_acc; it changes with force, also with its history over the "
+        "last 0.2 s"
     )
     by_chance = replace(memory, p_value=0.1)
     left = account_of(
         replace(partial(), remainder=made_remainder(structured=True, lack_of_fit=by_chance))
     ).left[0]
-    assert left == "7 % of the mismatch"
+    assert left == "7 % of the mismatch is unexplained"
 
 
 def test_facts_of_the_log_and_combinations_are_left_too():
@@ -173,14 +175,16 @@ def _next(**changes):
 def test_the_next_recording_is_the_one_that_would_help_most():
     assert account_of(ambiguous()).next == (TELL,)
     assert account_of(partial()).next[0].startswith("record theta_dot over its whole range")
-    assert account_of(named()).next == ("measure cart_mass or force gain by itself: motion alone cannot",)
+    assert account_of(named()).next == (
+        "measure cart_mass or force gain on its own: motion alone fixes only a combination",
+    )
     assert _next() == ("no further recording is needed for this account",)
     vague = viscous(parameters={"damping": size(1.0, 0.6, "N s/m")}, form="holds")
     assert _next(effects=(friction(), vague)) == (
         "record more of what viscous friction on x does: its size is known least well",
     )
     held = friction(parameters={"force": size(8.7, 0.1, "N", at_bound=True)})
-    assert "stopped at the bound" in _next(effects=(held,))[0]
+    assert "at the limit of the search" in _next(effects=(held,))[0]
     remembers = MissingLaw(rate="x_acc", on=("force",), memory=0.2, nats=90.0, p_value=1e-30)
     assert (
         "pauses longer than 0.4 s"
@@ -240,7 +244,7 @@ def test_files_of_the_first_version_are_told_as_far_as_they_go():
         del content["remainder"][key]
     told = said(Diagnosis.from_dict(content))
     assert "named: the effects below explain the mismatch; no other explanation does as well." in told
-    assert "Coulomb friction on x 8.71 ± 0.06 N – >1e4 not tested" in told
+    assert "Coulomb friction on x 8.71 ± 0.06 N – sure not tested" in told
     assert "nan" not in told.lower()
     assert "None" not in told
 
@@ -252,7 +256,7 @@ def test_an_effect_among_others_says_where_it_acts():
     both = account_of(replace(named(), effects=(gated, viscous())))
     assert both.rows[0].gate == "only where x in [-1.1, -0.4], since t = 63.60 s"
     place = made_location(channels={"x_acc": 0.9}, region={"x": (-1.1, -0.4)}, since=63.6)
-    assert "it acts where x in [-1.1, -0.4]; since t = 63.60 s" in said(replace(named(), location=place))
+    assert "only where x in [-1.1, -0.4]; since t = 63.60 s" in said(replace(named(), location=place))
 
 
 def test_words_that_a_file_holds_are_kept():
@@ -267,6 +271,14 @@ def test_words_that_a_file_holds_are_kept():
     left = account_of(own).left
     assert "the log: it rained" in left
     assert "of cart_mass and force gain only their ratio is fixed; both scaled alike" in left
+
+
+def test_an_effect_that_the_odds_leave_open_names_what_could_replace_it():
+    drag = (("quadratic_drag", "x"),)
+    (row,) = account_of(replace(named(), effects=(friction(odds=Odds(0.2, drag)),))).rows
+    assert (row.certainty, row.instead) == ("undecided", "cannot be told apart from quadratic drag on x")
+    (row,) = account_of(replace(named(), effects=(friction(odds=Odds(4.0, drag)),))).rows
+    assert (row.certainty, row.instead) == ("55 to 1", "")
 
 
 def test_importance_decides_the_order_and_is_no_claim_where_it_is_nothing():
@@ -287,8 +299,8 @@ def test_what_is_slight_is_not_certain_though_all_explanations_share_it():
     slight = tuple(replace(effect, role="slight") for effect in found.effects[1:])
     rivals = tuple(replace(rival, effects=found.effects) for rival in found.alternatives)
     shared = account_of(replace(found, effects=(found.effects[0], *slight), alternatives=rivals)).rivals
-    assert [line for line in shared if line.startswith("certain")] == [
+    assert [line for line in shared if line.startswith("in every")] == [
         line
         for line in account_of(replace(found, alternatives=rivals, effects=found.effects[:1])).rivals
-        if line.startswith("certain")
+        if line.startswith("in every")
     ]

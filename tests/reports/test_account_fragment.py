@@ -7,8 +7,8 @@ from pages import check_fragment
 from rich_diagnoses import RICH
 
 from gpsim.reports.account import account_of
-from gpsim.reports.account_fragment import account_fragment
 from gpsim.reports.diagnosis_figures import Picture
+from gpsim.reports.diagnosis_page import account_fragment
 
 EVIL = "</style><script>alert(1)</script><img src=x onerror=alert(1)>\"'&"
 

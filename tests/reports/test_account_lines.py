@@ -10,7 +10,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from made_diagnoses import made_diagnosis, made_effect, made_location, made_remainder
 from rich.cells import cell_len
-from rich_diagnoses import RICH, friction, partial, stribeck
+from rich_diagnoses import RICH, friction, named, partial, stribeck
 
 from gpsim.diagnosis.report import (
     Alternative,
@@ -152,8 +152,17 @@ def test_a_name_makes_room_for_the_numbers():
     long = friction(on="/robot/arm/joint" * 9)
     lines = account_lines(account_of(replace(partial(), effects=(long,))))
     (row,) = [line for line in lines if "8.71" in line]
-    for number in ("8.71 ± 0.06 N", "74 %", ">1e4", "yes"):
+    for number in ("8.71 ± 0.06 N", "74 %", "sure", "yes"):
         assert number in row
+
+
+def test_a_long_name_is_wrapped_and_not_cut():
+    joint = "rotor_inertia_of_the_shoulder_lift_joint_of_the_left_arm"
+    lines = account_lines(account_of(replace(named(), effects=(friction(on=joint),)), "runs/found"))
+    check(lines)
+    start = next(i for i, line in enumerate(lines) if line.startswith("What"))
+    told = [line[9:].split("  ")[0] for line in lines[start + 1 : start + 4]]
+    assert joint in "".join(told)
 
 
 def test_a_folder_that_is_too_long_for_a_line_is_dir():

@@ -10,11 +10,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from gpsim.reports.canvas import png, svg
+from gpsim.reports.canvas import OTHERS, POLICIES, colours, png, svg
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
-from gpsim.reports.palette import OTHERS, POLICIES, colours
-from gpsim.reports.return_figures import figure_expert_rounds, figure_learning_curves, figure_returns
-from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
+from gpsim.reports.loop_figures import (
+    figure_divergence,
+    figure_expert_rounds,
+    figure_learning_curves,
+    figure_returns,
+    figure_rollouts,
+)
 
 FIGURES = [
     figure_returns,

@@ -4,8 +4,7 @@ from made_diagnoses import made_diagnosis, made_effect
 
 from gpsim.diagnosis.report import Alternative, Estimate
 from gpsim.reports.fleet import Robot, deviations, headline
-from gpsim.reports.fleet_page import fleet_page
-from gpsim.reports.fleet_picture import ODD, fleet_picture
+from gpsim.reports.fleet_page import ODD, fleet_page, fleet_picture
 
 
 def spring(value, half=0.1, **changes):

@@ -9,10 +9,9 @@ import pytest
 from odd_names import ODD, odd_report
 from pages import check_policy
 
-from gpsim.reports.html import page_of
-from gpsim.reports.page import render
-from gpsim.reports.prove_page import PAGE, STYLE
-from gpsim.reports.prove_record import record
+from gpsim.reports.html import page_of, resource
+from gpsim.reports.loop_page import render
+from gpsim.reports.prove_page import record
 from gpsim.reports.sheets import Sheet, row
 
 EVIL = "</style></title><script>alert(1)</script><img src=x onerror=alert(1)>\"'&$"
@@ -51,7 +50,14 @@ def test_the_page_of_a_proof() -> None:
     sheet = Sheet(EVIL, (EVIL,), (row(EVIL),), note=EVIL)
     miss = dict.fromkeys(("trial", "stratum", "world", "truth", "said", "error", "equivalents"), EVIL)
     text = page_of(
-        PAGE, STYLE, content=content, beside=[EVIL], sheets=[sheet], confusion=sheet, misses=[miss]
+        "prove.html.jinja",
+        resource("plain.css"),
+        groups={},
+        content=content,
+        beside=[EVIL],
+        sheets=[sheet],
+        confusion=sheet,
+        misses=[miss],
     )
     page = check_policy(text)
     assert "img" not in page.tags
@@ -60,13 +66,13 @@ def test_the_page_of_a_proof() -> None:
 
 def test_a_style_sheet_cannot_end_its_own_element() -> None:
     with pytest.raises(ValueError, match="style sheet"):
-        page_of("{{ head }}", "body { } </style>")
+        page_of("prove.html.jinja", "body { } </style>")
 
 
 def test_a_record_keeps_tags_and_bars_in_their_cells(monkeypatch: pytest.MonkeyPatch) -> None:
     sheet = Sheet("Sheet", ("name", "n"), (row("<b>|x\ny\x1b[31m", "< 5"),))
-    monkeypatch.setattr("gpsim.reports.prove_record.proof_sheets", lambda content: [sheet])
-    monkeypatch.setattr("gpsim.reports.prove_record.beside", lambda content: [])
+    monkeypatch.setattr("gpsim.reports.prove_page.proof_sheets", lambda content: [sheet])
+    monkeypatch.setattr("gpsim.reports.prove_page.beside", lambda content: [])
     content = {"all": {"n": 1}, "long": {"n": 0}, "seed": 1, "diagnosed_under": ["abc"]}
     text = record(content)
     assert r"| \<b>\|x y[31m | < 5 |" in text.splitlines()

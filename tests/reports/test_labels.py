@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 
 from gpsim.evaluation.summary import summarise_seeds
-from gpsim.reports import headline
+from gpsim.reports.loop_figures import figure_learning_curves, figure_returns
+from gpsim.reports.loop_page import render, terminal_notes
 from gpsim.reports.loop_report import LoopReport, TripReport
+from gpsim.reports.loop_sheets import paragraph, return_sheets, success_sheets
 from gpsim.reports.model_sheets import one_step_sheet, rollout_sheet
-from gpsim.reports.page import render
-from gpsim.reports.return_figures import figure_learning_curves, figure_returns
-from gpsim.reports.return_sheets import return_sheets
-from gpsim.reports.success_sheets import success_sheets
-from gpsim.reports.tables import terminal_notes
 
-UNDRAWN = "gpsim.reports.page.data_uri"
+UNDRAWN = "gpsim.reports.loop_page.data_uri"
 
 
 def without_target(make_report: Any) -> LoopReport:
@@ -58,9 +55,7 @@ def test_without_a_target_policy_nobody_speaks_of_one(
         "Certified by the search",
         "All starts",
     ]
-    assert "the starts that a search over action sequences certifies as solvable" in headline.paragraph(
-        report
-    )
+    assert "the starts that a search over action sequences certifies as solvable" in paragraph(report)
     page = render(report)
     assert "that a Target policy" not in page
     assert "Solved by a Target" not in page
@@ -121,18 +116,18 @@ def test_what_was_judged_on_reads_as_a_sentence(make_report: Any) -> None:
         ("the training episodes: the recording holds nothing out", "1.7 % on the training episodes (NRMSE"),
         ("held-out episodes", "1.7 % on the held-out episodes (NRMSE"),
     ):
-        found = headline.paragraph(replace(report, summary={**report.summary, "judged_on": judged}))
+        found = paragraph(replace(report, summary={**report.summary, "judged_on": judged}))
         assert said in found
-    assert "on the policy's own data and 4.4 % on data of random actions" in headline.paragraph(report)
+    assert "on the policy's own data and 4.4 % on data of random actions" in paragraph(report)
 
 
 def test_what_was_measured_instead_of_what_was_recorded_is_said(make_report: Any) -> None:
     report, words = make_report(), "the stand-in limo, not on what was recorded; choose target=recording"
-    assert "Measured on" not in headline.paragraph(report)
+    assert "Measured on" not in paragraph(report)
     evaluations = [{**report.summary, "seed": 0, "measured_on": words}]
     summary = summarise_seeds(evaluations, {}, {}, "limo")
     told = replace(report, summary={**report.summary, "measured_on": summary["measured_on"]})
-    assert headline.paragraph(told) == f"{headline.paragraph(report)} Measured on {words}."
+    assert paragraph(told) == f"{paragraph(report)} Measured on {words}."
     assert terminal_notes(told) == [f"measured on {words}", *terminal_notes(report)]
     assert one_step_sheet(told) == one_step_sheet(report)
 
@@ -168,7 +163,7 @@ def test_of_rewards_of_a_tasks_own_no_start_is_solved_and_no_episode_full(make_r
     assert "Full episodes" not in [
         column if isinstance(column, str) else column.text for column in sheet.columns
     ]
-    said = headline.paragraph(report)
+    said = paragraph(report)
     assert " of 500 on the target" not in said
     assert " on the target" in said
     page = render(report)

@@ -15,11 +15,21 @@ from odd_names import ODD, odd_report
 
 from gpsim.channels import Channels
 from gpsim.recordings import Episode, Recording
-from gpsim.reports.canvas import legend_above, panels, png, style, svg
+from gpsim.reports.canvas import (
+    drawable,
+    legend_above,
+    legend_label,
+    make_literal,
+    named,
+    panels,
+    png,
+    shortened,
+    style,
+    svg,
+)
 from gpsim.reports.gp_figures import figure_calibration, figure_residual_slices
 from gpsim.reports.import_figure import draw_channels
-from gpsim.reports.lettering import drawable, legend_label, make_literal, named, shortened
-from gpsim.reports.rollout_figures import figure_divergence, figure_rollouts
+from gpsim.reports.loop_figures import figure_divergence, figure_rollouts
 
 TEX = st.text(st.sampled_from("$\\_^{}%&#~ a"), max_size=12)
 ANY = st.one_of(TEX, st.text(max_size=30), st.text(max_size=300))

@@ -11,10 +11,9 @@ import matplotlib
 import numpy as np
 import pytest
 
+from gpsim.reports.loop_page import render, terminal_notes, terminal_tables
 from gpsim.reports.loop_report import LoopReport
 from gpsim.reports.model_sheets import gp_warnings
-from gpsim.reports.page import render
-from gpsim.reports.tables import terminal_notes, terminal_tables
 
 
 class _Reader(HTMLParser):
@@ -57,7 +56,7 @@ def read(page: str) -> _Reader:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are made but not drawn, which is what takes the time."""
-    monkeypatch.setattr("gpsim.reports.page.data_uri", lambda figure: f"data:,{len(figure.axes)}")
+    monkeypatch.setattr("gpsim.reports.loop_page.data_uri", lambda figure: f"data:,{len(figure.axes)}")
 
 
 def test_same_data_same_bytes(make_report: Any) -> None:

@@ -6,7 +6,13 @@ from dataclasses import replace
 import pytest
 
 from gpsim.diagnosis.report import Combination, Estimate, LogFact, Share
-from gpsim.reports.fact_text import combination_text, combination_texts, fixed_text, log_fact_text, open_text
+from gpsim.reports.diagnosis_text import (
+    combination_text,
+    combination_texts,
+    fixed_text,
+    log_fact_text,
+    open_text,
+)
 from gpsim.reports.quantities import brief, percent, share_text, size_text
 
 

@@ -9,7 +9,7 @@ from gpsim.channels import Channels
 from gpsim.corrected.features import Features
 from gpsim.corrected.gp_plant import GpCorrection
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.reports.slices import most_telling, residual_slice, residual_slices
+from gpsim.reports.gp_figures import most_telling, residual_slice, residual_slices
 from gpsim.residuals.residuals import Residuals
 
 CHANNELS = Channels.of({"x": "m", "x_dot": "m/s", "force": "N"})

@@ -1,7 +1,7 @@
 """The trace in words: a line a decision, what is alike said once."""
 
 from gpsim.diagnosis.run import Decision
-from gpsim.reports.trace_text import difference, trace_lines
+from gpsim.reports.statistics_text import difference, trace_lines
 
 DRAG, FRICTION, SPRING = "quadratic_drag on q", "coulomb_friction on q", "spring on q"
 

@@ -16,8 +16,13 @@ from gpsim.diagnosis.report import (
     Separation,
 )
 from gpsim.effects import FAMILIES, Place
-from gpsim.reports.effect_text import effect_sentence
-from gpsim.reports.wording import excitation_text, no_gp_text, tell_apart_text, worded
+from gpsim.reports.wording import (
+    effect_sentence,
+    excitation_text,
+    no_gp_text,
+    tell_apart_text,
+    worded,
+)
 
 PLACE = Place("q", "N", loaded=True)
 SAID = {

@@ -21,8 +21,8 @@ from gpsim.stages import fit_gp, full_loop, report
 from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose import Task, stage_for
 from gpsim.stages.registry import STAGES
+from gpsim.stages.runs import loop_status, standing_of
 from gpsim.stages.stage import Request
-from gpsim.stages.status import loop_status, standing_of
 
 SECTIONS = (
     "gp",

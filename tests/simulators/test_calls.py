@@ -42,7 +42,7 @@ def test_what_does_not_return_is_a_line(function):
     with pytest.raises(NoAnswerError) as refused:
         asked(function, "rates", "mine.py:Tank")
     assert str(refused.value) == (
-        "mine.py:Tank: rates did not return within 0.2 s; mend it, or give it longer: GPSIM_LONGEST_CALL=600 (s)"
+        "mine.py:Tank: rates did not return within 0.2 s; fix it, or allow more time: GPSIM_LONGEST_CALL=600 (s)"
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from gpsim.errors import Terminated, UsageError
 from gpsim.simulators import make_simulator
-from gpsim.stages.users_code import blamed
+from gpsim.stages.code import blamed
 from gpsim.workers import WorkerDiedError
 
 pytestmark = pytest.mark.usefixtures("own_files")
@@ -123,7 +123,7 @@ def test_what_ends_a_worker_later_is_put_down_to_the_file(tmp_path, recording, a
     )
     assert ended.returncode == 2
     assert ended.stderr == (
-        f"error: {tmp_path / 'mine.py'}: a worker process {said}, most likely in the code of this file; mend it, then run "
+        f"error: {tmp_path / 'mine.py'}: a worker process {said}, most likely in the code of this file; fix it, then run "
         "again\n"
     )
     assert not (tmp_path / "out").exists()

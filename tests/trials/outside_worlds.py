@@ -8,9 +8,8 @@ from scipy.integrate import solve_ivp
 from gpsim.trials.drawing import draws, places_of
 from gpsim.trials.outside import KINDS
 from gpsim.trials.truth import run
-from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.body import Body, Vehicle
 from gpsim.trials.truth.replay import Replay
-from gpsim.trials.truth.vehicle import Vehicle
 from gpsim.trials.worlds import SYSTEMS, Dial, Scales, TrueEffect
 
 CART = {"gravity": 9.8, "cart_mass": 1.2, "pole_mass": 0.2, "pole_half_length": 0.4}

@@ -4,12 +4,11 @@ import math
 
 import pytest
 
-from gpsim.reports.machine_sheets import machine_sheets
-from gpsim.reports.prove_misses import miss_rows
-from gpsim.reports.prove_record import record
+from gpsim.reports.prove_groups import group_sheets
+from gpsim.reports.prove_page import miss_rows, record
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
 from gpsim.trials.rivals import MachineListing, Seen
-from gpsim.trials.scoring.first_recording import of_first
+from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.machine_rules import black_box, score_machine
 from gpsim.trials.statistics import summarise
 from gpsim.trials.worlds import TrueEffect, effect_json
@@ -197,7 +196,7 @@ def test_the_figures_of_machines(content):
 
 
 def test_tables_show_machines_and_their_misses(content):
-    (figures, verdicts, *_) = machine_sheets(content)
+    (figures, verdicts, *_) = group_sheets(content)
     assert figures.columns == ("", "all", "axis")
     assert [cell.text for cell in figures.rows[1]] == ["effects that count, told %", "50.0", "50.0"]
     assert figures in terminal_sheets(content)

@@ -37,7 +37,7 @@ from gpsim.trials.worlds import (
     world_from_json,
     world_json,
 )
-from gpsim.trials.worlds.machine_drives import _trapezoid
+from gpsim.trials.worlds.closed_loop import _trapezoid
 
 from .outside_worlds import BOB, CART, world_of
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gpsim.trials.outside import actuators, actuators_with_memory
-from gpsim.trials.truth.actuator_chain import ActuatorChain
 from gpsim.trials.truth.body import Body
+from gpsim.trials.truth.running import ActuatorChain
 from gpsim.trials.worlds import TrueEffect
 
 from .outside_worlds import H, acted, world_of

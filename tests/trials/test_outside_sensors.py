@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.trials.outside import sensors
-from gpsim.trials.truth.sensing import sense
+from gpsim.trials.truth.running import sense
 from gpsim.trials.worlds import TrueEffect
 
 from .outside_worlds import H, reference

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gpsim.trials.outside import twists
-from gpsim.trials.truth.vehicle import Vehicle
+from gpsim.trials.truth.body import Vehicle
 from gpsim.trials.worlds import TrueEffect
 
 from .outside_worlds import H, rolled

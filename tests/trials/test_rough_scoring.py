@@ -2,9 +2,9 @@
 
 import pytest
 
-from gpsim.reports.prove_misses import miss_rows
+from gpsim.reports.prove_groups import group_sheets
+from gpsim.reports.prove_page import miss_rows
 from gpsim.reports.prove_sheets import goals_sheet, terminal_sheets
-from gpsim.reports.rough_sheets import rough_sheets
 from gpsim.trials.rivals import Rival
 from gpsim.trials.scoring import rough_verdicts, score
 from gpsim.trials.statistics import mean_interval, summarise
@@ -238,7 +238,7 @@ def test_a_goal_is_reached_where_the_interval_holds_it(content):
 
 
 def test_tables_show_rough_worlds_and_their_misses(content):
-    first, *others = rough_sheets(content)
+    first, *others = group_sheets(content)
     assert [cell.text for cell in first.rows[0]][:3] == ["all", "4", "57.1"]
     assert any("called for" in sheet.title for sheet in others)
     assert "rough: verdict right" in {row[0].text for row in goals_sheet(content).rows}
@@ -246,7 +246,7 @@ def test_tables_show_rough_worlds_and_their_misses(content):
     misses = miss_rows(content["scores"])
     assert [m["trial"] for m in misses] == ["100002", "100004"]
     assert misses[0]["truth"].startswith("named (explained 0.95)")
-    assert rough_sheets({}) == []
+    assert group_sheets({}) == []
 
 
 def test_an_interval_of_a_mean_count_is_no_wider_than_the_counts():

@@ -13,8 +13,7 @@ from gpsim.recordings import read_recording
 from gpsim.stages import prove
 from gpsim.trials import outside
 from gpsim.trials.blinding import ANSWER, PUBLIC, answer_of, conceal, write_trial
-from gpsim.trials.blinding.even_recordings import even_recording
-from gpsim.trials.blinding.rough_logs import logged
+from gpsim.trials.blinding.logs import even_recording, logged
 from gpsim.trials.drawing import ROUGH_FROM, draw_rough, rank_of
 from gpsim.trials.truth import Shares, run
 from gpsim.trials.truth.replay import Replay

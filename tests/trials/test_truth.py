@@ -13,8 +13,7 @@ from gpsim.trials.drawing import draws
 from gpsim.trials.truth import run
 from gpsim.trials.truth.body import Body
 from gpsim.trials.truth.replay import Replay
-from gpsim.trials.truth.running import H
-from gpsim.trials.truth.sensing import sense
+from gpsim.trials.truth.running import H, sense
 from gpsim.trials.worlds import (
     SYSTEMS,
     Dial,

@@ -22,12 +22,9 @@ from gpsim.recordings.readers.bag1_records import (
     stream_of,
     text,
 )
-from gpsim.recordings.readers.budget import Budget
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import Message, Stream
-from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, regular_file, wrong_kind
-from gpsim.recordings.readers.decompress import expand
-from gpsim.recordings.readers.source import Source
+from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, expand, regular_file, wrong_kind
+from gpsim.recordings.readers.source import Budget, Message, Source, Stream
 
 MAGIC = b"#ROSBAG V2.0\n"
 OnConnection = Callable[[Stream], None] | None

@@ -16,10 +16,8 @@ from gpsim.recordings.readers.bag1_records import (
     stream_of,
     time,
 )
-from gpsim.recordings.readers.budget import Budget
-from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger
-from gpsim.recordings.readers.source import Source
+from gpsim.recordings.readers.source import Budget, Source, Stream
 
 Place = tuple[int, int, int, int]
 """(connection, receive time [ns], first byte, byte behind the last) of a message in its chunk."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, replace
 
-from gpsim.recordings.readers.container import Stream, topic_name
 from gpsim.recordings.readers.damage import MAX_HEADER, MAX_MESSAGE, DamageError, one_line
-from gpsim.recordings.readers.source import Source
+from gpsim.recordings.readers.source import Source, Stream, topic_name
 
 MESSAGE, BAG_HEADER, INDEX, CHUNK, CHUNK_INFO, CONNECTION = 2, 3, 4, 5, 6, 7
 _U32 = struct.Struct("<I")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from gpsim.recordings.readers.container import Stream
+from gpsim.recordings.readers.source import Stream
 
 
 @dataclass

@@ -16,8 +16,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from gpsim.recordings.readers.container import Stream
 from gpsim.recordings.readers.damage import MAX_DEFINITION, DamageError, one_line
+from gpsim.recordings.readers.source import Stream
 
 Types = Mapping[str, tuple[Any, Any]]
 """rosbags' parse tree: type name -> (constants, fields)."""

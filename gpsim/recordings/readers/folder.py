@@ -13,10 +13,17 @@ from tempfile import mkdtemp
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.recordings.readers.budget import Budget
-from gpsim.recordings.readers.container import Container, Message, Stream, topic_name
-from gpsim.recordings.readers.damage import MAX_MESSAGE, DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.readers.decompress import expand_file, expand_message
+from gpsim.recordings.readers.damage import (
+    MAX_MESSAGE,
+    DamageError,
+    Ledger,
+    expand_file,
+    expand_message,
+    one_line,
+    refusal,
+    regular_file,
+)
+from gpsim.recordings.readers.source import Budget, Container, Message, Stream, topic_name
 from gpsim.recordings.yaml_data import YamlError, parse_yaml
 
 METADATA = "metadata.yaml"

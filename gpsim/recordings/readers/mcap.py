@@ -11,17 +11,15 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gpsim.recordings.readers.budget import Budget
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import LATEST, Message, Stream
-from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, regular_file, wrong_kind
-from gpsim.recordings.readers.decompress import expand
+from gpsim.recordings.readers.damage import MAX_CHUNK, DamageError, Ledger, expand, regular_file, wrong_kind
 from gpsim.recordings.readers.mcap_records import (
     CHANNEL,
     CHUNK,
     CHUNK_HEAD,
     COMPRESSIONS,
     FOOTER,
+    MAGIC,
     MESSAGE,
     MESSAGE_HEAD,
     SCHEMA,
@@ -31,11 +29,11 @@ from gpsim.recordings.readers.mcap_records import (
     content,
     next_record,
     read_record,
+    read_summary,
     schema_of,
     stream_of,
 )
-from gpsim.recordings.readers.mcap_summary import MAGIC, read_summary
-from gpsim.recordings.readers.source import Source
+from gpsim.recordings.readers.source import LATEST, Budget, Message, Source, Stream
 
 _FAST = struct.Struct("<BQHIQQ")
 _HEAD = 9

@@ -12,11 +12,11 @@ import numpy as np
 from gpsim.errors import UsageError
 from gpsim.limits import TOPICS, allowed, more
 from gpsim.recordings.raw import Series, Topic
-from gpsim.recordings.readers.container import LATEST, Container, Stream
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line
 from gpsim.recordings.readers.definitions import DISTROS, MAX_NODES_OF_A_LOG, Decoder, decoder
 from gpsim.recordings.readers.extract import NO_STAMP, Columns, Row, Rows, row_maker, seconds
 from gpsim.recordings.readers.fields import PathError, has_sequences, numeric_fields, stamp_path
+from gpsim.recordings.readers.source import LATEST, Container, Stream
 
 DEFAULT_DISTRO = "humble"
 _SAMPLES = 100

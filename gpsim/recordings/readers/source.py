@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import BinaryIO
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Literal, Protocol
 
-from gpsim.recordings.readers.damage import DamageError
+import numpy as np
+import pandas as pd
+
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.errors import UsageError
+from gpsim.limits import BYTES_A_MESSAGE, CHUNKS_BYTES, CHUNKS_GROWTH, EMPTY, MESSAGES, allowed, more
+from gpsim.recordings.readers.damage import DamageError, Ledger
+from gpsim.recordings.values import fault_of, one_line
 
 _FIRST = 1 << 12
 _SEARCH = 1 << 20
@@ -50,3 +59,128 @@ class Source:
             yield start, self.read(start, min(length + overlap, self.size - start))
             start += length
             length = min(4 * length, _SEARCH)
+
+
+class Codes:
+    """Texts as 0, 1, 2 ... in the order in which they first appear, over all the pieces of a column."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, int] = {}
+
+    def of(self, column: pd.Series) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """(codes (N,), NaN where empty; empty cells; cells that cannot be read: none)."""
+        empty = column.isna().to_numpy(dtype=np.bool_)
+        held = column[~empty].astype("category").cat  # a word is looked at once, however often it is there
+        order = held.codes.drop_duplicates().tolist()
+        code = np.full(len(held.categories), np.nan)
+        for at in order:
+            word = str(held.categories[at]).strip()
+            code[at] = self.known.setdefault(word, len(self.known))
+        codes = np.full(len(column), np.nan)
+        codes[~empty] = code[held.codes.to_numpy()]
+        return codes, empty, np.zeros(len(column), dtype=np.bool_)
+
+
+DefinitionFormat = Literal["msg", "idl", "none"]
+Message = tuple[int, int, bytes]
+"""(stream id, receive time [ns since 1970], serialised message)."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """One publisher of one topic (ROS 1: connection, mcap: channel, sqlite3: topic).
+
+    count: messages the index announces, None without an index; start, end: first and last receive time [ns];
+    type: in ROS 2 spelling, as geometry_msgs/msg/PoseStamped; digest: md5 of the definition (ROS 1), else "".
+    fault: why it cannot be read, known before any message is looked at; it concerns nobody who wants other topics.
+    """
+
+    id: int
+    topic: str
+    type: str
+    definition: str
+    format: DefinitionFormat
+    encoding: str
+    digest: str = ""
+    count: int | None = None
+    start: int | None = None
+    end: int | None = None
+    fault: str = ""
+
+
+LATEST = 2**62
+"""A receive time [ns] no message can have: in the year 2116."""
+
+
+def topic_name(raw: bytes | str) -> tuple[str, str]:
+    """(a topic's name, why it is none): a name that cannot be shown in a line stands between quotes, with a fault."""
+    try:
+        name = raw.decode() if isinstance(raw, bytes) else raw
+    except UnicodeDecodeError:
+        return f"'{one_line(raw, 60)}'", "its name is no text"
+    fault = fault_of(name)
+    return (name, "") if not fault else (f"'{one_line(name, 60)}'", f"its name {fault}")
+
+
+class Container(Protocol):
+    """A bag file or folder.
+
+    distro: the ROS 2 distribution it says it was recorded with, known once `streams` was asked for; size: of a file, in
+    bytes.
+    """
+
+    distro: str | None
+    size: int
+
+    @property
+    def where(self) -> str:
+        """The place being read."""
+        ...
+
+    def streams(self, ledger: Ledger) -> Sequence[Stream]:
+        """The streams, from the index where the file has a sound one, else from a walk through the file."""
+        ...
+
+    def messages(self, wanted: Collection[int], ledger: Ledger) -> Iterator[Message]:
+        """The messages of the wanted streams in file order, one chunk in memory at a time."""
+        ...
+
+
+class Budget:
+    """Of a file of `size` bytes. Every refusal is a UsageError that says how to allow more."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self._path, self._size = path, size
+        self._bytes, self._most_bytes = 0, allowed(CHUNKS_BYTES + CHUNKS_GROWTH * size)
+        self._records, self._most_records = 0, allowed(MESSAGES + size // BYTES_A_MESSAGE)
+        self._empty, self._most_empty = 0, allowed(EMPTY)
+
+    def chunk(self, count: int) -> None:
+        """Note a chunk that makes `count` bytes."""
+        self._bytes += count
+        if self._bytes > self._most_bytes:
+            self._refuse(f"make more than {self._most_bytes} bytes of messages")
+        if not count:
+            self.empty()
+
+    def empty(self) -> None:
+        """Note a chunk or a record in which there is nothing."""
+        self._empty += 1
+        if self._empty > self._most_empty:
+            self._refuse(f"hold more than {self._most_empty} chunks and records with nothing in them")
+
+    def record(self) -> None:
+        """Note a record that is no message."""
+        self._records += 1
+        if self._records > self._most_records:
+            self._refuse(f"make more than {self._most_records} records")
+
+    def messages(self, found: Iterable[Message]) -> Iterator[Message]:
+        """The messages of the walk."""
+        for count, message in enumerate(found):
+            if count >= self._most_records:
+                self._refuse(f"make more than {self._most_records} messages")
+            yield message
+
+    def _refuse(self, what: str) -> None:
+        raise UsageError(f"{self._path}: {self._size} bytes of file {what}; {more()}")

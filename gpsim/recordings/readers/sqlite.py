@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gpsim.recordings.readers.catalogue import Catalogue
-from gpsim.recordings.readers.container import LATEST, DefinitionFormat, Message, Stream, topic_name
 from gpsim.recordings.readers.damage import (
     MAX_MESSAGE,
     DamageError,
@@ -22,6 +21,7 @@ from gpsim.recordings.readers.damage import (
     regular_file,
     wrong_kind,
 )
+from gpsim.recordings.readers.source import LATEST, DefinitionFormat, Message, Stream, topic_name
 
 _MAGIC = b"SQLite format 3\x00"
 _FORMATS: dict[str, DefinitionFormat] = {"ros2msg": "msg", "ros2idl": "idl"}

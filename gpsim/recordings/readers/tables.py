@@ -16,12 +16,11 @@ import pyarrow.parquet as pq
 
 from gpsim.channels import BoolArray, FloatArray
 from gpsim.errors import UsageError
-from gpsim.recordings.names import check_columns
-from gpsim.recordings.parquet import PARQUET, check_parquet, check_width, is_text
-from gpsim.recordings.readers.csv_layout import Layout, cells, is_number, read_layout
 from gpsim.recordings.readers.damage import DamageError, Ledger, one_line, refusal, regular_file
-from gpsim.recordings.readers.table_log import Rows, Table, TableLog
-from gpsim.recordings.readers.texts import Codes
+from gpsim.recordings.readers.source import Codes
+from gpsim.recordings.readers.table_log import Layout, Rows, Table, TableLog, cells, is_number, read_layout
+from gpsim.recordings.table_files import PARQUET, check_parquet, check_width, is_text
+from gpsim.recordings.values import check_columns
 
 _PIECE = 65_536
 _LOOK = 2_000

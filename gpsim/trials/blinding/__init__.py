@@ -14,8 +14,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
     read_report,
 )
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
-from gpsim.trials.blinding.even_recordings import even_recording
-from gpsim.trials.blinding.recording_folders import recording_folders
+from gpsim.trials.blinding.logs import even_recording
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
     HASHES,
@@ -24,6 +23,7 @@ from gpsim.trials.blinding.trial_files import (
     PUBLIC,
     publish_hashes,
     published,
+    recording_folders,
     trial_name,
     write_trial,
 )

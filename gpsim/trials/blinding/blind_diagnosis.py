@@ -19,8 +19,7 @@ from typing import Any
 from gpsim.artifacts import git_commit
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, tells_of_full_disk, written_whole
-from gpsim.trials.blinding.recording_folders import recording_folders
-from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests
+from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests, recording_folders
 from gpsim.trials.robots import robot_rank
 
 DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"

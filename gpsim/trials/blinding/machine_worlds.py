@@ -11,19 +11,16 @@ import numpy as np
 from gpsim.channels import Channels, FloatArray
 from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
-from gpsim.trials.blinding.even_recordings import even_recording
-from gpsim.trials.blinding.rough_logs import logged
-from gpsim.trials.blinding.rough_worlds import as_measured
+from gpsim.trials.blinding.concealment import SHORTEST, answer_json, as_measured, long_enough
+from gpsim.trials.blinding.logs import even_recording, logged
 from gpsim.trials.drawing import ARM, counts, draw_machine, kind_of, within
 from gpsim.trials.robots import SHOWS, Files, draw_arm, files_of, recorded, shown
 from gpsim.trials.robots import run as run_robot
 from gpsim.trials.robots import sound as robot_sound
 from gpsim.trials.truth import OneStep, Shares, one_step, run
-from gpsim.trials.worlds import SYSTEMS, Rough, Run, World, effect_json, sound, world_json
+from gpsim.trials.worlds import SYSTEMS, Rough, Run, World, effect_json, sound
 
-SCHEMA = "gpsim.answer/1"
 ATTEMPTS = 80
-SHORTEST = 40  # samples: what an operator would keep of an episode that went wrong
 FEWEST = 1200  # transitions of each recording
 ARMS_FEWEST = 4  # effects of an arm that show
 
@@ -81,29 +78,19 @@ def conceal_machine(seed: int, number: int) -> MachineConcealed:
 def machine_answer(concealed: MachineConcealed, truth_digest: str) -> dict[str, Any]:
     """What answer.json says."""
     world, truth = concealed.world, concealed.truth
-    return {
-        "schema": SCHEMA,
-        "seed": world.seed,
-        "trial": world.number,
-        "nonce": world.generator(4).bytes(16).hex(),
-        "stratum": world.stratum,
-        "long": False,
-        "effects": [
-            effect_json(e) | {"share": share, "beyond": min(beyond, 1e6)}
-            for e, share, beyond in zip(world.effects, truth.shares, truth.beyond, strict=True)
-        ],
-        "visible": True,
-        "transitions": sum(r.transition_count for r in concealed.recordings),
-        "machine": {
-            "explained": truth.explained,
-            "channels": list(truth.channels),
-            "left": dict(truth.left),
-            "defects": list(world.rough.defects if world.rough else ()),
-            "rows": dict(truth.rows),
-        },
-        "world": world_json(world),
-        "truth_sha256": truth_digest,
+    effects = [
+        effect_json(e) | {"share": share, "beyond": min(beyond, 1e6)}
+        for e, share, beyond in zip(world.effects, truth.shares, truth.beyond, strict=True)
+    ]
+    machine = {
+        "explained": truth.explained,
+        "channels": list(truth.channels),
+        "left": dict(truth.left),
+        "defects": list(world.rough.defects if world.rough else ()),
+        "rows": dict(truth.rows),
     }
+    transitions = sum(r.transition_count for r in concealed.recordings)
+    return answer_json(world, effects, transitions, truth_digest, {"machine": machine})
 
 
 class _Ran(NamedTuple):
@@ -143,9 +130,8 @@ def _concealed(world: World) -> MachineConcealed | None:
 def _run(world: World) -> _Ran | None:
     """None where too little survives."""
     truth = run(world, world.effects)
-    kept = np.asarray(sound(world, truth.sampled))
-    kept = np.where(kept > SHORTEST, kept, 0)
-    if np.maximum(kept - 1, 0).sum() < FEWEST:
+    kept = long_enough(sound(world, truth.sampled), SHORTEST, FEWEST)
+    if kept is None:
         return None
     bare = as_measured(world)
     even, clean = (even_recording(bare, read, truth, kept) for read in (truth.measured, truth.clean))
@@ -155,9 +141,8 @@ def _run(world: World) -> _Ran | None:
 def _concealed_arm(world: World) -> MachineConcealed | None:
     """None where too little survives, or fewer effects show than have to."""
     truth, free = run_robot(world, world.effects)
-    kept = np.asarray(robot_sound(world, truth.sampled, free))
-    kept = np.where(kept > SHORTEST, kept, 0)
-    if np.maximum(kept - 1, 0).sum() < FEWEST:
+    kept = long_enough(robot_sound(world, truth.sampled, free), SHORTEST, FEWEST)
+    if kept is None:
         return None
     seen = shown(world, truth, kept)
     if sum(beyond >= SHOWS for beyond in seen) < ARMS_FEWEST:

@@ -1,4 +1,4 @@
-"""What lies where: the two halves of a trial, and the answers' hashes, published beside the recordings."""
+"""Where a trial's recordings lie in its public folder: one beside nothing else, or several in folders of their own."""
 
 from __future__ import annotations
 
@@ -13,12 +13,26 @@ import numpy as np
 from gpsim.errors import UsageError
 from gpsim.files import file_digest, written_whole
 from gpsim.recordings import write_recording
-from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
+from gpsim.trials.blinding.concealment import (
+    Concealed,
+    RobotConcealed,
+    answer_of,
+    conceal,
+    conceal_robot,
+    robot_answer,
+)
 from gpsim.trials.blinding.machine_worlds import MachineConcealed, conceal_machine, machine_answer
-from gpsim.trials.blinding.recording_folders import RECORDING_FILE, recording_folders
-from gpsim.trials.blinding.robot_worlds import RobotConcealed, conceal_robot, robot_answer
 from gpsim.trials.drawing import machine_rank
 from gpsim.trials.robots import Files, robot_rank
+
+RECORDING_FILE = "recording.yaml"
+
+
+def recording_folders(public: Path) -> list[Path]:
+    """The trial's own folder, or those of a machine's recordings in their order."""
+    inner = sorted(path.parent for path in public.glob(f"*/{RECORDING_FILE}"))
+    return inner or [public]
+
 
 PUBLIC, PRIVATE = "public", "private"
 ANSWER, TRUTH = "answer.json", "truth.npz"

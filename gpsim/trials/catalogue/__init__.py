@@ -8,30 +8,25 @@ from functools import partial
 from typing import Any
 
 from gpsim.channels import FloatArray
-from gpsim.trials.catalogue.actuators import ACTUATORS as OLDER_ACTUATORS
-from gpsim.trials.catalogue.actuators import Actuator
-from gpsim.trials.catalogue.laws import GRIP as OLDER_GRIP
-from gpsim.trials.catalogue.laws import SMOOTH as OLDER_SMOOTH
-from gpsim.trials.catalogue.laws import TWIST as OLDER_TWIST
-from gpsim.trials.catalogue.sensors import SENSORS, read
-from gpsim.trials.catalogue.strengths import STRENGTHS as OLDER_STRENGTHS
+from gpsim.trials.catalogue import laws, strengths, words
+from gpsim.trials.catalogue.laws import SENSORS, Actuator, read
 from gpsim.trials.catalogue.strengths import Draw
-from gpsim.trials.catalogue.words import WORDS, Driven, at_site, places_of
+from gpsim.trials.catalogue.words import WORDS, places_of
 from gpsim.trials.worlds import Values
 
-SMOOTH: Mapping[str, Callable[..., Any]] = {**OLDER_SMOOTH, **at_site("smooth")}
-GRIP: Mapping[str, Callable[..., Any]] = {**OLDER_GRIP, **at_site("grip")}
+SMOOTH: Mapping[str, Callable[..., Any]] = {**laws.SMOOTH, **words.at_site("smooth")}
+GRIP: Mapping[str, Callable[..., Any]] = {**laws.GRIP, **words.at_site("grip")}
 TWIST: Mapping[
     str,
     Callable[[Values, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
-] = {**OLDER_TWIST, **at_site("twist")}
+] = {**laws.TWIST, **words.at_site("twist")}
 ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
-    **OLDER_ACTUATORS,
-    **{family: partial(Driven, law) for family, law in at_site("actuator").items()},
+    **laws.ACTUATORS,
+    **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},
 }
-DECK = tuple(sorted(OLDER_STRENGTHS))
+DECK = tuple(sorted(strengths.STRENGTHS))
 """The families that worlds of every stratum but `words` hold."""
-STRENGTHS: Mapping[str, Draw] = {**OLDER_STRENGTHS, **{f: w.strength for f, w in WORDS.items()}}
+STRENGTHS: Mapping[str, Draw] = {**strengths.STRENGTHS, **{f: w.strength for f, w in WORDS.items()}}
 
 __all__ = [
     "ACTUATORS",

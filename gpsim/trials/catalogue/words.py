@@ -1,6 +1,6 @@
 """Families that worlds of the stratum `words` hold, each with its law and how strong it is drawn.
 
-Worlds of older seeds hold the families of `laws`, `actuators` and `sensors` alone, so that they stay what they were.
+Worlds of older seeds hold the families of `laws` alone, so that they stay what they were.
 """
 
 from __future__ import annotations

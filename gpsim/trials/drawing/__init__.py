@@ -3,8 +3,17 @@
 A deck says how many effects a trial has, places say what a family can act on, `draw` makes the world.
 """
 
-from gpsim.trials.drawing.decks import COUNTS, DECK_SIZE, LONG, SIZE, WORDS_FROM, first_family, stratum_of
-from gpsim.trials.drawing.draws import ALIKE, draw
+from gpsim.trials.drawing.draws import (
+    ALIKE,
+    COUNTS,
+    DECK_SIZE,
+    LONG,
+    SIZE,
+    WORDS_FROM,
+    draw,
+    first_family,
+    stratum_of,
+)
 from gpsim.trials.drawing.machine_draws import (
     ARM,
     KINDS,
@@ -14,8 +23,7 @@ from gpsim.trials.drawing.machine_draws import (
     kind_of,
     machine_rank,
 )
-from gpsim.trials.drawing.nuisances import within
-from gpsim.trials.drawing.places import of_body, places_of, systems_of
+from gpsim.trials.drawing.nuisances import of_body, places_of, systems_of, within
 from gpsim.trials.drawing.rough_draws import ROUGH_FROM, draw_rough, rank_of
 
 __all__ = [

@@ -10,10 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gpsim.trials.drawing.defects import rough_log
 from gpsim.trials.drawing.draws import NOISE
 from gpsim.trials.drawing.machine_parts import PARTS, Sizes, parts_of
-from gpsim.trials.drawing.nuisances import calibrated, nuisances, pilot, shares_of
+from gpsim.trials.drawing.nuisances import calibrated, nuisances, pilot, rough_log, shares_of
 from gpsim.trials.truth import Shares
 from gpsim.trials.worlds import (
     CLOSED_LOOP,
@@ -37,7 +36,7 @@ KINDS = (*PARTS, ARM)
 STEPS = {"axis": (0.005, 0.01, 0.02), "rig": (0.01, 0.02), "servo": (0.01, 0.02), "car": (0.05, 0.1)}
 """s between samples."""
 TRANSITIONS, LENGTH = (2500, 6000), (6.0, 20.0)  # in all; s of an episode
-FEWEST_EPISODES, SHORTEST = 6, 60  # and how many steps of one at the least
+SHORTEST = 60  # steps of one, at the least
 POSITIONS_ONLY = 0.5  # of the machines that have velocities
 SEVERAL = 1 / 3  # of the machines, that have two or three recordings
 DIFFERS = 0.4  # of those, in which a payload or a friction is another one

@@ -1,4 +1,4 @@
-"""Nuisances: physics outside the catalogue, as strong as the small share of the mismatch that each is to make."""
+"""On which systems and places a family, or a kind outside the catalogue, makes sense."""
 
 from __future__ import annotations
 
@@ -8,9 +8,101 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import outside
+from gpsim.trials import catalogue, outside
 from gpsim.trials.truth import Shares, run
-from gpsim.trials.worlds import SYSTEMS, Dial, Run, Scales, TrueEffect, World, sound
+from gpsim.trials.worlds import SYSTEMS, Dial, Rough, Run, Scales, System, TrueEffect, World, sound
+
+
+def systems_of(family: str) -> list[str]:
+    """The systems on which a family makes sense."""
+    return [name for name, system in SYSTEMS.items() if places_of(family, system, "measured")]
+
+
+def places_of(family: str, system: System, velocities: str | None) -> list[str]:
+    """What a family can act on in a system, so that a recording can show it."""
+    if family in outside.KINDS:
+        return outside.KINDS[family].places(system, velocities)
+    if family in catalogue.WORDS:
+        return catalogue.places_of(family, system)
+    if family in catalogue.SMOOTH or family in catalogue.GRIP:
+        return list(system.coordinates)
+    if family in catalogue.ACTUATORS:
+        return list(system.action)
+    if family == "parameter_offset":
+        return list(system.parameters)
+    if family in catalogue.TWIST:
+        return ["vehicle"] if system.vehicle else []
+    if family in ("marker_offset", "frame_rotation"):
+        return ["pose"] if system.vehicle else []
+    if system.vehicle:
+        return {"sensor_bias": ["yaw"], "sensor_scale": ["x", "y"]}.get(family, list(system.names))
+    readable = [c for c in system.names if c in system.coordinates or velocities == "measured"]
+    if family == "sensor_bias":  # nothing depends on where along its guide a cart or slider is
+        return [c for c in readable if c not in ("x", "q")]
+    return readable
+
+
+def of_body(family: str) -> bool:
+    """Whether it acts in the body itself; before or after it the engine does not matter."""
+    if family in outside.KINDS:
+        return outside.KINDS[family].of_body
+    return not (family in catalogue.ACTUATORS or family.startswith("sensor_"))
+
+
+CHANCE, FEWEST = 0.55, 3  # of each defect; how many there are at least
+CAMERA = ("swapped", "dropped", "repeated", "jitter", "late", "drift", "quantised")
+ENCODER = ("quantised", "dropped", "repeated", "jitter", "late", "drift")
+TIMED = ("delay", "lag")  # families that a late topic would be taken for end with these
+
+
+def rough_log(world: World, effects: tuple[TrueEffect, ...], rng: np.random.Generator) -> Rough:
+    """Positions alone are a camera's, which swaps markers; velocities beside them are an encoder's, which counts."""
+    system = SYSTEMS[world.system]
+    kinds = list(ENCODER if world.velocities == "measured" else CAMERA)
+    if any(e.family.endswith(TIMED) for e in effects):
+        kinds.remove("late")
+    has = [kind for kind in kinds if rng.random() < CHANCE]
+    others = [kind for kind in kinds if kind not in has]
+    has += list(rng.permutation(others)[: max(FEWEST - len(has), 0)])
+    if world.velocities == "measured" and "quantised" not in has:
+        has.append("quantised")
+
+    def share(kind: str, low: float, high: float) -> float:
+        """Evenly in the logarithm; nothing where the log has not got it."""
+        drawn = float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.3g}")
+        return drawn if kind in has else 0.0
+
+    read = [n for n in system.names if world.velocities != "differentiated" or n in system.coordinates]
+    coarse = share("quantised", 1.0, 5.0)
+    late = share("late", 0.1, 0.6) * world.dt
+    leaps = {
+        n: float(f"{rng.choice([-1, 1]) * rng.uniform(*_LEAPS[system.state[n]]):.3g}")
+        for n in (system.coordinates or system.names)
+    }
+    swapped = share("swapped", 5e-4, 5e-3)
+    return Rough(
+        quantum={n: float(f"{coarse * system.sensors[n]:.3g}") for n in read} if coarse else {},
+        jitter=float(f"{share('jitter', 0.02, 0.12) * world.dt:.3g}"),
+        drift=float(rng.choice([-1, 1])) * share("drift", 1e-4, 3e-3),
+        dropped=share("dropped", 5e-3, 4e-2),
+        repeated=share("repeated", 3e-3, 3e-2),
+        swapped=swapped,
+        leap=leaps if swapped else {},
+        late={n: float(f"{late:.3g}") for n in _topic(world, rng)} if late else {},
+    )
+
+
+_LEAPS = {"m": (0.05, 0.3), "rad": (0.2, 0.8)}
+
+
+def _topic(world: World, rng: np.random.Generator) -> tuple[str, ...]:
+    """The channels of the topic that is late: a cart-pole's pole has its own, a vehicle's heading may have."""
+    if world.system == "cartpole":
+        return ("theta", "theta_dot")
+    if world.system == "unicycle" and rng.random() < 0.5:
+        return ("yaw",)
+    return SYSTEMS[world.system].names
+
 
 LEAST_SHARE, MOST_SHARE = 0.005, 0.08  # of the mismatch, that a nuisance makes
 INSIDE = 1.3  # drawn shares keep this factor away from both, and calibration comes as near as it

@@ -11,10 +11,17 @@ from typing import Literal
 import numpy as np
 
 from gpsim.trials import catalogue
-from gpsim.trials.drawing.defects import rough_log
 from gpsim.trials.drawing.draws import NOISE, bare_world, effect, places
-from gpsim.trials.drawing.nuisances import MOST_SHARE, calibrated, nuisances, pilot, shares_of
-from gpsim.trials.drawing.places import places_of, systems_of
+from gpsim.trials.drawing.nuisances import (
+    MOST_SHARE,
+    calibrated,
+    nuisances,
+    pilot,
+    places_of,
+    rough_log,
+    shares_of,
+    systems_of,
+)
 from gpsim.trials.truth import Shares
 from gpsim.trials.worlds import CLOSED_LOOP, SYSTEMS, Dial, Rough, Scales, System, TrueEffect, World
 

@@ -6,8 +6,7 @@ what they find is kept.
 
 from gpsim.trials.rivals.cache import Listing, cached_listing
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
-from gpsim.trials.rivals.machine_judge import Seen
-from gpsim.trials.rivals.machine_rivals import MachineListing, machine_listing
+from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
 from gpsim.trials.rivals.robot_rivals import robot_rivals
 
 __all__ = [

@@ -19,8 +19,7 @@ from gpsim.files import plain, write_json, written_whole
 from gpsim.recordings import read_recording
 from gpsim.trials.blinding import PUBLIC, Answer
 from gpsim.trials.rivals import sindy
-from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, rivals
-from gpsim.trials.rivals.rough_rivals import rough_rivals
+from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, rivals, rough_rivals
 
 EQUIVALENTS = "equivalents"
 

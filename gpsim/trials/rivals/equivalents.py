@@ -1,20 +1,11 @@
-"""Which other explanations of a concealed world are as good as the truth, found by a rule and not by taste.
-
-Rivals are fitted to the noise-free truth, with the world's own noise as the yardstick. One that loses less than 3 nats
-of expected log likelihood over the whole recording could not be told from the truth by anybody. Rivals are the truth
-with one effect left out, and with one effect replaced by another family or place (and the same gate); then the same
-once more with those that lose nothing in the truth's place, since two effects may have to change their places
-together. Those that could not explain a fiftieth of what the missing effect does, by a linear estimate, are not fitted.
-What is missing is looked at twice: around the best that can be said without it, and around the truth with it taken out
-and all else left as it is, from where the way to an equal explanation is short even if the motion is chaotic.
-
-The fitting engine is the diagnosis's own; the data, the noise and the truth's parameters are not.
-"""
+"""Equivalents of a rough world's main effects: those of the same world without nuisances and without a rough log."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Candidate, Directions, Fit, Hypothesis, Problem, fit, screened
@@ -22,9 +13,37 @@ from gpsim.diagnosis.setup import candidates, prepare, spread_out
 from gpsim.effects import Gate
 from gpsim.recordings import Recording
 from gpsim.simulators import make_simulator
-from gpsim.trials.blinding import Answer
+from gpsim.trials.blinding import Answer, even_recording
 from gpsim.trials.rivals.local_search import continued, replaced_near
-from gpsim.trials.worlds import TrueEffect
+from gpsim.trials.truth import run
+from gpsim.trials.worlds import TrueEffect, World, effect_json, sound, world_json
+
+
+def rough_rivals(answer: Answer) -> list[Rival]:
+    """All that were fitted, the best first.
+
+    The yardstick is the noise of the sensors, their steps and what the nuisances leave of a rollout: what changes less
+    than that cannot be told.
+    """
+    world = main_world(answer)
+    truth = run(world, world.effects)
+    recording = even_recording(world, truth.clean, truth, np.asarray(sound(world, truth.sampled)))
+    clean = [episode.states for episode in recording.episodes]
+    content = {"world": world_json(world), "effects": [effect_json(e) for e in world.effects]}
+    return rivals(Answer(content, clean, answer.own, answer.episode), recording)
+
+
+def main_world(answer: Answer) -> World:
+    """The world with its main effects alone, an even log, and noise that stands for all that was taken away."""
+    world = answer.world
+    steps = world.rough.quantum if world.rough else {}
+    left = answer.content["machine" if world.machine else "rough"]["left"]
+    noise = {
+        n: float(np.sqrt(sd**2 + steps.get(n, 0.0) ** 2 / 12.0 + left.get(n, 0.0) ** 2))
+        for n, sd in world.noise.items()
+    }
+    return replace(world, effects=world.main, rough=None, noise=noise)
+
 
 # Kept lists of equivalents hold for one version. Raise it whenever `rivals` may list something else (the rule or its
 # constants, the catalogue, the fitting engine have changed) and when `sindy.name` may say something else.

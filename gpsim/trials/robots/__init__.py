@@ -5,14 +5,19 @@ what truly moves, `shown` says how much each effect shows, `recorded` is the log
 """
 
 from gpsim.trials.robots.arms import arms_places, draw_arm
-from gpsim.trials.robots.draws import ROBOTS_FROM, draw_robot, places_of, planned, robot_rank, stratum_of
+from gpsim.trials.robots.draws import (
+    ROBOTS_FROM,
+    STRENGTHS,
+    draw_robot,
+    places_of,
+    planned,
+    robot_rank,
+    stratum_of,
+)
 from gpsim.trials.robots.driving import sound
-from gpsim.trials.robots.logs import recorded
 from gpsim.trials.robots.models import ROBOTS, Files, Layout, Robot, files_of, layout_of, spec_of
 from gpsim.trials.robots.plant import Plant, tilted
-from gpsim.trials.robots.running import run
-from gpsim.trials.robots.showing import SHOWS, shown
-from gpsim.trials.robots.strengths import STRENGTHS
+from gpsim.trials.robots.running import SHOWS, recorded, run, shown
 
 __all__ = [
     "ROBOTS",

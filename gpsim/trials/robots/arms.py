@@ -10,10 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gpsim.trials.robots.draws import bare_world, places_of
+from gpsim.trials.robots.draws import STRENGTHS, RobotScales, bare_world, places_of
 from gpsim.trials.robots.models import ROBOTS, layout_of
 from gpsim.trials.robots.running import run
-from gpsim.trials.robots.strengths import STRENGTHS, RobotScales
 from gpsim.trials.worlds import Dial, Machine, Session, TrueEffect, World
 
 ARMS = ("arm", "ur5")

@@ -1,7 +1,7 @@
 """What a diagnosis claims, held against the answer: families and places, gates, parameters, held-out fit."""
 
 from gpsim.trials.scoring.gates import iou
-from gpsim.trials.scoring.rough_rules import rough_verdicts
+from gpsim.trials.scoring.group_rules import rough_verdicts
 from gpsim.trials.scoring.rules import held_out_fit, score
 from gpsim.trials.scoring.trial_scores import score_trial
 

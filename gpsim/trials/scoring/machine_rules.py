@@ -1,7 +1,7 @@
 """What counts as right on a whole machine: effects that count are told, nothing else is; sizes, rollouts, the verdict.
 
 Everything that a diagnosis says counts, headline and slight. An effect of the machine counts where it could be seen
-(see `rivals.machine_judge`) and is needed for 1 % of the mismatch, or stands out of the noise by itself; others may be
+(see `rivals.machine_rivals`) and is needed for 1 % of the mismatch, or stands out of the noise by itself; others may be
 told.
 """
 
@@ -13,9 +13,8 @@ from typing import Any
 
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import MachineListing, Seen
-from gpsim.trials.scoring.claims import Json, claims_of, headline_of, identity
-from gpsim.trials.scoring.parameters import parameter_errors
-from gpsim.trials.scoring.rough_rules import late_claims, rough_verdicts
+from gpsim.trials.scoring.claims import Json, claims_of, headline_of, identity, parameter_errors
+from gpsim.trials.scoring.group_rules import late_claims, rough_verdicts
 
 MACHINES = "machines"
 SEEN, NEEDED, STANDS_OUT = 3.0, 0.01, 1.0  # nats, share of the mismatch, standard deviations of the noise

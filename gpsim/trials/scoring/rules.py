@@ -14,11 +14,18 @@ import numpy as np
 from gpsim.trials import outside
 from gpsim.trials.blinding import Answer
 from gpsim.trials.rivals import Rival
-from gpsim.trials.scoring.claims import Claim, Json, approximate, asserted, claims_of, headline_of, identity
+from gpsim.trials.scoring.claims import (
+    Claim,
+    Json,
+    approximate,
+    asserted,
+    claims_of,
+    headline_of,
+    identity,
+    parameter_errors,
+)
 from gpsim.trials.scoring.gates import failed_gates, gate_figures
-from gpsim.trials.scoring.parameters import parameter_errors
-from gpsim.trials.scoring.robot_rules import score_robot
-from gpsim.trials.scoring.rough_rules import score_rough
+from gpsim.trials.scoring.group_rules import score_robot, score_rough
 from gpsim.trials.worlds import SYSTEMS
 
 LEAST_SEEN = 0.05  # a true share below which one step cannot show in which rate the effect is

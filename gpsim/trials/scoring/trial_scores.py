@@ -10,7 +10,7 @@ from gpsim.diagnosis.report import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals
-from gpsim.trials.scoring.first_recording import of_first
+from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
 from gpsim.trials.scoring.rules import score
 

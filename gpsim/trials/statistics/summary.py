@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 
 from gpsim.trials.statistics.goals import EQUIVALENT, goals
+from gpsim.trials.statistics.group_figures import machine_figures, robot_figures, rough_figures
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
-from gpsim.trials.statistics.machine_figures import machine_figures
-from gpsim.trials.statistics.robot_figures import robot_figures
-from gpsim.trials.statistics.rough_figures import rough_figures
 
 SCHEMA = "gpsim.prove/1"
 Score = Mapping[str, Any]

@@ -5,9 +5,8 @@ or `gpsim.diagnosis`.
 """
 
 from gpsim.trials.truth.mujoco_body import native
+from gpsim.trials.truth.replay import OneStep, one_step
 from gpsim.trials.truth.running import run
-from gpsim.trials.truth.shares import MainShare, Shares
-from gpsim.trials.truth.true_model import OneStep, one_step
-from gpsim.trials.truth.visibility import Visibility, visibilities
+from gpsim.trials.truth.shares import MainShare, Shares, Visibility, visibilities
 
 __all__ = ["MainShare", "OneStep", "Shares", "Visibility", "native", "one_step", "run", "visibilities"]

@@ -1,19 +1,75 @@
-"""Running a concealed world: command, actuators, body, sensors, noise; fine steps of a millisecond."""
+"""What the sensors of a concealed world say along the true fine trajectory."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials import catalogue
-from gpsim.trials.truth.actuator_chain import ActuatorChain
-from gpsim.trials.truth.body import Body
+from gpsim.trials import catalogue, outside
+from gpsim.trials.truth.body import Body, Vehicle
 from gpsim.trials.truth.mujoco_body import MujocoBody
-from gpsim.trials.truth.sensing import sense
-from gpsim.trials.truth.vehicle import Vehicle
-from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, World, drive, starts
+from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, Values, World, drive, starts
+
+SENSORS = catalogue.SENSORS
+REMEMBERING, DISTORTING = outside.at_site(outside.SensorWithMemory), outside.at_site(outside.Distortion)
+
+
+def sense(
+    effects: Sequence[TrueEffect], names: tuple[str, ...], past: FloatArray, index: int, h: float
+) -> FloatArray:
+    """(E, S) readings at fine step `index`; past: (>= index + 1, E, S) true states every h s.
+
+    What a delayed sensor saw before the start is the start: episodes begin at rest.
+    """
+    now = past[index].copy()
+    ordered = sorted((e for e in effects if e.family in SENSORS), key=lambda e: SENSORS.index(e.family))
+    for effect in (e for e in ordered if e.family == "sensor_delay"):
+        column = names.index(effect.on)
+        back = max(index - round(effect.values["delay"] / h), 0)
+        now[:, column] = past[back, :, column]
+    for effect in (e for e in effects if e.family in REMEMBERING):
+        column = names.index(effect.on)
+        now[:, column] = REMEMBERING[effect.family](effect.values).read(past[: index + 1, :, column], h)
+    for effect in ordered:
+        catalogue.read(effect, names, now)
+    for effect in (e for e in effects if e.family in DISTORTING):
+        part = slice(0, 2) if effect.on == "pose" else names.index(effect.on)
+        now[:, part] = DISTORTING[effect.family](effect.values).read(now[:, part])
+    return np.asarray(now)
+
+
+ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = {
+    **catalogue.ACTUATORS,
+    **outside.at_site(outside.Actuator),
+}
+ACTUATOR_ORDER = tuple(ACTUATORS)
+
+
+class ActuatorChain:
+    """The actuators of every action, in their order, with their memory."""
+
+    def __init__(self, system: str, effects: Sequence[TrueEffect]) -> None:
+        names = tuple(SYSTEMS[system].action)
+        ordered = sorted(
+            (e for e in effects if e.family in ACTUATORS), key=lambda e: ACTUATOR_ORDER.index(e.family)
+        )
+        self._names = SYSTEMS[system].names
+        self._parts = [(e, names.index(e.on), ACTUATORS[e.family](e.values)) for e in ordered]
+
+    def act(self, command: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        """(B, A) what acts during the next h s."""
+        if not self._parts:
+            return command
+        out = command.copy()
+        for effect, column, actuator in self._parts:
+            acted = actuator.act(out[:, column].copy(), s, t, h)
+            if effect.gated:
+                acted = np.where(effect.acts(s, t, self._names) > 0, acted, out[:, column])
+            out[:, column] = acted
+        return out
+
 
 H = 1e-3  # s
 FRICTION_H = 2.5e-4  # s: MuJoCo meets a stop at the ends of steps only

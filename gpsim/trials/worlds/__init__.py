@@ -4,16 +4,17 @@ Nothing here knows a law. `World` and `TrueEffect` decide a recording, `SYSTEMS`
 `starts` say how a world is driven, `Run` is what came of it, `Scales` and `Dial` are what strengths are drawn with.
 """
 
+from gpsim.trials.worlds.closed_loop import FREE, REFERENCES
+from gpsim.trials.worlds.closed_loop import SIGNALS as CLOSED_LOOP
 from gpsim.trials.worlds.excitation import BODY_SIGNALS, GRADED_SIGNALS, VEHICLE_SIGNALS, drive, sound, starts
-from gpsim.trials.worlds.machine import Machine, Session
-from gpsim.trials.worlds.machine_drives import FREE, REFERENCES
-from gpsim.trials.worlds.rough import Rough
-from gpsim.trials.worlds.run import Run
 from gpsim.trials.worlds.scales import Dial, Scales, rounded, waves
 from gpsim.trials.worlds.systems import SYSTEMS, System, dynamics, load_on_track
-from gpsim.trials.worlds.tracking import SIGNALS as CLOSED_LOOP
 from gpsim.trials.worlds.world import (
     STRATA,
+    Machine,
+    Rough,
+    Run,
+    Session,
     Stratum,
     TrueEffect,
     Values,

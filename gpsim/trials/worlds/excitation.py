@@ -8,9 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.worlds.machine_drives import FREE, REFERENCES, SWING, Loop, loop, machines_push
+from gpsim.trials.worlds.closed_loop import (
+    FREE,
+    REFERENCES,
+    SWING,
+    TRACKING,
+    Loop,
+    Pursuit,
+    Tracking,
+    loop,
+    machines_push,
+    track,
+)
 from gpsim.trials.worlds.systems import SYSTEMS
-from gpsim.trials.worlds.tracking import TRACKING, Pursuit, Tracking, track
 from gpsim.trials.worlds.world import World
 
 BODY_SIGNALS = ("bang_bang", "prbs", "chirp", "sines", "controller")

@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.worlds.run import Run
 from gpsim.trials.worlds.systems import SYSTEMS, dynamics
-from gpsim.trials.worlds.world import World
+from gpsim.trials.worlds.world import Run, World
 
 LEVELS = ("subtle", "medium", "plain")
 Rng = np.random.Generator

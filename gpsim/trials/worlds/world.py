@@ -1,4 +1,4 @@
-"""What a concealed world is, as plain data: everything that decides its recording."""
+"""How the sensors, clocks and topics of a real log differ from perfect ones, as plain data."""
 
 from __future__ import annotations
 
@@ -9,10 +9,93 @@ from typing import Any, Literal
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.trials.worlds.machine import Machine, machine_from_json, machine_json
-from gpsim.trials.worlds.rough import Rough, rough_json
+
+
+@dataclass(frozen=True)
+class Rough:
+    """What is wrong with a recording besides noise; zero or absent where it is right.
+
+    quantum: channel -> step of its encoder. jitter: standard deviation [s] of the stamps; drift: seconds that the
+    recording's clock gains in a second. dropped, repeated, swapped: share of the rows that are missing, that say what
+    the row before said, in which markers are swapped; leap: channel -> how far a swapped marker is away. late:
+    channel -> s by which its topic lags behind the others.
+    """
+
+    quantum: Mapping[str, float] = field(default_factory=dict)
+    jitter: float = 0.0
+    drift: float = 0.0
+    dropped: float = 0.0
+    repeated: float = 0.0
+    swapped: float = 0.0
+    leap: Mapping[str, float] = field(default_factory=dict)
+    late: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def defects(self) -> tuple[str, ...]:
+        """What is wrong, in words."""
+        found = {
+            "quantised": self.quantum,
+            "jitter": self.jitter,
+            "drift": self.drift,
+            "dropped": self.dropped,
+            "repeated": self.repeated,
+            "swapped": self.swapped,
+            "late": self.late,
+        }
+        return tuple(name for name, there in found.items() if there)
+
+
+def rough_json(rough: Rough) -> dict[str, Any]:
+    """Plain data."""
+    return {k: dict(v) if isinstance(v, Mapping) else v for k, v in vars(rough).items()}
+
 
 Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Session:
+    """One recording of a machine.
+
+    changes: name of an effect -> its values in this recording, where they are not the machine's own. zeros: channel ->
+    what its sensor adds, where that changes nothing of the motion; clock: s that its clock shows at its start.
+    """
+
+    excitation: str
+    posture: str
+    episodes: int
+    steps: int
+    clock: float = 0.0
+    zeros: Values = field(default_factory=dict)
+    changes: Mapping[str, Values] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What kind of machine a world is. positions_only: no velocity is in its recordings; sessions: the recordings."""
+
+    kind: str
+    positions_only: bool
+    sessions: tuple[Session, ...]
+
+
+def machine_json(machine: Machine) -> dict[str, Any]:
+    """Plain data."""
+    plain = [
+        {k: _plain(v) if isinstance(v, Mapping) else v for k, v in vars(s).items()} for s in machine.sessions
+    ]
+    return {"kind": machine.kind, "positions_only": machine.positions_only, "sessions": plain}
+
+
+def machine_from_json(data: Mapping[str, Any]) -> Machine:
+    """The inverse of `machine_json`."""
+    return Machine(data["kind"], data["positions_only"], tuple(Session(**s) for s in data["sessions"]))
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: dict(v) if isinstance(v, Mapping) else float(v) for k, v in values.items()}
+
+
 """Parameters of an effect: name -> value in SI units."""
 Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines"]
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
@@ -167,3 +250,32 @@ def world_from_json(data: Mapping[str, Any], effects: list[Mapping[str, Any]]) -
     if "machine" in data:
         parts["machine"] = machine_from_json(data["machine"])
     return World(**{**data, **parts}, effects=made)
+
+
+@dataclass(frozen=True)
+class Run:
+    """What truly happened, and what was read.
+
+    fine: (K n + 1, E, S) true states every h s; commands: (K, E, A); clean: (K + 1, E, S) readings without noise;
+    measured: with it; hidden: (K + 1, E, H) hidden states of the body at the samples. clock, wall: (E,) s, what the
+    recording's clock and a clock on the wall said at the episodes' starts.
+    """
+
+    fine: FloatArray
+    h: float
+    commands: FloatArray
+    clean: FloatArray
+    measured: FloatArray
+    hidden: FloatArray
+    clock: FloatArray
+    wall: FloatArray
+
+    @property
+    def per_sample(self) -> int:
+        """Fine steps between two samples."""
+        return (len(self.fine) - 1) // len(self.commands)
+
+    @property
+    def sampled(self) -> FloatArray:
+        """(K + 1, E, S) true states at the samples."""
+        return np.asarray(self.fine[:: self.per_sample])

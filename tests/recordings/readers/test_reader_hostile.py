@@ -17,7 +17,7 @@ from rosbags.rosbag1 import Writer
 
 from gpsim.errors import UsageError
 from gpsim.recordings.readers import KINDS as SUFFIXES
-from gpsim.recordings.readers import budget, matlab_size, open_log
+from gpsim.recordings.readers import matlab, open_log, source
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -122,7 +122,7 @@ def test_a_matlab_file_that_swells(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     packed = zlib.compress(bytes(1 << 20), 9)
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
     one = struct.pack("<II", 15, len(packed)) + packed
-    monkeypatch.setattr(matlab_size, "MATLAB_BYTES", 8 << 20)
+    monkeypatch.setattr(matlab, "MATLAB_BYTES", 8 << 20)
     (tmp_path / "bomb.mat").write_bytes(head + one * 300)
     assert "more than" in refused(tmp_path / "bomb.mat")
 
@@ -189,7 +189,7 @@ def test_files_full_of_false_beginnings_end_soon(tmp_path: Path, suffix: str) ->
 def test_many_chunks_that_swell_end_soon(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from backports import zstd
 
-    monkeypatch.setattr(budget, "CHUNKS_BYTES", 64 << 20)
+    monkeypatch.setattr(source, "CHUNKS_BYTES", 64 << 20)
     packed = zstd.compress(record(0x0C, bytes(32 << 20)))
     body = (
         struct.pack("<QQQI", 0, 1, (32 << 20) + 9, 0) + text("zstd") + struct.pack("<Q", len(packed)) + packed

@@ -1,0 +1,186 @@
+"""export policy: a trained policy as ONNX, and a ROS node that plays it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from gpsim.artifacts import read_artifact
+from gpsim.channels import FloatArray, wrap_angle
+from gpsim.errors import UsageError
+from gpsim.files import Json, write_json, written_whole
+from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
+from gpsim.policies import Policy
+from gpsim.policies.export import ros_node, to_onnx
+from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
+from gpsim.settings import build
+from gpsim.simulators import SIMULATORS, Integrator, Simulator
+from gpsim.stages.corrected_model import correction_of, sentences, went
+from gpsim.stages.diagnose import read_corrected, read_diagnosis
+from gpsim.stages.policy_files import read_policy
+from gpsim.stages.survives import survival_lines
+from gpsim.tasks import GoalReaching
+
+NODE = "drive_to_goal.py"
+
+
+def export_policy(path: Path, out: Path) -> list[str]:
+    """Write policy.onnx, policy.json (its origin) and, for a vehicle with a goal, a ROS node to the new folder `out`.
+
+    path: an artifact of train-source or train-gp-policy. Returns sentences about what was written.
+    """
+    artifact = read_artifact(path)
+    if artifact.stage not in ("train-source", "train-gp-policy"):
+        raise UsageError(
+            f"{path}: made by '{artifact.stage}', expected a policy of train-source or train-gp-policy"
+        )
+    if out.exists():
+        raise UsageError(f"{out}: exists already; choose another --out")
+    if not out.parent.is_dir():
+        raise UsageError(f"{out.parent}: no such folder; make it first")
+    policy, config = read_policy(path), artifact.manifest["config"]
+    rate = 1.0 / float(config["simulator"]["dt"])
+    notes = [
+        f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
+    ]
+    try:
+        with written_whole(out) as made:
+            made.mkdir()
+            (made / "policy.onnx").write_bytes(to_onnx(policy))
+            origin = {
+                "stage": artifact.stage, "sha256": artifact.digest, "rate": rate, "task": config["task"],
+            }  # fmt: skip
+            if survives := survival_lines(path):
+                origin["survives"] = survives
+            write_json(made / "policy.json", origin)
+            if config["task"]["name"] == "goal":
+                node = made / NODE
+                node.write_text(_node(policy, rate, config["task"]), encoding="utf-8")
+                node.chmod(0o755)
+                notes.append(f"{NODE}: a ROS 1 node that plays it; its first lines say how")
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    return notes
+
+
+def _node(policy: Policy, rate: float, section: Mapping[str, Any]) -> str:
+    task = build(GoalReaching, section, "task")
+    x, y = task.evaluation_goal
+    return ros_node(policy, rate, task.goal_radius, (x, y), task.max_steps, task.floor)
+
+
+FORMATS = ("mcap", "csv", "parquet")
+
+
+def export_recording(path: Path, form: str, out: Path) -> list[str]:
+    """Write the recording at `path` to the new file `out`; returns sentences about what is in it."""
+    if form not in FORMATS:
+        raise UsageError(f"--format {form}: not one of {', '.join(FORMATS)}")
+    if out.exists():
+        raise UsageError(f"{out}: exists already; choose another --out")
+    if not out.parent.is_dir():
+        raise UsageError(f"{out.parent}: no such folder; make it first")
+    if not path.exists() or (path.is_file() and path.stem != "recording"):
+        raise UsageError(
+            f"{path}: no such recording; give a folder with recording.yaml, as `gpsim import` makes"
+        )
+    recording = read_recording(path)
+    predictions, notes = predict(recording)
+    try:
+        with written_whole(out, ".parquet" if form == "parquet" else "") as made:
+            (write_mcap if form == "mcap" else write_table)(recording, predictions, made)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
+    samples = sum(len(e.t) for e in recording.episodes)
+    return [f"{len(recording.episodes)} episode(s), {samples} samples", *notes]
+
+
+def predict(recording: Recording) -> tuple[Predictions, list[str]]:
+    """The base simulator's one-step (`simulated`) and open-loop (`open_loop`) states, where there is one."""
+    if recording.system not in SIMULATORS:
+        return {}, [
+            f"measured channels only: no simulator '{recording.system}' (there are: {', '.join(SIMULATORS)})"
+        ]
+    simulator = open_simulator(recording.system)
+    names = (recording.state.names, recording.action.names)
+    if names != (simulator.state.names, simulator.action.names):
+        return {}, [f"measured channels only: not the channels of the simulator {recording.system}"]
+    parameters = simulator.defaults(recording.parameters)
+    pairs = [_predicted(simulator, parameters, recording, episode) for episode in recording.episodes]
+    notes = [
+        "simulated: the base simulator, one step from the measured state; open_loop: from the first state on"
+    ]
+    return {"simulated": [one for one, _ in pairs], "open_loop": [run for _, run in pairs]}, notes
+
+
+def _predicted(
+    simulator: Simulator, parameters: dict[str, float], recording: Recording, episode: Episode
+) -> tuple[FloatArray, FloatArray]:
+    """(K + 1, S) each; the first row of the one-step prediction is unknown."""
+    dt, integrator = np.diff(episode.t), cast(Integrator, recording.integrator)
+    wraps = recording.state.wraps
+    one_step = np.full_like(episode.states, np.nan)
+    run = np.full_like(episode.states, np.nan)
+    run[0] = episode.states[0]
+    with np.errstate(all="ignore"):  # an open loop may run away; what is not finite is left out
+        if len(episode):
+            one_step[1:] = simulator.step(episode.states[:-1], episode.actions, parameters, dt, integrator)
+        for k in range(len(episode)):
+            run[k + 1] = simulator.step(
+                run[k : k + 1], episode.actions[k : k + 1], parameters, dt[k : k + 1], integrator
+            )
+        for states in (one_step, run):
+            states[:, wraps] = wrap_angle(states[:, wraps])
+    return one_step, run
+
+
+def export_corrected_model(folder: Path, out: Path) -> tuple[Exported, list[str]]:
+    """Write the corrected model of the diagnosis at `folder`; sentences about where each effect went.
+
+    Raises UsageError, for a diagnosis of equations too: they have no model file.
+    """
+    artifact = read_artifact(folder, "diagnose")
+    found, plant = read_diagnosis(folder), read_corrected(folder)
+    if not isinstance(plant.simulator, MjcfSimulator):
+        raise UsageError(
+            f"{folder}: corrects {plant.simulator.name}, which is equations and no MuJoCo model, so there is no XML to "
+            f"write; drive it in Python by gpsim.Diagnosis.load({str(folder)!r}).corrected(), or train in it with "
+            f"`gpsim train-gp-policy diagnosis={folder}`"
+        )
+    if _inside(out, artifact.path):
+        raise UsageError(f"{out}: lies in the diagnosis, which is never changed; choose an --out beside it")
+    correction = correction_of(plant, plant.simulator)
+    source = {
+        "diagnosis": str(folder),
+        "diagnosis_sha256": artifact.digest,
+        "simulator": plant.simulator.name,
+        "verdict": found.verdict,
+    }
+    made = export_model(correction, sentences(found.effects), source, out)
+    return made, _notes(made, plant.terms == ())
+
+
+def _inside(out: Path, folder: Path) -> bool:
+    return folder.resolve() in out.resolve().parents
+
+
+def _notes(made: Exported, nothing: bool) -> list[str]:
+    """What was written, and where each effect went."""
+    notes = [f"{kind:<8} {path.name}" for kind, path in made.files.items()]
+    if nothing:
+        notes.append("no effect stands: the model is the base")
+    notes += [went(effect) for effect in made.effects]
+    if made.wrapped:
+        notes.append(
+            f"the model alone lacks what the wrapper adds: drive it by Robot of {made.files['wrapper'].name}"
+        )
+    notes.append(f"read back: no number differs by more than {made.difference:.1g} of its field's largest")
+    return notes
+
+
+def told(made: Exported) -> Json:
+    """For --json: where each effect went, and how exactly the model comes back."""
+    return {"effects": [dict(effect) for effect in made.effects], "largest_difference": made.difference}
