@@ -141,7 +141,9 @@ def table(before: Mapping[str, str] | None, after: Mapping[str, str]) -> list[st
             (now.files, then and then.files),
             (now.names, then and then.names),
         ]
-        return f"| {room} | " + " | ".join(str(n) if t is None else f"{t} → {n}" for n, t in pairs) + " |"
+        return (
+            f"| {room} | " + " | ".join(f"{n:,}" if t is None else f"{t:,} → {n:,}" for n, t in pairs) + " |"
+        )
 
     def row(room: str) -> str:
         return cells(room, new.get(room, Size()), None if old is None else old.get(room, Size()))

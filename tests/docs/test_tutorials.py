@@ -26,6 +26,7 @@ SMALL = {  # what a command of the beginning on the left gets on a smoke budget
     "gpsim diagnose runs/": f"'diagnose.families.only=[minimum_turning_radius,actuator_lag]' {QUICK}",
     "gpsim diagnose --score": "",
     "gpsim effects check": "--quick",
+    "gpsim effects": "",
     "gpsim diagnose band": f"'diagnose.families.only=[viscous_friction]' {QUICK}",
     "gpsim import": "",
     "gpsim export": "",

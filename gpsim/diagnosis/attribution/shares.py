@@ -17,6 +17,7 @@ from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import AttributionSettings
 
 TINY = 1e-300  # guards divisions by sums of squares that are 0
+ROUNDING = 1e-18  # of a channel's variance: squares that are less are those of rounding, and no mismatch
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class Mismatch:
         before, floor = self.before.sum(axis=0), self.floor.sum(axis=0)
         excess = self.drawn @ (self.before - self.floor)
         sure = np.quantile(excess, self.settings.low, axis=0) > 0
-        return np.asarray(self.seen & sure & (before > np.maximum(self.times**2 * floor, TINY)))
+        least = np.maximum(self.times**2 * floor, ROUNDING * self.scale)
+        return np.asarray(self.seen & sure & (before > np.maximum(least, TINY)))
 
     def by_channel(self, after: FloatArray) -> FloatArray:
         """(..., 1 + D, S) clipped shares of an account's sums of squares (..., B, S); first those of all blocks."""

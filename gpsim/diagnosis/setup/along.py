@@ -18,11 +18,9 @@ APART = 0.6  # periods in the way by which two that are told differ at least
 A_SAMPLE = 3.0  # samples that a period takes at a usual speed, at least: what is faster is only its mean
 CHANCE = 0.01  # with which noise alone makes one that is told
 ROWS = 2000  # transitions that are looked at
-TURN = 2.0 * np.pi
-OUTER, STANDS_OUT = (
-    0.05,
-    4.0,
-)  # of the way that is an end of it; standard deviations of what is missed elsewhere
+TURN = 2.0 * np.pi  # rad, a whole turn
+OUTER = 0.05  # of the way that is an end of it
+STANDS_OUT = 4.0  # standard deviations of what is missed elsewhere
 
 
 def ripples(

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from gpsim.diagnosis.fitting import Candidate
 from gpsim.diagnosis.report import NotAsked
 from gpsim.diagnosis.setup.prepare import Question
-from gpsim.effects import FAMILIES, ActuatorEffect, Effect, effect_of
+from gpsim.effects import FAMILIES, ActuatorEffect, DriveEffect, Effect, effect_of
 from gpsim.simulators import Simulator
 
 
@@ -15,7 +15,7 @@ def shows(question: Question, candidate: Candidate) -> bool:
     """Whether the recording can show the term at all."""
     effect = effect_of(candidate.family)
     still = question.sight.still if question.sight else {}
-    return not isinstance(effect, ActuatorEffect) or _shows(
+    return not isinstance(effect, (ActuatorEffect, DriveEffect)) or _shows(
         effect, candidate.place.on, still.get(candidate.place.on), question.whole
     )
 
@@ -47,7 +47,7 @@ def _not_shown(question: Question) -> tuple[NotAsked, ...]:
         families = [
             e.family
             for e in FAMILIES.values()
-            if isinstance(e, ActuatorEffect) and not _shows(e, name, value, simulator)
+            if isinstance(e, (ActuatorEffect, DriveEffect)) and not _shows(e, name, value, simulator)
         ]
         because = "constant command" if sight.commanded else "no command"
         out.append(_entry(because, name, value, simulator.action.units[name], families))
@@ -75,9 +75,10 @@ def _on(simulator: Simulator, name: str, site: str | None = None) -> list[str]:
 
 def _shows(effect: Effect, on: str, still: float | None, simulator: Simulator) -> bool:
     """Whether a command that stands still, at `still`, lets an actuator's effect show; None of one that changes."""
-    assert isinstance(effect, ActuatorEffect)
     if still is None:
         return True
+    if not isinstance(effect, ActuatorEffect):
+        return False
     if effect.needs == "command":
         return still != 0.0
     # Of a command that is never given a constant force says the same, where there is one.
