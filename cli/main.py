@@ -114,7 +114,7 @@ app.command(
 )(deploy_command)
 app.command(
     "plan",
-    short_help="Plan the next recording: safe commands that tell what is left open.",
+    short_help="Plan the next recording: what tells apart, safely.",
     rich_help_panel="Everything at once",
 )(plan_command)
 app.command(

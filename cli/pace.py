@@ -16,7 +16,7 @@ MUJOCO: Shares = (
     (0.0, 0.0), (0.05, 0.01), (0.4, 0.05), (0.68, 0.27), (0.9, 0.47), (0.92, 0.72), (0.98, 0.99), (1.0, 1.0),
 )  # fmt: skip
 """Of one with a MuJoCo model, measured on data/arm.csv: most goes into the search and into checking its result."""
-OVERRUN = 0.25  # of the time that a step has taken so far, that it takes at least from now on
+OVERRUN = 0.5  # of the time that a step has taken so far, that it takes at least from now on
 EARLIEST = 0.02  # of the time: before that nobody can tell how long the whole takes
 BELOW_A_MINUTE = 5  # s, to which less than a minute is rounded
 

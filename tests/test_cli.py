@@ -39,7 +39,7 @@ def test_help_is_one_line_a_command_at_80_columns(tmp_path):
     shown = gpsim("--help", cwd=tmp_path, COLUMNS="80").stdout
     panels = shown[shown.index("Stages, in order") :].splitlines()
     lines = [line for line in panels if line.startswith("│")]
-    assert len(lines) == 17
+    assert len(lines) == 21
     for line in lines:
         assert re.match(r"│ [a-z-]+ +[A-Z].*\. +│$", line), line
 

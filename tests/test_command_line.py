@@ -105,11 +105,11 @@ def test_progress_and_notes_are_what_is_left_out(quiet, monkeypatch, capsys):
     finally:
         progress.QUIET.reset(token)
     assert capsys.readouterr().err.splitlines() == (
-        [] if quiet else ["  a: 50 %, 60 s left, half", "made a", "finished"]
+        [] if quiet else ["  a: 50 %, about 1 min left, half", "made a", "finished"]
     )
 
 
-@pytest.mark.parametrize("where", ["gpsim.cli.diagnose._split", "gpsim.cli.main.app"])
+@pytest.mark.parametrize("where", ["gpsim.cli.diagnose.split_words", "gpsim.cli.main.app"])
 def test_an_interruption_is_said_though_quiet(monkeypatch, capsys, where):
     def interrupted(*_):
         raise KeyboardInterrupt

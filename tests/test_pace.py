@@ -23,9 +23,9 @@ def test_uneven_steps_are_weighted_by_what_they_usually_take():
 def test_a_step_that_takes_longer_makes_the_whole_longer():
     pace = Pace(UNEVEN, 0.0)
     pace.update(5, 100, 10.0)
-    assert pace.left(140.0) == pytest.approx(140.0 / 0.7 - 140.0)
+    assert pace.left(100.0) == pytest.approx(100.0 / 0.7 - 100.0, rel=0.1)
     pace.update(40, 100, 150.0)
-    assert pace.left(300.0) >= 0.25 * 150.0  # never nothing while it still runs
+    assert pace.left(300.0) >= 0.5 * 150.0  # never nothing while it still runs
 
 
 @pytest.mark.parametrize("slower", [0.7, 1.0, 1.4])

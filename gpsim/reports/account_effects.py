@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import Form, NamedEffect
-from gpsim.reports.canvas import spelled
 from gpsim.reports.curve_text import extent
 from gpsim.reports.diagnosis_text import gate_text, listed, noun
-from gpsim.reports.quantities import certainty_text, is_open, percent, size_text
+from gpsim.reports.quantities import certainty_text, is_open, percent, size_text, spelled
 from gpsim.reports.sheets import MISSING
 
 SIGNED = {"gain_positive": "gain +", "gain_negative": "gain −"}

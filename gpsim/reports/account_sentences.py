@@ -11,10 +11,9 @@ from gpsim.diagnosis.report import BlackBox, Claims, Estimate, JudgedOn, Leads, 
 from gpsim.diagnosis.settings import LackOfFitSettings, VerdictSettings
 from gpsim.mjcf import is_mujoco
 from gpsim.reports.account_effects import claim_name, effect_name, told_effects
-from gpsim.reports.canvas import spelled
 from gpsim.reports.curve_text import beyond
 from gpsim.reports.diagnosis_text import combination_texts, listed, parameters_of
-from gpsim.reports.quantities import certainty_text, is_open, percent, share_text
+from gpsim.reports.quantities import certainty_text, is_open, percent, share_text, spelled
 from gpsim.simulators import lives_here
 
 JUDGED: Mapping[JudgedOn, str] = {

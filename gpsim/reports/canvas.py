@@ -25,6 +25,8 @@ from matplotlib.font_manager import FontProperties, findfont
 from matplotlib.ft2font import FT2Font
 from matplotlib.text import Text
 
+from gpsim.reports.quantities import LONGEST, shortened
+
 POLICIES = {
     "Source": "#D55E00",
     "Domain randomisation": "#E69F00",
@@ -65,25 +67,9 @@ def colours(names: Iterable[str]) -> dict[str, str]:
 
 FAMILY = "DejaVu Sans"  # comes with matplotlib: the same on every machine
 UNKNOWN = "\N{REPLACEMENT CHARACTER}"
-ELLIPSIS = "…"
-LONGEST = 28  # letters of a name in a figure,
-SENTENCE = 60  # in a sentence, which wraps,
-LABEL = 18  # beside an axis that is no longer than that,
+LABEL = 18  # letters of a name beside an axis that is no longer than that,
 LONGEST_UNIT = 12  # and of a unit
 _NO_WIDTH = "\N{ZERO WIDTH SPACE}"
-
-
-def shortened(name: str, most: int = LONGEST) -> str:
-    """A name of at most so many letters: the middle of a longer one becomes an ellipsis, as ends tell names apart."""
-    if len(name) <= most:
-        return name
-    end = (most - 1) // 2
-    return f"{name[: most - 1 - end]}{ELLIPSIS}{name[len(name) - end :] if end else ''}"
-
-
-def spelled(name: str) -> str:
-    """A name as a sentence shows it: whole, unless no line could hold it."""
-    return shortened(name, SENTENCE)
 
 
 def named(name: str, unit: str = "", most: int = LONGEST) -> str:

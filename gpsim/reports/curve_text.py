@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gpsim.diagnosis.report import MeasuredCurve, NamedEffect, NearestLaw
-from gpsim.reports.canvas import shortened
 from gpsim.reports.diagnosis_text import noun
-from gpsim.reports.quantities import percent
+from gpsim.reports.quantities import percent, shortened
 
 NAMES = 3  # nearest laws that are told
 LEVEL = 0.05  # of all that a curve rises and falls: a turn that is smaller is none

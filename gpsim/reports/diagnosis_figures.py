@@ -19,10 +19,9 @@ from gpsim.reports.canvas import (
     named,
     panels,
     png,
-    shortened,
     style,
 )
-from gpsim.reports.quantities import in_percent, number
+from gpsim.reports.quantities import in_percent, number, shortened
 
 COLOURS = {BASE: "#D55E00", EFFECTS: "#0072B2"}
 LINES = {BASE: (0, (4, 1.5)), EFFECTS: "-"}

@@ -9,8 +9,7 @@ from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import SINCE_REVERSAL
 from gpsim.diagnosis.report import Claims, Combination, LogFact, NamedEffect, NotAsked, RankedHypothesis
 from gpsim.effects import CURVES, FAMILIES
-from gpsim.reports.canvas import spelled
-from gpsim.reports.quantities import interval_text, number, percent
+from gpsim.reports.quantities import interval_text, number, percent, spelled
 from gpsim.reports.sheets import unit
 
 COUNTED: Mapping[str, tuple[str, str]] = {

@@ -20,11 +20,11 @@ from gpsim.reports.canvas import (
     legend_label,
     named,
     panels,
-    shortened,
     style,
 )
 from gpsim.reports.loop_report import LoopReport, ResidualSlice
 from gpsim.reports.model_sheets import coverage_levels, data_of, rates, scores
+from gpsim.reports.quantities import shortened
 from gpsim.reports.sheets import significant, unit
 from gpsim.residuals import Residuals
 

@@ -11,7 +11,8 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from gpsim.reports.canvas import LABEL, shortened
+from gpsim.reports.canvas import LABEL
+from gpsim.reports.quantities import shortened
 
 LONGEST = 48  # letters of a name in a table: its title holds all of them
 

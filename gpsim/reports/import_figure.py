@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 
 from gpsim.channels import FloatArray
 from gpsim.recordings import Recording
-from gpsim.reports.canvas import LONGEST_UNIT, defaults, make_literal, shortened
+from gpsim.reports.canvas import LONGEST_UNIT, defaults, make_literal
+from gpsim.reports.quantities import shortened
 
 STATE_COLOUR, ACTION_COLOUR, HELD_COLOUR = "#1f4e79", "#b5541c", "#e9e4d4"
 LONGEST_TITLE = 100  # letters

@@ -19,7 +19,6 @@ from gpsim.reports.canvas import (
     legend_above,
     named,
     panels,
-    shortened,
     style,
 )
 from gpsim.reports.loop_report import (
@@ -30,6 +29,7 @@ from gpsim.reports.loop_report import (
     printed_returns,
 )
 from gpsim.reports.model_sheets import rollout_simulators
+from gpsim.reports.quantities import shortened
 from gpsim.reports.sheets import known, unit, whole_percent
 
 BINS = 25

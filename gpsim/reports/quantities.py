@@ -7,6 +7,10 @@ import math
 from gpsim.diagnosis.report import Estimate, Odds, Share
 from gpsim.reports.sheets import MISSING, significant, unit
 
+ELLIPSIS = "…"
+LONGEST = 28  # letters of a name in a figure
+SENTENCE = 60  # and in a sentence, which wraps
+
 MANY = 1e4  # odds beyond which nobody counts
 OPEN = 3.0  # to one: lower odds decide nothing, as in the verdict
 TIMES = frozenset({"ratio", "gain", "gain_positive", "gain_negative", "scale"})
@@ -127,3 +131,16 @@ def _to(value: float, width: float) -> str:
     places = -first + (width / 10.0**first < 3.0)
     rounded = round(value, places)
     return f"{rounded:.{max(0, places)}f}"
+
+
+def shortened(name: str, most: int = LONGEST) -> str:
+    """A name of at most so many letters: the middle of a longer one becomes an ellipsis, as ends tell names apart."""
+    if len(name) <= most:
+        return name
+    end = (most - 1) // 2
+    return f"{name[: most - 1 - end]}{ELLIPSIS}{name[len(name) - end :] if end else ''}"
+
+
+def spelled(name: str) -> str:
+    """A name as a sentence shows it: whole, unless no line could hold it."""
+    return shortened(name, SENTENCE)

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.report import EndErrors, Estimate, NamedEffect, OneRecording, Share
 from gpsim.reports.account_effects import effect_name
-from gpsim.reports.canvas import shortened
-from gpsim.reports.quantities import brief, in_percent, percent, share_text, size_text
+from gpsim.reports.quantities import brief, in_percent, percent, share_text, shortened, size_text
 from gpsim.reports.sheets import MISSING, Cell, Sheet, row, with_unit
 
 MOST = 4  # recordings of which each is told in a line
