@@ -159,11 +159,11 @@ def _say(line: str) -> None:
 
 
 def saying_once(report: Report, line: str) -> Report:
-    """The same report; the line is said when there is something to report, that is, something to do."""
-    said: list[bool] = []
+    """The same report; the line is said when something is done, to who watches: an error is one line in a log."""
+    said = [] if sys.stderr.isatty() else [True]
 
     def told(done: int, total: int, text: str) -> None:
-        if not said:
+        if not said and done > 0:
             said.append(True)
             note(line)
         report(done, total, text)
