@@ -23,6 +23,11 @@ FAMILY = {
     "sensor": "sensor_curve",
     "vehicle": "rate_curve",
 }
+CONSTANTS = {
+    ("force", "position"): ("constant_force", "force"),
+    ("sensor", "reading"): ("sensor_bias", "offset"),
+}
+"""Of curves of a site and an input: the family of a constant in them, and its parameter."""
 TOLD = 6  # digits of a knot and of what the curve is there
 
 
@@ -104,32 +109,28 @@ def _rest(fitted: Hypothesis, laws: Hypothesis, group: Group) -> Hypothesis:
 def _beside_a_constant(
     laws: Hypothesis, group: Group, rest: Hypothesis, heights: tuple[float, ...]
 ) -> tuple[Hypothesis, tuple[float, ...]]:
-    """What else is said, and the curve's heights: where a constant force is told, a force of the position has mean 0.
+    """What else is said, and the curve's heights, whose mean is 0 where a constant force or a sensor's bias is told.
 
     Both together could not be told apart, and the constant is the one that people look for.
     """
-    if (group.site, group.of) != ("force", "position"):
-        return rest, heights
-    told = [i for i, t in enumerate(laws.terms) if _is_constant(t, group)]
+    family, size = CONSTANTS.get((group.site, group.of), ("", ""))
+
+    def constant(term: Term) -> bool:
+        return (term.family, term.on) == (family, group.on) and not term.gate
+
+    def of_size(term: Term, value: float) -> Term:
+        return replace(term, values={**term.values, size: value})
+
+    told = [i for i, term in enumerate(laws.terms) if constant(term)]
     if not told:
         return rest, heights
     mean = float(np.mean(heights))
     if told[0] in group.terms:
-        rest = rest.plus(_of_force(laws.terms[told[0]], mean), laws.declared[told[0]])
+        rest = rest.plus(of_size(laws.terms[told[0]], mean), laws.declared[told[0]])
     else:
-        terms = tuple(
-            _of_force(t, t.values["force"] + mean) if _is_constant(t, group) else t for t in rest.terms
-        )
+        terms = tuple(of_size(t, t.values[size] + mean) if constant(t) else t for t in rest.terms)
         rest = replace(rest, terms=terms)
     return rest, tuple(height - mean for height in heights)
-
-
-def _is_constant(term: Term, group: Group) -> bool:
-    return (term.family, term.on) == ("constant_force", group.on) and not term.gate
-
-
-def _of_force(term: Term, force: float) -> Term:
-    return replace(term, values={**term.values, "force": force})
 
 
 def _heights(
