@@ -69,7 +69,7 @@ def test_shares_are_told_without_exponents(share, said):
     [
         ("q", (0.1, 0.3), "lies inside q = [0.1, 0.3], in 20 % of the samples"),
         ("since_reversal:force", (0.0, 0.06), "lies within 0.06 s of a reversal of force, in 20 %"),
-        ("since_reversal:force", (0.0, 0.0), "lies where force turns round, in 20 %"),
+        ("since_reversal:force", (0.0, 0.0), "lies where force reverses, in 20 %"),
     ],
 )
 def test_where_a_mismatch_is_concentrated_is_told_in_words(channel, interval, said):

@@ -87,7 +87,7 @@ def test_the_command_diagnoses_it_when_nobody_measures_the_upper_tank(tmp_path):
         app, ["diagnose", str(tmp_path / "log"), "--simulator", REFERENCE, "--out", str(out), FEW]
     )
     assert result.exit_code == 0, result.output
-    assert "Nobody measured upper" in " ".join(result.output.split())
+    assert "Not measured and estimated by each model: upper" in " ".join(result.output.split())
     plant, rng = read_corrected(out, gp=True), np.random.default_rng(0)
     state = plant.step(np.full((3, 2), 4.0), np.full((3, 1), 2.0), plant.begin(3, rng), rng)
     assert state.shape == (3, 2)
@@ -116,7 +116,7 @@ def test_what_a_hidden_state_does_to_the_report(blind):
         for effects in [report.effects, *(a.effects for a in report.alternatives)]
         for e in effects
     )
-    assert "Nobody measured upper" in where(report)
+    assert "Not measured and estimated by each model: upper" in where(report)
 
 
 def test_the_windows_say_what_the_hidden_state_was(blind):
