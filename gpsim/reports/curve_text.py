@@ -9,6 +9,7 @@ from gpsim.reports.diagnosis_text import noun
 from gpsim.reports.quantities import percent, shortened
 
 NAMES = 3  # nearest laws that are told
+TRIFLE = 0.005  # of the mismatch: a slight curve that is less of it is named among the small corrections only
 LEVEL = 0.05  # of all that a curve rises and falls: a turn that is smaller is none
 
 
@@ -24,9 +25,12 @@ def curve_sentence(effect: NamedEffect) -> str:
 
 
 def curve_rows(effects: tuple[NamedEffect, ...]) -> Iterator[str]:
-    """The same of every measured curve of an account, a line each."""
+    """The same of every measured curve of an account that is worth a line."""
     for effect in effects:
-        if effect.curve is not None:
+        little = (
+            effect.role == "slight" and effect.importance is not None and effect.importance.share < TRIFLE
+        )
+        if effect.curve is not None and not little:
             yield curve_sentence(effect)
 
 
