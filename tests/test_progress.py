@@ -1,5 +1,7 @@
 """What the loop says of itself while it runs."""
 
+import sys
+
 import pytest
 from gpsim.cli import progress
 
@@ -33,11 +35,16 @@ def test_a_single_job_has_no_count(capsys):
     assert capsys.readouterr().err == "made a\n"
 
 
-def test_what_happens_once_is_said_once_and_only_if_something_is_done(capsys):
+@pytest.mark.parametrize("terminal", [True, False])
+def test_what_happens_once_is_said_once_to_who_watches_and_only_if_something_is_done(
+    capsys, monkeypatch, terminal
+):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     seen = []
     report = progress.saying_once(lambda *told: seen.append(told), "compiling")
-    assert capsys.readouterr().err == ""
     report(0, 100, "begun")
+    assert capsys.readouterr().err == ""
     report(5, 100, "going on")
-    assert capsys.readouterr().err == "compiling\n"
-    assert seen == [(0, 100, "begun"), (5, 100, "going on")]
+    report(6, 100, "going on")
+    assert capsys.readouterr().err == ("compiling\n" if terminal else "")
+    assert seen == [(0, 100, "begun"), (5, 100, "going on"), (6, 100, "going on")]
