@@ -8,21 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from gpsim import supervision
 from gpsim.effects.effect import Effect
 from gpsim.effects.plain import adapted
 from gpsim.effects.registry import CATALOGUE, FAMILIES
 from gpsim.errors import UsageError
-from gpsim.simulators import asked, said
+from gpsim.simulators import asked, module_of, said
 from gpsim.trust import check_file, consent
 
 GROUP = "gpsim.effects"
@@ -123,7 +120,7 @@ def _named(reference: str) -> str:
 def load_text(reference: str, source: str) -> tuple[Brought, ...]:
     """The families of a file whose text is `source`: what changes meanwhile changes nothing that is under way."""
     file, _, name = reference.rpartition(":") if ".py:" in reference else (reference, "", "")
-    module = _module(Path(file), source)
+    module = module_of(Path(file), source, "effects")
     classes = {
         k: v
         for k, v in vars(module).items()
@@ -199,17 +196,3 @@ def again(origins: Mapping[str, Mapping[str, str]], where: str) -> tuple[Brought
             )
         out.append(one)
     return tuple(out)
-
-
-def _module(path: Path, source: str) -> ModuleType:
-    module = ModuleType(f"user_effects_{path.stem}")
-    module.__file__ = str(path)
-    sys.modules[module.__name__] = module  # dataclasses look there
-    supervision.calls(str(path))
-    asked(
-        lambda: exec(compile(source, str(path), "exec"), vars(module)),
-        "its code",
-        str(path),
-        failed="cannot be loaded:",
-    )
-    return module

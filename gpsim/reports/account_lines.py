@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 from rich.cells import cell_len, set_cell_size
@@ -53,98 +53,14 @@ class Limits:
     next: int
 
 
-LIMITS = (
-    Limits(
-        rows=7,
-        names=3,
-        sizes=3,
-        gates=True,
-        members=4,
-        verdict=2,
-        where=3,
-        slight=2,
-        rival=2,
-        differs=5,
-        left=5,
-        fit=2,
-        next=3,
-    ),
-    Limits(
-        rows=7,
-        names=2,
-        sizes=3,
-        gates=True,
-        members=4,
-        verdict=2,
-        where=2,
-        slight=2,
-        rival=2,
-        differs=4,
-        left=4,
-        fit=1,
-        next=2,
-    ),
-    Limits(
-        rows=7,
-        names=2,
-        sizes=2,
-        gates=True,
-        members=3,
-        verdict=2,
-        where=2,
-        slight=1,
-        rival=1,
-        differs=3,
-        left=3,
-        fit=1,
-        next=2,
-    ),
-    Limits(
-        rows=7,
-        names=2,
-        sizes=1,
-        gates=True,
-        members=3,
-        verdict=2,
-        where=2,
-        slight=1,
-        rival=1,
-        differs=3,
-        left=3,
-        fit=1,
-        next=2,
-    ),
-    Limits(
-        rows=7,
-        names=1,
-        sizes=1,
-        gates=False,
-        members=2,
-        verdict=2,
-        where=2,
-        slight=1,
-        rival=1,
-        differs=3,
-        left=3,
-        fit=1,
-        next=2,
-    ),
-    Limits(
-        rows=5,
-        names=1,
-        sizes=1,
-        gates=False,
-        members=2,
-        verdict=2,
-        where=2,
-        slight=1,
-        rival=1,
-        differs=3,
-        left=3,
-        fit=1,
-        next=2,
-    ),
-)
+_ROOMY = Limits(
+    rows=7, names=3, sizes=3, gates=True, members=4, verdict=2, where=3, slight=2, rival=2, differs=5, left=5,
+    fit=2, next=3,
+)  # fmt: skip
+_CLOSER = replace(_ROOMY, names=2, where=2, differs=4, left=4, fit=1, next=2)
+_CLOSE = replace(_CLOSER, sizes=2, members=3, slight=1, rival=1, differs=3, left=3)
+_CLOSEST = replace(_CLOSE, names=1, sizes=1, gates=False, members=2)
+LIMITS = (_ROOMY, _CLOSER, _CLOSE, replace(_CLOSE, sizes=1), _CLOSEST, replace(_CLOSEST, rows=5))
 """The first that fits is taken: the last always does."""
 
 

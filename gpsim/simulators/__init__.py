@@ -21,6 +21,7 @@ from gpsim.simulators.simulator import (
 )
 from gpsim.simulators.slider import Slider
 from gpsim.simulators.unicycle import Unicycle
+from gpsim.simulators.user import module_of
 from gpsim.simulators.wrapping import unwrapped, wrapping
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "asked",
     "lives_here",
     "make_simulator",
+    "module_of",
     "own_simulator",
     "part_of",
     "read_only",

@@ -68,7 +68,7 @@ def load_user_simulator(reference: str) -> Simulator:
 def load_source(reference: str, source: str) -> Simulator:
     """The class as `source` has it: a file that changes meanwhile does not change what is under way."""
     file, _, name = reference.rpartition(":")
-    module = _module(Path(file), source)
+    module = module_of(Path(file), source, "system")
     found = getattr(module, name, None)
     if not isinstance(found, type):
         classes = [
@@ -173,8 +173,9 @@ class UserSimulator(Simulator):
         return out
 
 
-def _module(path: Path, source: str) -> ModuleType:
-    module = ModuleType(f"user_system_{path.stem}")
+def module_of(path: Path, source: str, kind: str) -> ModuleType:
+    """A user's file, run as a module of its own; raises UsageError if it cannot be. kind: what it is to hold."""
+    module = ModuleType(f"user_{kind}_{path.stem}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look there
     supervision.calls(str(path))
