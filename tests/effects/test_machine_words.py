@@ -145,7 +145,22 @@ def test_the_scan_finds_a_period_among_other_forces(wraps, period):
     assert np.cos(2 * np.pi * 0.1 * (1 / best - 1 / period) + phase - 1.0) > 0.8 or not wraps
 
 
-WORLDS = {"torque_speed_limit": "pendulum", "load_friction": "slider"}
+WORLDS = {"torque_speed_limit": "pendulum", "load_friction": "slider", "cornering_drag": "unicycle"}
+
+
+def test_a_car_slows_down_in_a_curve_and_stays_on_its_circle():
+    """A circle of radius v / w is driven at v / (1 + k (v w)^2): its centre and the angle driven say so."""
+    car, k, v, w, seconds = make_simulator("unicycle"), 0.4, 1.5, 0.8, 2.0
+    chain = Chain(car, {}, (Term("cornering_drag", "vehicle", {"drag": k}),), "fine", 0.02)
+    state, step = np.zeros((1, 3)), np.array([0.01])
+    for i in range(round(seconds / 0.01)):
+        state = chain.advance(
+            state, np.array([[v, w]]), [{"drag": np.array([k])}], step, np.array([i * 0.01])
+        )
+    angle, radius = w / (1 + k * (v * w) ** 2) * seconds, v / w
+    np.testing.assert_allclose(
+        state[0], [radius * np.sin(angle), radius * (1 - np.cos(angle)), angle], atol=1e-6
+    )
 
 
 @pytest.mark.slow
@@ -174,7 +189,8 @@ def test_a_short_world_of_each_is_named_with_its_sizes(family):
         noise=world.noise,
     )  # fmt: skip
     few = read_settings({"stepwise": {"total_budget": 1e7}, "search": {"budget": 1e7}})
-    known = Known(only=(family, "viscous_friction", "spring", "actuator_gain"))
+    beside = ("understeer",) if system.vehicle else ("viscous_friction", "spring")
+    known = Known(only=(family, "actuator_gain", *beside))
     answer = diagnose(
         recording, simulator, simulator.defaults(world.parameters), rng, run=Run(settings=few, known=known)
     )

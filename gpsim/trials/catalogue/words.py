@@ -57,6 +57,14 @@ def _torque_line_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     }
 
 
+def _slowed(
+    k: Values, v: FloatArray, lateral: FloatArray, w: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The way stays the same: speed and turn rate fall together."""
+    loss = 1.0 + k["drag"] * np.square(v * w)
+    return v / loss, lateral, w / loss
+
+
 def _cogging_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     return {
         "amplitude": rounded(d.size(0.1, 0.6) * s.force(on)),
@@ -123,6 +131,9 @@ WORDS: Mapping[str, Word] = {
         lambda s, on, d: {"share": d.size(0.08, 0.5)},
         by_command=True,
         needs_levels=True,
+    ),
+    "cornering_drag": Word(
+        "twist", _slowed, lambda s, on, d: {"drag": rounded(d.size(0.05, 0.8))}, systems=("unicycle",)
     ),
 }
 

@@ -167,6 +167,7 @@ CAR = (
     Part("actuator_delay", "w_cmd", 0.5, _one("delay", lambda s: round(s.size(0.05, 0.15), 3))),
     Part("steering_bias", "vehicle", 0.6, _one("curvature", lambda s: s.signed(0.03, 0.25))),
     Part("understeer", "vehicle", 0.4, _one("gradient", lambda s: s.size(0.1, 0.8))),
+    Part("cornering_drag", "vehicle", 0.3, _one("drag", lambda s: s.size(0.03, 0.3))),
     Part("minimum_turning_radius", "vehicle", 0.3, _one("radius", lambda s: s.size(0.35, 0.7))),
     Part(
         "marker_offset",
