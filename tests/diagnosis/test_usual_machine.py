@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.attribution.importance import importances, players
+from gpsim.diagnosis.attribution.twins import inertias, unsure_twins
 from gpsim.diagnosis.fitting import Hypothesis, child_of, fit, quadratic, scores
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import usual_machine
@@ -121,3 +122,23 @@ def test_of_a_large_account_families_play_and_their_terms_share_by_need():
     parts = importances(AddsUp(worth), account, whole, whole, needed)
     assert parts[:, 0] == pytest.approx(needed)
     assert parts[:, 0].sum() == pytest.approx(whole[0])
+
+
+@pytest.mark.parametrize(
+    ("system", "coordinate", "inertia"),
+    [("slider", "q", ("mass",)), ("cartpole", "x", ("cart_mass",)), ("pendulum", "theta", ("mass",))],
+)
+def test_what_a_drive_moves_is_read_off_its_acceleration(system, coordinate, inertia):
+    assert inertias(make_simulator(system), coordinate) == inertia
+
+
+def test_of_a_gain_beside_its_inertia_the_account_is_unsure(asked, best):
+    """Mass, gain and every force may grow together: with both, none of them has a size; with one, all have."""
+    question, offers = asked
+    problem, found = question.searched, {t.family for t in best.hypothesis.terms}
+    assert unsure_twins(problem, best) == []
+    other = "actuator_gain" if "parameter_offset" in found else "parameter_offset"
+    candidate = next(c for c in offers if c.family == other and not c.variant)
+    both = fit(problem, child_of(best.hypothesis, candidate, (1.1,)), best.starts, near=True)
+    twins = unsure_twins(problem, both)
+    assert {both.hypothesis.terms[i].family for i in twins} == {"actuator_gain", "parameter_offset"}

@@ -16,6 +16,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
 from gpsim.diagnosis.attribution.less import fits_without, without_all
 from gpsim.diagnosis.attribution.roles import matters
+from gpsim.diagnosis.attribution.twins import unsure_twins
 from gpsim.diagnosis.attribution.ungated import ungated
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.report import Share
@@ -76,6 +77,10 @@ def _unsupported(
     def least(which: Sequence[int], why: str) -> tuple[int, str]:
         return min(which, key=lambda i: needed[i]), why
 
+    twins = [i for i in unsure_twins(problem, leader) if i in free]
+    if twins:
+        cheapest = min(twins, key=lambda i: less[i].objective)
+        return cheapest, "a gain and the inertia that it moves: the recording shows their ratio"
     asked = [i for i in free if found.grows[i] < settings.support.grows]  # no channel surely needs it
     harm = [i for i in asked if needed[i] < -settings.support.harms and _most(found.needed[i]) < 0.0]
     if whole_robot(problem, leader.hypothesis):
@@ -91,6 +96,9 @@ def _unsupported(
     spare = [i for i in asked if structured and _spare(found, i, settings)]
     if spare:
         return least(spare, "others explain what it explains")
+    odd = [i for i in free if structured and found.roles[i] == "slight" and _implausible(leader, i, settings)]
+    if odd:
+        return least(odd, "slight, and no machine has such a size")
     doubtful = [i for i in free if _doubtful(leader.hypothesis, found, i)]
     answers = problem.run.side_by_side(holds_in_halves, [(problem, leader, less[i], i) for i in doubtful])
     fails = [i for i, holds in zip(doubtful, answers, strict=True) if not holds]
@@ -130,6 +138,10 @@ def _spare(found: Attribution, index: int, settings: Settings) -> bool:
     much = found.importance[index].share >= settings.attribution.headline
     hardly = _most(found.needed[index]) < settings.support.spare * left
     return much and hardly and not matters(found.needed[index], left, settings.attribution)
+
+
+def _implausible(leader: Fit, index: int, settings: Settings) -> bool:
+    return leader.hypothesis.times_beyond(index) >= settings.verdict.implausible
 
 
 def _most(share: Share) -> float:
@@ -182,15 +194,7 @@ def _half(
     found = fit(part, alone, leader.starts[rows], iterations=steps.refit, near=True)
     bare = fit(part, less.hypothesis.frozen(), less.starts[rows], iterations=steps.settle)
     better = bare.objective - found.objective > len(alone.parameters)  # Akaike (1974)
-    return found.hypothesis.theta, _variance(part, found), bool(better)
-
-
-def _variance(problem: Problem, found: Fit) -> FloatArray:
-    """(P,) of an estimate: the windows' scatter where that is more than the model says (White 1982)."""
-    around = curvature(problem, found)
-    inverse = np.linalg.pinv(around.information)
-    scatter = around.gradients.T @ around.gradients
-    return np.asarray(np.maximum(np.diag(inverse), np.diag(inverse @ scatter @ inverse)))
+    return found.hypothesis.theta, curvature(part, found).variance, bool(better)
 
 
 def _alone(hypothesis: Hypothesis, index: int) -> Hypothesis:

@@ -24,6 +24,7 @@ from gpsim.effects import (
     effect_of,
     own_name,
     owner_of,
+    times_beyond,
 )
 from gpsim.simulators import Simulator
 
@@ -55,6 +56,11 @@ class Hypothesis:
     def size(self) -> float:
         """How many parameters it costs: those that are fitted, and those that the shapes of measured curves took."""
         return len(self.parameters) + sum(t.effect.spent(t.values) for t in self.terms)
+
+    def times_beyond(self, index: int) -> float:
+        """By which factor a term's sizes lie outside of what machines of the kind have, at most; 1 within."""
+        values = self.terms[index].values
+        return max((times_beyond(p, values[p.name]) for p in self.declared[index]), default=1.0)
 
     @property
     def claims(self) -> frozenset[tuple[str, str]]:

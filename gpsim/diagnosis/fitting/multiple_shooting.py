@@ -41,6 +41,13 @@ class Curvature:
     information: FloatArray
     gradients: FloatArray
 
+    @property
+    def variance(self) -> FloatArray:
+        """(P,) of the estimate: the windows' scatter where that is more than the model says (White 1982)."""
+        inverse = np.linalg.pinv(self.information)
+        sandwich = inverse @ self.gradients.T @ self.gradients @ inverse
+        return np.asarray(np.maximum(np.diag(inverse), np.diag(sandwich)))
+
 
 def fit(
     problem: Problem,

@@ -7,13 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from gpsim.diagnosis.attribution import Attribution
-from gpsim.diagnosis.fitting import Hypothesis
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.odds import odds_against
 from gpsim.diagnosis.judgement.verdict import misses, surely_below
 from gpsim.diagnosis.report import BlackBox, Doubt, Estimate, Form, no_size, sized
 from gpsim.diagnosis.settings import Settings
-from gpsim.effects import times_beyond
 
 
 def claimed(
@@ -70,7 +68,7 @@ def _doubts(
         yield "bound"
     if not all(sized(leader.terms[i].family, sizes[i]) for i in claims):
         yield "size"
-    if any(_far_beyond(leader, i, settings) for i in claims):
+    if any(leader.times_beyond(i) >= settings.verdict.implausible for i in claims):
         yield "implausible"
     if not claims:
         yield "no claim"
@@ -83,13 +81,6 @@ def _misses_a_channel(attribution: Attribution, settings: Settings) -> bool:
     """Whether hardly anything of one channel's mismatch is explained, or its error grows, whatever the others say."""
     channels = attribution.explained.channels.values()
     return any(surely_below(share, settings.verdict.half) for share in channels)
-
-
-def _far_beyond(leader: Hypothesis, index: int, settings: Settings) -> bool:
-    """Whether a size of a term is far out of the range that machines of the kind have."""
-    values = leader.terms[index].values
-    beyond = (times_beyond(p, values[p.name]) for p in leader.declared[index])
-    return any(times >= settings.verdict.implausible for times in beyond)
 
 
 def foresees_more(box: BlackBox, settings: Settings) -> bool:
