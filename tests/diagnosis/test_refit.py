@@ -4,10 +4,12 @@ from dataclasses import replace
 from importlib import import_module
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.selection import held_out as held_out_room
 from gpsim.diagnosis.selection import pruning
 from gpsim.effects import EffectParameter, Gate, Term
 
@@ -16,13 +18,23 @@ refit = import_module(
 )  # the function of its name stands before it in the room
 
 
+EVENLY, PUSHED = (2.0, 1.0, 1.5, 2.0, 2.5, 1.0, 2.0, 1.5, 1.5), (16.0, *[-0.125] * 8)
+
+
 @pytest.mark.parametrize(
-    ("gain", "worse", "needed"),
-    [(219.0, 2.5, True), (20.0, 2.5, False), (20.0, -0.1, True), (219.0, 15.0, False)],
+    ("gain", "losses", "needed"),
+    [
+        (219.0, (2.5,), True),
+        (20.0, (2.5,), False),
+        (20.0, (-0.1,), True),
+        (219.0, EVENLY, False),
+        (219.0, PUSHED, True),  # by hand, in one window: it contradicts no law
+        (20.0, PUSHED, False),
+    ],
 )
-def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkeypatch, gain, worse, needed):
+def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkeypatch, gain, losses, needed):
     """A delay that gained 219 nats on a sweep was once dropped for 2.5 nats on the nine windows that were held out."""
-    held_out = SimpleNamespace(windows=[0] * 9, as_finely=lambda *_: held_out)
+    held_out = SimpleNamespace(windows=losses, as_finely=lambda *_: held_out, run=Run())
     question = SimpleNamespace(everything=SimpleNamespace(run=Run()), held_out=held_out)
     leader, without = (
         SimpleNamespace(hypothesis=SimpleNamespace(label=said, names=(said,))) for said in ("with", "without")
@@ -30,9 +42,13 @@ def test_a_few_held_out_windows_do_not_veto_what_a_recording_says_plainly(monkey
     monkeypatch.setattr(pruning, "pays", lambda *fits: True)
     monkeypatch.setattr(pruning, "on_its_grid", lambda problem, less, leader: less)
     monkeypatch.setattr(pruning, "gain", lambda *fits: gain)
+    lost = {"with": np.array(losses), "without": np.zeros(len(losses))}
     monkeypatch.setattr(
-        pruning, "held_out_objective", lambda problem, said: worse if said.label == "with" else 0.0
+        pruning,
+        "held_out_fit",
+        lambda problem, said: SimpleNamespace(objective=lost[said.label].sum(), said=said.label),
     )
+    monkeypatch.setattr(held_out_room, "_losses", lambda problem, richer, poorer: lost[richer.said])
     assert pruning._needed(question, leader, [without]) == [needed]
 
 

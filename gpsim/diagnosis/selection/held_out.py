@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
+import numpy as np
+from scipy.special import stdtr
+
+from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, window_costs
 
 
 def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
@@ -16,3 +20,35 @@ def held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
     """The hypothesis as it is on windows whose start states alone are fitted."""
     steps = problem.run.settings.schedules.settle
     return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=steps)
+
+
+def contradicted(held_out: Problem, richer: Fit, poorer: Fit, won: float, pardoned: float) -> bool:
+    """Whether held-out windows speak against what the richer of two fits to them adds.
+
+    It loses `pardoned` nats or more there. Where it `won` many nats on training windows the loss must also be sure: one
+    moment in which somebody pushed the machine contradicts no law.
+    """
+    if richer.objective - poorer.objective < pardoned:
+        return False
+    settings = held_out.run.settings.pruning
+    return won < settings.plain or chance_of(_losses(held_out, richer, poorer)) < settings.sure
+
+
+def _losses(held_out: Problem, richer: Fit, poorer: Fit) -> FloatArray:
+    """(W,) nats that the richer fit loses in each window, by the noise of the poorer one."""
+    costs = (window_costs(held_out, f.residuals[None], poorer.variance)[0] for f in (richer, poorer))
+    return np.subtract(*costs)
+
+
+def chance_of(losses: FloatArray) -> float:
+    """How probable losses as these (W,) are where nothing is lost on average: a one-sided test of Student (1908).
+
+    Neighbouring windows show the same motion. So their sums are compared, over blocks of the cube root of their number
+    (Kuensch 1989). 1 of fewer than two.
+    """
+    block = max(1, round(len(losses) ** (1 / 3)))
+    sums = np.add.reduceat(losses, np.arange(0, len(losses), block)) if len(losses) else losses
+    if len(sums) < 2:
+        return 1.0
+    scatter = float(sums.std(ddof=1)) / np.sqrt(len(sums))
+    return float(stdtr(len(sums) - 1, -float(sums.mean()) / max(scatter, 1e-300)))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from gpsim.diagnosis.fitting import Fit, Problem, fit, gain
 from gpsim.diagnosis.selection.acceptance import on_its_grid, pays
 from gpsim.diagnosis.selection.elimination import without_a_term
-from gpsim.diagnosis.selection.held_out import held_out_objective
+from gpsim.diagnosis.selection.held_out import contradicted, held_out_fit
 from gpsim.diagnosis.selection.refit import Contenders, null_of
 from gpsim.diagnosis.selection.required import does_nothing, required_in
 from gpsim.diagnosis.setup import Question
@@ -56,10 +56,12 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
     asked = [part for part, pay in zip(parts, paying, strict=True) if pay]
     grids = [held_out.as_finely(part.hypothesis, leader.hypothesis) for part in asked]
     calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
-    own, *others = problem.run.side_by_side(held_out_objective, [(held_out, leader.hypothesis), *calls])
+    own, *others = problem.run.side_by_side(held_out_fit, [(held_out, leader.hypothesis), *calls])
     won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
     least = problem.run.settings.pruning.contradicts
-    kept = [own - other < least * by for other, by in zip(others, won, strict=True)]
+    kept = [
+        not contradicted(held_out, own, other, by, least * by) for other, by in zip(others, won, strict=True)
+    ]
     for part, other, stays in zip(asked, others, kept, strict=True):
         if not stays:
             problem.run.trace.note(
@@ -67,7 +69,7 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
                 part.hypothesis.names,
                 False,
                 "held-out windows contradict",
-                gain=other - own,
+                gain=other.objective - own.objective,
             )
     answers = iter(kept)
     return [pay and next(answers) for pay in paying]

@@ -18,12 +18,13 @@ from gpsim.diagnosis.fitting import (
     fit,
     fit_all,
     fit_near,
+    gain,
     scores,
 )
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import simplest, whole_robot
-from gpsim.diagnosis.selection.held_out import held_out_fit
+from gpsim.diagnosis.selection.held_out import contradicted, held_out_fit
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import Scheme, closed
 
@@ -121,7 +122,7 @@ def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
 def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
     """(F,) nats of each fit on the windows it was fitted to and on held-out ones, whose start states alone are fitted.
 
-    What is no better than nothing on held-out windows is as good as nothing, unless a user requires it.
+    What held-out windows speak against is as good as nothing, unless a user requires it.
     """
     problem, held_out = question.everything, question.held_out
     nats = scores(problem, list(fits))
@@ -133,9 +134,15 @@ def _evidence(question: Question, fits: Sequence[Fit], null: Fit) -> FloatArray:
     later = problem.run.side_by_side(held_out_fit, calls)
     left = np.array([(channel_objectives(held_out, f) / tau).sum() for f in later])
     base = next(i for i, f in enumerate(fits) if f is null)
-    lost = np.array([f.objective for f in later]) - later[base].objective
-    worse = lost >= np.array([_pardoned(problem, f, fits[base]) for f in fits])
-    worse[base] = False
+    worse = np.array(
+        [
+            f is not null
+            and contradicted(
+                held_out, there, later[base], gain(problem, f, null), _pardoned(problem, f, null)
+            )
+            for f, there in zip(fits, later, strict=True)
+        ]
+    )
     if problem.run.known.require:  # held-out windows have no say in it
         return np.asarray(nats - left)
     for found in (f for f, is_worse in zip(fits, worse, strict=True) if is_worse):

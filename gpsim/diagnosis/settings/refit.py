@@ -26,6 +26,13 @@ class PruningSettings:
         "of what a term gains on training windows: what it loses on held-out ones beyond that speaks against it",
         "a delay that gained 219 nats on a sweep must not go for 2.5 nats on nine held-out windows",
     )
+    plain: float = setting(
+        50.0,
+        "nats",
+        "of gain on training windows, from which on only a sure loss on held-out ones speaks against a term",
+        "as `acceptance.beyond_all_doubt`; a pendulum's friction, 100 nats, was lost for one push by hand",
+    )
+    sure: float = setting(0.05, "1", "chance of such a loss where nothing is lost, below which it is sure")
     nothing: float = setting(
         2.0, "nats", "for each of its parameters, below which an effect that the user requires does nothing"
     )
