@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.settings import schedules
 
 
 def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
@@ -14,5 +15,5 @@ def held_out_objective(problem: Problem, hypothesis: Hypothesis) -> float:
 
 def held_out_fit(problem: Problem, hypothesis: Hypothesis) -> Fit:
     """The hypothesis as it is on windows whose start states alone are fitted."""
-    steps = problem.run.settings.schedules.settle
+    steps = schedules.SETTLE
     return fit(problem, hypothesis.frozen(), problem.windows.measured[:, 0], iterations=steps)
