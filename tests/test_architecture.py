@@ -3,6 +3,7 @@
 import ast
 import re
 import tomllib
+from collections import Counter
 from itertools import chain
 from pathlib import Path
 
@@ -229,3 +230,10 @@ def test_dependencies_are_explained():
     for requirement in every:
         name = re.split(r"[<>=!\[ ]", requirement)[0]
         assert f"**{name}**" in explained, f"docs/reference/dependencies.md does not say why {name} is there"
+
+
+def test_modules_of_tests_in_plain_folders_have_names_of_their_own():
+    """Pytest imports them by their bare names: a second one of the same name is refused, or taken for the first."""
+    plain = [p for p in ROOT.glob("tests/**/*.py") if not (p.parent / "__init__.py").exists()]
+    names = Counter(path.name for path in plain if path.name != "conftest.py")
+    assert [name for name, count in names.items() if count > 1] == []

@@ -23,7 +23,6 @@ from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.judgement.ranking import Ranked, _key
 from gpsim.diagnosis.selection.gate_edges import gate_between
-from gpsim.diagnosis.settings import ConcentrationSettings
 from gpsim.effects import Gate, Term, effect_of
 from gpsim.effects.effect import columns_of
 from gpsim.effects.term import EPISODE
@@ -221,8 +220,8 @@ def test_a_channel_called_as_an_age_is_told_as_a_channel():
     name = f"{locating.SINCE_REVERSAL}F"
     values = np.linspace(-1.0, 1.0, 2000)
     squares = np.where(np.abs(values) < 0.1, 1.0, 0.0)
-    part = concentrated({name: values}, squares, 1e-3, ConcentrationSettings())
-    age = concentrated({}, squares[1000:], 1e-3, ConcentrationSettings(), {name: values[1000:]})
+    part = concentrated({name: values}, squares, 1e-3)
+    age = concentrated({}, squares[1000:], 1e-3, {name: values[1000:]})
     assert (part.age, age.age) == (False, True)
     entries = [replace(part.of("r"), is_channel=True), age.of("r")]
     said = [_part(made_diagnosis(location=made_location(concentrated=entry))) for entry in entries]

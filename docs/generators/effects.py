@@ -6,7 +6,7 @@ import re
 import sys
 from types import ModuleType
 
-from gpsim.diagnosis.settings import EvidenceSettings
+from gpsim.diagnosis.fitting.size_prior import MOST_UNUSUAL, NATS_OF_DOUBLE_SIZE
 from gpsim.effects.effect import Effect
 from gpsim.effects.place import Place, Plausible
 from gpsim.effects.registry import CURVES, FAMILIES
@@ -73,8 +73,8 @@ USUAL = f"""\
 ## Sizes that machines have
 
 Within these ranges every size is as good as any other. A size beyond its range costs an explanation
-{EvidenceSettings().doubled:g} nats a factor of two outside of it, four times that a factor of four, as the tail of a
-log-normal distribution does, and {EvidenceSettings().most_unusual:g} nats at the most: such a size is possible where
+{NATS_OF_DOUBLE_SIZE:g} nats a factor of two outside of it, four times that a factor of four, as the tail of a
+log-normal distribution does, and {MOST_UNUSUAL:g} nats at the most: such a size is possible where
 nothing plausible does as well, and [diagnosis.json](files.md#diagnosisjson) says of that effect that it is
 `implausible`. What begins at 0 counts from the value that does nothing, in either direction; of what begins above 0
 the ratio counts. Families that are not here have no such range. *By reason*: nobody has measured it.

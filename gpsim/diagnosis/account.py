@@ -168,8 +168,7 @@ def _gp(comparison: Comparison, leader: Fit) -> RemainderGp:
 
 
 def _remaining(problem: Problem, comparison: Comparison) -> list[str]:
-    settings = problem.run.settings.location
-    return depends_on(problem.simulator, comparison, comparison.left_after, settings)
+    return depends_on(problem.simulator, comparison, comparison.left_after)
 
 
 def _effects(

@@ -170,9 +170,7 @@ def _answer(
     judgement, attribution, laws = found.judgement, found.attribution, found.laws
     partial = attribution.share.share < settings.verdict.nearly_all
     comparison = compare(question, judgement, offers, rng, attribution.noise, partial, laws.free)
-    if judgement.leader.hypothesis.terms and not beats_the_base(
-        attribution, comparison.one_step.values(), settings
-    ):
+    if judgement.leader.hypothesis.terms and not beats_the_base(attribution, comparison.one_step.values()):
         judgement = withheld(question, judgement)
         attribution = attribute(question, judgement.leader, judgement.null)
         laws = laws_of(question, judgement, attribution)

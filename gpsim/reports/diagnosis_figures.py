@@ -112,8 +112,7 @@ def _plainest(found: Outcome) -> tuple[int, list[str]]:
     comparison, simulator = found.comparison, found.question.everything.simulator
     ratio = {n: e.before / max(e.noise_floor, 1e-300) for n, e in comparison.one_step.items()}
     rate = simulator.rate.index(max(ratio, key=lambda name: ratio[name]))
-    settings = found.question.everything.run.settings.location
-    return rate, most_telling(simulator, comparison, rate, settings)
+    return rate, most_telling(simulator, comparison, rate)
 
 
 def _inputs(found: Outcome) -> bytes:

@@ -14,7 +14,7 @@ from gpsim.diagnosis import LeftOpen
 from gpsim.diagnosis.assessment import covariance, posed
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, mean_squares
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import Settings
+from gpsim.diagnosis.settings import Settings, schedules
 from gpsim.recordings import Recording
 
 STEPS = 8  # of a refit from the account's values, which are near
@@ -121,7 +121,7 @@ def _seconds(problem: Problem, rows: IntArray) -> float:
 
 def _judged(account: Account, part: Problem) -> tuple[FloatArray, FloatArray, float | None, dict[str, float]]:
     hypothesis, starts = account.hypothesis, part.windows.measured[:, 0]
-    settle = part.run.settings.schedules.settle
+    settle = schedules.SETTLE
     base = fit(part, Hypothesis(scheme=hypothesis.scheme), starts, iterations=settle)
     old = fit(part, hypothesis.frozen(), starts, iterations=settle)
     new = fit(part, hypothesis, old.starts, iterations=STEPS, near=True)

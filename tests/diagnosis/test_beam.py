@@ -59,7 +59,7 @@ def test_the_best_in_coarse_steps_are_tried_finely(monkeypatch):
     fine = found(-20.0, "viscous_friction")
     coarse = [found(-1.0 * i, "spring", "quadratic_drag", scheme="euler") for i in range(6)]
     search._fine_twins(PROBLEM, [fine, *coarse])
-    assert len(orders) == PROBLEM.run.settings.search.fine_twins
+    assert len(orders) == search.FINE_TWINS
     assert {o.hypothesis.scheme for o in orders} == {"fine"}
     assert all(o.hypothesis.claims == coarse[0].hypothesis.claims for o in orders)
     assert search._fine_twins(PROBLEM, [fine]) == []

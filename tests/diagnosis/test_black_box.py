@@ -6,7 +6,6 @@ import pytest
 from gpsim.diagnosis.assessment.black_box import Box, black_box
 from gpsim.diagnosis.assessment.rollouts import Model
 from gpsim.diagnosis.fitting import Hypothesis
-from gpsim.diagnosis.settings import BlackBoxSettings
 
 BOXES = {"alone": Box("gp", Model(Hypothesis())), "beside": Box("after_gp", Model(Hypothesis()))}
 SEEN = np.array([True, True, False])
@@ -23,7 +22,7 @@ def found(rows=30, *, floor=0.1, own=1.0, alone=(1.0, 1.0), beside=(1.0, 1.0), b
         "before": base * shared,
         "noise_floor": floor * rng.normal(size=(rows, 3)),
     }
-    return black_box(BOXES, errors, SEEN, BlackBoxSettings())
+    return black_box(BOXES, errors, SEEN)
 
 
 def test_the_best_box_is_told_with_its_interval():
@@ -47,7 +46,7 @@ def test_no_box_counts_as_better_without_bounds():
 def test_what_the_noise_makes_nobody_foresees():
     assert found(floor=0.9, beside=(0.5, 0.5)) is None
     assert found(base=2000.0, beside=(0.5, 0.5)) is None  # a trifle of the base's
-    assert black_box({}, {}, SEEN, BlackBoxSettings()) is None
+    assert black_box({}, {}, SEEN) is None
 
 
 def test_few_rollouts_have_no_interval_and_a_simulation_that_ran_away_is_no_box():

@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.assessment.bootstrap import MODELS, over_before
-from gpsim.diagnosis.settings import BootstrapSettings
 
 
 def ratios(count, shrink=0.5, seed=0, **keywords):
     rng = np.random.default_rng(seed)
     base = rng.normal(size=count)
     errors = {kind: base if kind == "before" else shrink * rng.normal(size=count) for kind in MODELS}
-    return over_before(errors, rng, BootstrapSettings(), **keywords)
+    return over_before(errors, rng, **keywords)
 
 
 def test_every_model_has_an_interval_that_covers():
@@ -33,8 +32,6 @@ def test_few_samples_do_not_look_certain():
 def test_the_interval_is_paired():
     rng = np.random.default_rng(0)
     base = rng.normal(size=300) * np.exp(rng.normal(size=300))
-    found = over_before(
-        {kind: base if kind == "before" else 0.1 * base for kind in MODELS}, rng, BootstrapSettings()
-    )
+    found = over_before({kind: base if kind == "before" else 0.1 * base for kind in MODELS}, rng)
     assert found.after.low == pytest.approx(0.1)
     assert found.after.high == pytest.approx(0.1)

@@ -5,15 +5,13 @@ import pytest
 
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import fit
-from gpsim.diagnosis.selection.change_points import begun_later, onsets
-from gpsim.diagnosis.settings.gates import ChangePointSettings
+from gpsim.diagnosis.selection.change_points import LEAST_GAIN_OF_AN_ONSET, begun_later, onsets
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.simulators import make_simulator
 
 from .worlds import World, record
 
-WORTH = ChangePointSettings().least_gain
 SLIDER = make_simulator("slider")
 
 
@@ -45,10 +43,10 @@ def test_a_dead_zone_that_began_late(since):
     leader = everywhere(problem, offers, ("viscous_friction", [1.0]), ("actuator_dead_zone", [0.9]))
     found = {o.index: o for o in onsets(problem, leader, [0, 1])}
     assert found[0].gain < 0.0
-    assert found[1].gain > WORTH
+    assert found[1].gain > LEAST_GAIN_OF_AN_ONSET
     assert found[1].gate.since == pytest.approx(since, abs=1.0)  # nothing was commanded that tells more
     (best,) = begun_later(problem, leader, offers)
-    assert best.objective < leader.objective - WORTH
+    assert best.objective < leader.objective - LEAST_GAIN_OF_AN_ONSET
     drag, zone = best.hypothesis.terms
     assert not drag.gate
     assert zone.gate.since == pytest.approx(since, abs=1.0)
@@ -65,7 +63,7 @@ def test_what_is_promised_a_fit_gains():
     gated = leader.hypothesis.having(onset.theta).gated(1, onset.gate)
     found = fit(problem, gated, leader.starts)
     assert onset.gate.since == pytest.approx(15.0, abs=1.0)
-    assert WORTH < onset.gain < leader.objective - found.objective
+    assert LEAST_GAIN_OF_AN_ONSET < onset.gain < leader.objective - found.objective
     assert onset.theta == pytest.approx(found.hypothesis.theta, abs=0.05)
     assert found.hypothesis.theta == pytest.approx([2.0, 0.4], abs=0.05)
 
@@ -74,7 +72,7 @@ def test_what_is_promised_a_fit_gains():
 def test_what_always_acted_began_at_no_moment(seed):
     problem, offers = posed(seed, forces={0: lambda q, v, t: 0.8 - 2.0 * v})
     leader = everywhere(problem, offers, ("viscous_friction", [1.0]), ("constant_force", [0.5]))
-    assert all(o.gain < WORTH for o in onsets(problem, leader, [0, 1]))
+    assert all(o.gain < LEAST_GAIN_OF_AN_ONSET for o in onsets(problem, leader, [0, 1]))
     assert begun_later(problem, leader, offers) == []
 
 

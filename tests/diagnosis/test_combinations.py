@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from gpsim.diagnosis.assessment.combinations import combinations, open_groups, simple
+from gpsim.diagnosis.assessment.combinations import SIMPLE_EXPONENT, WIDE, combinations, open_groups, simple
 from gpsim.diagnosis.fitting import Hypothesis, fit
-from gpsim.diagnosis.settings import CombinationSettings
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.simulators import make_simulator
 
 from .truths import channel_filter
 from .worlds import World, record
 
-SETTINGS = CombinationSettings()
 NOT_HELD = np.zeros(3, dtype=bool)
 
 
@@ -96,15 +94,15 @@ def information(*rows):
 
 
 def test_the_products_of_any_powers_are_found():
-    ((group, products),) = open_groups(information([1, -2, 0], [0, 0, 1]), NOT_HELD, SETTINGS)
+    ((group, products),) = open_groups(information([1, -2, 0], [0, 0, 1]), NOT_HELD)
     assert group.tolist() == [0, 1]
     ((powers, deviation),) = products
-    np.testing.assert_allclose(simple(powers, SETTINGS.simple) / powers[0], [1.0, -2.0])
+    np.testing.assert_allclose(simple(powers, SIMPLE_EXPONENT) / powers[0], [1.0, -2.0])
     assert deviation == pytest.approx(0.01 * abs(powers[0]), rel=1e-6)
 
 
 def test_two_open_directions_of_four_fix_two_products():
-    groups = open_groups(information([1, -1, 0, 0], [0, 0, 1, 1]), np.zeros(4, dtype=bool), SETTINGS)
+    groups = open_groups(information([1, -1, 0, 0], [0, 0, 1, 1]), np.zeros(4, dtype=bool))
     assert [group.tolist() for group, _ in groups] == [[0, 1], [2, 3]]
     assert [np.sign(products[0][0]).tolist() for _, products in groups] in (
         [[1, -1], [1, 1]],
@@ -114,12 +112,12 @@ def test_two_open_directions_of_four_fix_two_products():
 
 def test_what_stopped_at_its_bound_takes_those_along_that_would_follow():
     tight = information([1, -1, 0], [0.0, 0.05, 0.0], [0, 0, 1])  # 20 % of the second by itself
-    assert open_groups(tight, NOT_HELD, SETTINGS) == []
-    ((group, products),) = open_groups(tight, np.array([False, True, False]), SETTINGS)
+    assert open_groups(tight, NOT_HELD) == []
+    ((group, products),) = open_groups(tight, np.array([False, True, False]))
     assert group.tolist() == [0, 1]
     assert len(products) == 1
     loose = information([1, 0, 0], [0, 1, 0], [0, 0, 1])
-    assert open_groups(loose, np.array([False, True, False]), SETTINGS) == []
+    assert open_groups(loose, np.array([False, True, False])) == []
 
 
 def test_exponents_are_rounded_where_they_are_nearly_simple():
@@ -130,5 +128,5 @@ def test_exponents_are_rounded_where_they_are_nearly_simple():
 
 def test_one_that_is_little_known_by_itself_takes_no_other_along():
     loose = information([1, -0.2, 0], [0, 1, 0], [0, 0, 1]) * [[1e-4, 1e-2, 1e-2], [1e-2, 1, 1], [1e-2, 1, 1]]
-    assert np.sqrt(np.linalg.inv(loose)[0, 0]) > SETTINGS.wide
-    assert open_groups(loose, NOT_HELD, SETTINGS) == []
+    assert np.sqrt(np.linalg.inv(loose)[0, 0]) > WIDE
+    assert open_groups(loose, NOT_HELD) == []

@@ -5,7 +5,6 @@ import pytest
 
 from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.diagnosis import diagnose
-from gpsim.diagnosis.settings import ConcentrationSettings
 from gpsim.reports.diagnosis_text import where
 from gpsim.simulators import make_simulator
 
@@ -18,7 +17,7 @@ NOISE = RNG.normal(size=N)
 
 
 def part(law):
-    return concentrated({"x": X, "v": V, "t": T}, (NOISE + law) ** 2, 1.0, ConcentrationSettings())
+    return concentrated({"x": X, "v": V, "t": T}, (NOISE + law) ** 2, 1.0)
 
 
 @pytest.mark.parametrize(

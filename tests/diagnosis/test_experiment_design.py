@@ -8,7 +8,6 @@ import pytest
 
 from gpsim.diagnosis.assessment.experiment_design import _amplitudes, tell_apart
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.settings import ExperimentDesignSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Term
 from gpsim.simulators import make_simulator
@@ -32,15 +31,15 @@ def test_seldom_commands_count_with_their_size(problem):
     pushed = rng.random(actions.shape) < 0.02
     actions[pushed] = 5.0
     actions[0, 0] = 5.0
-    assert _amplitudes(commanded(problem, actions), ExperimentDesignSettings()) == pytest.approx([5.0])
+    assert _amplitudes(commanded(problem, actions)) == pytest.approx([5.0])
     idle = actions + 1e-4 * rng.normal(size=actions.shape)  # an analogue stick is never quite at rest
-    assert _amplitudes(commanded(problem, idle), ExperimentDesignSettings()) == pytest.approx([5.0], rel=1e-3)
-    assert _amplitudes(commanded(problem, 0.0 * actions), ExperimentDesignSettings()) == [0.0]
+    assert _amplitudes(commanded(problem, idle)) == pytest.approx([5.0], rel=1e-3)
+    assert _amplitudes(commanded(problem, 0.0 * actions)) == [0.0]
 
 
 def test_steady_commands_count_as_before(problem):
     actions = problem.windows.actions
-    assert _amplitudes(problem.windows, ExperimentDesignSettings())[0] == np.quantile(np.abs(actions), 0.95)
+    assert _amplitudes(problem.windows)[0] == np.quantile(np.abs(actions), 0.95)
 
 
 def test_every_rival_that_is_reported_is_told_apart(problem):

@@ -17,11 +17,12 @@ from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.fitting.score_test import Directions
 from gpsim.diagnosis.report import Estimate, RemainderGp
 from gpsim.diagnosis.run import Run, cores
+from gpsim.diagnosis.selection import bins
 from gpsim.diagnosis.selection import gate_edges as edges_module
 from gpsim.diagnosis.selection.bins import bin_edges, range_around
 from gpsim.diagnosis.selection.gate_edges import placed
-from gpsim.diagnosis.settings import PatchworkSettings, read_settings
-from gpsim.diagnosis.settings.gates import GateEdgeSettings
+from gpsim.diagnosis.selection.gates import FAR_REACH
+from gpsim.diagnosis.settings import read_settings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
@@ -30,8 +31,6 @@ from gpsim.reports.account_lines import account_lines
 from gpsim.simulators import Simulator, make_simulator
 
 from .worlds import World, record
-
-FAR = GateEdgeSettings().far_reach
 
 
 def braked(low=0.12, high=0.45, since=None):
@@ -59,7 +58,7 @@ def test_scans_find_edges_that_lie_far_from_where_they_begin():
     problem, at = started(
         question, simulator, "viscous_friction", {"damping": 2.0}, Gate(region={"q": (0.2, 0.55)})
     )
-    found = placed(problem, at, 0, FAR, 2e-4)
+    found = placed(problem, at, 0, FAR_REACH, 2e-4)
     low, high = found.hypothesis.terms[0].gate.region["q"]
     assert low == pytest.approx(0.12, abs=5e-3)
     assert high == pytest.approx(0.45, abs=5e-3)
@@ -69,7 +68,7 @@ def test_scans_find_edges_that_lie_far_from_where_they_begin():
 def test_an_onset_is_placed_between_two_samples():
     recording, simulator, question = braked(since=1.4567)
     problem, at = started(question, simulator, "constant_force", {"force": 1.0}, Gate(since=1.7))
-    found = placed(problem, at, 0, FAR, 1e-4)
+    found = placed(problem, at, 0, FAR_REACH, 1e-4)
     assert found.hypothesis.terms[0].gate.since == pytest.approx(1.4567, abs=recording.dt / 4)
 
 
@@ -96,23 +95,21 @@ def test_a_dead_zone_as_wide_as_a_limit_is_high_is_a_patchwork(width, limit, lev
     """Trials 225 and 343 of the blind test of seed 2027: a motor of three levels was called so, with a gain."""
     dead = Term("actuator_dead_zone", "force", {"width": width})
     limited = Term("actuator_saturation", "force", {"limit": limit})
-    assert Hypothesis((dead, limited), ((), ())).is_patchwork(PatchworkSettings()) == levels
-    assert not Hypothesis((dead, replace(limited, on="other")), ((), ())).is_patchwork(PatchworkSettings())
-    assert not Hypothesis((dead,), ((),)).is_patchwork(PatchworkSettings())
+    assert Hypothesis((dead, limited), ((), ())).is_patchwork() == levels
+    assert not Hypothesis((dead, replace(limited, on="other")), ((), ())).is_patchwork()
+    assert not Hypothesis((dead,), ((),)).is_patchwork()
 
 
 def test_terms_in_two_regions_of_a_channel_are_a_patchwork():
     a = Term("constant_force", "q", {"force": 1.0}, Gate(region={"q": (0.0, 1.0)}))
     b = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (1.0, 2.0)}))
     same = Term("viscous_friction", "q", {"damping": 1.0}, Gate(region={"q": (0.0, 1.0)}))
-    assert Hypothesis((a, b), ((), ())).is_patchwork(PatchworkSettings())
-    assert not Hypothesis((a, same), ((), ())).is_patchwork(PatchworkSettings())
+    assert Hypothesis((a, b), ((), ())).is_patchwork()
+    assert not Hypothesis((a, same), ((), ())).is_patchwork()
     nearly = replace(same, gate=Gate(region={"q": (-1e-4, 1.02)}))  # its edges were placed by another fit
-    assert not Hypothesis((a, nearly), ((), ())).is_patchwork(PatchworkSettings())
-    assert Hypothesis((a, replace(same, gate=Gate(region={"q": (0.0, 1.2)}))), ((), ())).is_patchwork(
-        PatchworkSettings()
-    )
-    assert not Hypothesis((a,), ((),)).is_patchwork(PatchworkSettings())
+    assert not Hypothesis((a, nearly), ((), ())).is_patchwork()
+    assert Hypothesis((a, replace(same, gate=Gate(region={"q": (0.0, 1.2)}))), ((), ())).is_patchwork()
+    assert not Hypothesis((a,), ((),)).is_patchwork()
 
 
 class Circling(NamedTuple):
@@ -150,10 +147,11 @@ def test_bins_of_an_angle_go_once_round_the_circle():
     np.testing.assert_array_equal(round_.bins_with(rng.uniform(-4.0, 4.0, 300)), 1.0)
 
 
-def test_as_many_bins_as_are_asked_for():
+def test_as_many_bins_as_are_asked_for(monkeypatch):
     circling = Circling.of(np.random.default_rng(0).uniform(-0.5, 0.5, 400))
     assert len(bin_edges(circling, "yaw")) == 24 + 1
-    settings = read_settings({"gates": {"bins": 6, "margin": 0.0}})
+    settings = read_settings({"gates": {"bins": 6}})
+    monkeypatch.setattr(bins, "EDGE_MARGIN", 0.0)
     few = bin_edges(circling._replace(run=Run(settings=settings)), "yaw")
     assert len(few) == 6 + 1
     assert few[[0, -1]] == pytest.approx([-0.5, 0.5], abs=0.01)
@@ -191,7 +189,7 @@ def test_an_edge_that_stays_is_not_looked_at_and_a_fit_that_stands_is_looked_fro
             super().__init__(problem, parent)
 
     monkeypatch.setattr(edges_module, "Directions", Noted)
-    placed(problem, at, 0, FAR, 1e-4)
+    placed(problem, at, 0, FAR_REACH, 1e-4)
     assert seen
     assert len({id(parent) for parent in seen}) == len(seen)
 

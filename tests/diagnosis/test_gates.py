@@ -9,7 +9,6 @@ from gpsim.diagnosis.fitting.multiple_shooting import fit
 from gpsim.diagnosis.fitting.score_test import Directions, screened, stronger
 from gpsim.diagnosis.selection.gates import _best_run, gated_children, may_be_limited, with_edges
 from gpsim.diagnosis.selection.substitution import left_open
-from gpsim.diagnosis.settings import PatchworkSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Place, Term, effect_of
@@ -115,7 +114,7 @@ def test_a_second_region_of_an_angle_lies_in_the_turn_of_the_first():
         problem, first, Proposal(9.0, bias, (0.1,), "yaw", 2.52 - 2 * np.pi, 3.5 - 2 * np.pi, True)
     )
     assert second.terms[1].gate.region["yaw"] == pytest.approx((2.52, 3.5))
-    assert not second.is_patchwork(PatchworkSettings())
+    assert not second.is_patchwork()
 
 
 def test_a_gate_on_a_position_lasts_as_long_in_somebody_elses_simulator():

@@ -8,7 +8,6 @@ from gpsim.channels import Channels
 from gpsim.diagnosis.assessment.location import _concentrated, depends_on, most_telling
 from gpsim.diagnosis.report import StepErrors
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import LocationSettings
 from gpsim.simulators import make_simulator
 from gpsim.simulators.wrapping import wrapping
 
@@ -21,20 +20,19 @@ COMPARISON = SimpleNamespace(inputs=INPUTS, left_before=LEFT, one_step={"x_acc":
 
 
 def test_the_report_names_what_any_rate_depends_on_the_most_telling_first():
-    assert depends_on(make_simulator("cartpole"), COMPARISON, LEFT, LocationSettings()) == ["theta", "x_dot"]
+    assert depends_on(make_simulator("cartpole"), COMPARISON, LEFT) == ["theta", "x_dot"]
 
 
 def test_a_picture_shows_the_two_inputs_that_tell_most_of_its_own_rate():
-    assert most_telling(make_simulator("cartpole"), COMPARISON, 0, LocationSettings()) == ["x_dot", "force"]
-    assert most_telling(make_simulator("cartpole"), COMPARISON, 1, LocationSettings())[0] == "theta"
-    assert len(most_telling(make_simulator("cartpole"), COMPARISON, 1, LocationSettings())) == 2
+    assert most_telling(make_simulator("cartpole"), COMPARISON, 0) == ["x_dot", "force"]
+    assert most_telling(make_simulator("cartpole"), COMPARISON, 1)[0] == "theta"
+    assert len(most_telling(make_simulator("cartpole"), COMPARISON, 1)) == 2
     assert (
         len(
             most_telling(
                 make_simulator("slider"),
                 SimpleNamespace(inputs=INPUTS[:, :3], left_before=LEFT),
                 0,
-                LocationSettings(),
             )
         )
         == 2

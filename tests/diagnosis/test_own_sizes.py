@@ -11,7 +11,6 @@ from gpsim.diagnosis.fitting import Fit
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.size_prior import size_prior
 from gpsim.diagnosis.report import Odds, contradictions, no_size, sized
-from gpsim.diagnosis.settings import EvidenceSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import EffectParameter, Term, own_name
 from gpsim.recordings import joined
@@ -22,7 +21,6 @@ from .worlds import World, record
 
 RATIO = EffectParameter("ratio", "1", 0.1, 50.0, (1.3,), 0.1, none=1.0, plausible=(0.25, 4.0))
 OWN_RATIO = replace(RATIO, name=own_name("ratio", 1))
-PRIOR = EvidenceSettings()
 
 
 def test_an_own_size_counts_from_the_value_that_does_nothing():
@@ -39,7 +37,7 @@ def test_where_an_effect_acts_is_no_size_in_one_recording_either():
 
 def test_what_is_unusual_in_two_recordings_costs_once():
     def cost(declared, **values):
-        return size_prior(Hypothesis((Term("parameter_offset", "mass", values),), (declared,)), PRIOR)
+        return size_prior(Hypothesis((Term("parameter_offset", "mass", values),), (declared,)))
 
     shared = cost((RATIO,), ratio=8.0)
     assert shared > 0.0

@@ -10,7 +10,6 @@ from gpsim.diagnosis.fitting.batch import Order, fit_all
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.simulate import _parts, simulate
 from gpsim.diagnosis.run import Run, cores
-from gpsim.diagnosis.settings import SharingSettings
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.effects import Gate, Term
 from gpsim.effects.chain import Chain
@@ -80,7 +79,7 @@ def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
     one = Run()
     alone = simulated(one)
     with cores(2) as workers:
-        assert _parts(SharingSettings(), workers.count, *starts.shape[:2], 4 * problem.windows.length) == 2
+        assert _parts(workers.count, *starts.shape[:2], 4 * problem.windows.length) == 2
         two = Run(workers)
         together = simulated(two)
     assert one.budget.spent > 0
@@ -89,9 +88,9 @@ def test_a_large_batch_is_simulated_in_two_parts_as_in_one(terms):
 
 
 def test_one_window_is_simulated_in_one_part_however_many_copies_there_are():
-    assert _parts(SharingSettings(), 2, 700, 1, 100) == 1
-    assert _parts(SharingSettings(), 2, 700, 5, 100) == 2
-    assert _parts(SharingSettings(), 1, 700, 5, 100) == 1
+    assert _parts(2, 700, 1, 100) == 1
+    assert _parts(2, 700, 5, 100) == 2
+    assert _parts(1, 700, 5, 100) == 1
 
 
 def spending(run: Run, answer: int, effort: float) -> int:

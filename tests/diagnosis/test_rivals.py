@@ -129,8 +129,7 @@ def test_a_twin_stands_behind_the_same_edges():
     leader = placed(problem, bent, 0, 1 / 50, 1e-6)
     moment = leader.hypothesis.terms[0].gate.since
     away = [since(moment + m, "actuator_bias") for m in np.geomspace(1e-5, 1e-2, 25)]
-    settings = RivalSettings()
-    nearly = [f for f in away if settings.tie < f.objective - leader.objective < settings.nearly]
+    nearly = [f for f in away if RivalSettings().tie < f.objective - leader.objective < rivals.NEARLY_AS_GOOD]
     (twin,) = rivals.behind_its_gates(problem, leader, nearly[:1])
     assert twin.objective == pytest.approx(leader.objective, abs=0.1)
     assert twin.hypothesis.claims == nearly[0].hypothesis.claims

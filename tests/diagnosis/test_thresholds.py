@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.data import cut
-from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import CostSettings, Settings, ShootingSettings, read_settings
+from gpsim.diagnosis.fitting import descent
+from gpsim.diagnosis.run import Memo, Run, budget
+from gpsim.diagnosis.settings import Settings, read_settings
 from gpsim.diagnosis.setup import prepare
 from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
@@ -88,7 +89,7 @@ def test_every_setting_is_read_by_some_step():
     [
         ({"windows": {"at_once": 0}}, "diagnose.windows.at_once: expected at least 1, got 0"),
         ({"candidates": {"reach": -2.0}}, "diagnose.candidates.reach: expected at least 0, got -2.0"),
-        ({"candidates": {"typical": 95.0}}, "diagnose.candidates: typical is a share of at most 1, got 95.0"),
+        ({"black_box": {"more": 95.0}}, "diagnose.black_box: more is a share of at most 1, got 95.0"),
         ({"intervals": {"level": float("nan")}}, "diagnose.intervals.level: expected at least 0, got nan"),
         ({"discretisation": {"substeps": []}}, "diagnose.discretisation: substeps is empty"),
         ({"discretisation": {"substeps": [0, 2]}}, "diagnose.discretisation.substeps: expected at least 1, got 0"),
@@ -100,21 +101,22 @@ def test_what_a_step_cannot_work_with_is_refused(values, said):
     assert str(caught.value) == said
 
 
-def test_a_run_counts_and_remembers_as_its_settings_say():
-    run = Run(
-        settings=Settings(
-            cost=CostSettings(overhead=0.0, per_row=1.0, per_channel=0.5, dry_friction=3.0, closed_step=5.0)
-        )
+def test_a_run_counts_what_it_simulates():
+    run, plain = (
+        Run(),
+        2 * (budget.SUBSTEP_OVERHEAD + 10) * (budget.COST_PER_ROW + 2 * budget.COST_PER_CHANNEL),
     )
     run.budget.spend(10, 2, channels=2, dry=True, owned=False)
-    assert run.budget.spent == 2 * 10 * (1.0 + 0.5 * 2) * 3.0
+    assert run.budget.spent == plain * budget.DRY_FRICTION_FACTOR
     run.budget.spend(10, 2, channels=2, dry=False, owned=True)
-    assert run.budget.spent == 2 * 10 * (1.0 + 0.5 * 2) * (3.0 + 5.0)
-    asked = []
-    few = Run(settings=read_settings({"sharing": {"remembered": 1}}))
-    first, second = object(), object()
+    assert run.budget.spent == plain * (budget.DRY_FRICTION_FACTOR + budget.CLOSED_STEP_FACTOR)
+
+
+def test_so_many_answers_are_remembered():
+    asked, first, second = [], object(), object()
+    memo = Memo(1)
     for what in (first, second, first):
-        few.memo.answer(asked.append, (what,))
+        memo.answer(asked.append, (what,))
     assert asked == [first, second, first]
 
 
@@ -130,7 +132,6 @@ def test_windows_are_as_long_as_the_settings_say_and_the_search_sees_as_many():
 
 
 def test_the_patterns_reach_as_far_as_twelve_steps_and_the_first_one_misses_none_between():
-    shooting = ShootingSettings()
-    far = [p for p in shooting.first_pattern if p >= 2.0]
+    far = [p for p in descent.FIRST_PATTERN if p >= 2.0]
     np.testing.assert_array_equal(far, np.arange(12.0, 1.5, -0.5))
-    assert set(shooting.pattern) <= set(shooting.first_pattern)
+    assert set(descent.PATTERN) <= set(descent.FIRST_PATTERN)

@@ -11,7 +11,7 @@ from gpsim.diagnosis.fitting import Hypothesis, child_of, fit, quadratic, scores
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.selection import usual_machine
 from gpsim.diagnosis.selection.acceptance import _held
-from gpsim.diagnosis.selection.elimination import doubtful
+from gpsim.diagnosis.selection.elimination import SMALL_ACCOUNT, doubtful
 from gpsim.diagnosis.setup import offers_of, prepare
 from gpsim.effects import Gate, Term
 from gpsim.simulators import make_simulator
@@ -82,7 +82,7 @@ def test_what_is_surely_needed_is_not_in_doubt_of_a_large_account(asked, best):
         if candidate.family == "sensor_bias":
             idle = child_of(idle, candidate, [p.none for p in candidate.declared])
     large = fit(problem, idle, best.starts, near=True)
-    assert len(idle.terms) > problem.run.settings.elimination.small
+    assert len(idle.terms) > SMALL_ACCOUNT
     names = [idle.terms[i].family for i in doubtful(problem, large)]
     assert not {"viscous_friction", "coulomb_friction", "constant_force"} & set(names)
     assert set(names) == {"sensor_bias"}

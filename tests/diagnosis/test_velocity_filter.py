@@ -10,7 +10,7 @@ from scipy.signal import savgol_coeffs, savgol_filter
 from gpsim.diagnosis.data.windows import cut
 from gpsim.diagnosis.diagnosis import diagnose
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.settings import VelocityFilterSettings, WindowSettings
+from gpsim.diagnosis.settings import WindowSettings
 from gpsim.diagnosis.setup.candidates import candidates
 from gpsim.diagnosis.setup.prepare import prepare
 from gpsim.diagnosis.setup.velocity_filter import filters, undone
@@ -57,22 +57,20 @@ def recorded(make, noise=1.0):
 )
 def test_the_filter_is_found(name, weights):
     recording = recorded(FILTERS[name])[1]
-    (found,) = filters(
-        replace(recording, dt=1.005 * DT), make_simulator("slider"), VelocityFilterSettings()
-    )  # dt may be rounded
+    (found,) = filters(replace(recording, dt=1.005 * DT), make_simulator("slider"))  # dt may be rounded
     np.testing.assert_allclose(found.weights, weights, atol=1e-6)
 
 
 def test_what_was_measured_or_made_otherwise_has_no_filter():
     simulator = make_simulator("slider")
     truth, _ = recorded(FILTERS["central"])
-    assert not filters(truth, simulator, VelocityFilterSettings())
-    assert not filters(replace(truth, velocities="differentiated"), simulator, VelocityFilterSettings())
+    assert not filters(truth, simulator)
+    assert not filters(replace(truth, velocities="differentiated"), simulator)
     _, bent = recorded(lambda q: median_filter(np.gradient(q, DT), 5))
-    assert not filters(bent, simulator, VelocityFilterSettings())
+    assert not filters(bent, simulator)
     _, late = recorded(FILTERS["central"])
     moved = tuple(replace(e, t=e.t + 0.3 * DT * (np.arange(len(e.t)) % 2)) for e in late.episodes)
-    assert not filters(replace(late, episodes=moved), simulator, VelocityFilterSettings())
+    assert not filters(replace(late, episodes=moved), simulator)
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -85,7 +83,7 @@ def test_what_the_right_model_says_of_a_filter_gives_the_velocity_back(name):
     steps = cut(recording, WindowSettings(), 1)
     was = cut(truth, WindowSettings(), 1)
     right = Hypothesis().plus(gain.term([GAIN]), gain.declared)
-    made_by = filters(recording, simulator, VelocityFilterSettings())
+    made_by = filters(recording, simulator)
     back = undone(problem, recording, steps, right, made_by)
     known = dict(zip(zip(was.episode, was.t[:, 0], strict=True), was.measured, strict=True))
     true = np.array([known[key] for key in zip(back.episode, back.t[:, 0], strict=True)])

@@ -227,7 +227,7 @@ def step(after, ratio, floor=0.01):
     ],
 )
 def test_an_account_that_does_not_beat_the_base_is_not_told(share, errors, told):
-    assert beats_the_base(attribution(share), [errors], Settings()) is told
+    assert beats_the_base(attribution(share), [errors]) is told
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,7 @@ from gpsim.diagnosis.report import (
     OwnValues,
     Share,
 )
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Completions, Question
 from gpsim.effects import base_name, owner_of
 from gpsim.recordings import apart
@@ -139,7 +140,7 @@ def _from_others(
 def _learnt(part: Problem, leader: Fit, place: int, count: int, others: IntArray) -> Fit:
     """The leader fitted to other recordings, as it would act in the one that is left out."""
     account = leader.hypothesis
-    found = fit(part, account, leader.starts[others], iterations=part.run.settings.schedules.refit, near=True)
+    found = fit(part, account, leader.starts[others], iterations=schedules.REFIT, near=True)
     return replace(found, hypothesis=_expected(found.hypothesis, place, count))
 
 

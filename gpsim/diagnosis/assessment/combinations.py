@@ -21,7 +21,15 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.assessment.intervals import informed
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.report import Combination
-from gpsim.diagnosis.settings import CombinationSettings
+
+WIDE = 0.2
+"""Standard deviation of a parameter's logarithm that leaves it open: its interval is a third to either side (a cart-
+pole rig: a mass of 7.8 to 18.9 times, and a gain of 3 to its bound of 5, that only act together)."""
+SHARPER = 5.0  # times better than its loosest parameter, that the data must know a product
+FOLLOWS_BOUND = 10.0
+"""Times what a value at its bound would vary with all others held, from which these follow it."""
+TAKES_PART = 0.05  # of the largest component, below which a parameter takes no part
+SIMPLE_EXPONENT = 0.08  # within which an exponent is the nearest whole number, half or third
 
 UNITY = 1.0  # at which a factor does nothing: a gain, a ratio, a scale
 
@@ -42,8 +50,7 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
     held = np.array(
         [_held(p.low, p.high, v) for p, v in zip(found.hypothesis.parameters, theta, strict=True)]
     )
-    asked = problem.run.settings.combinations
-    groups = open_groups(information[np.ix_(logs, logs)], held[logs], asked)
+    groups = open_groups(information[np.ix_(logs, logs)], held[logs])
     freedom = max(len(problem.windows) - len(theta), 2)
     half = float(stdtrit(freedom, 0.5 + problem.run.settings.intervals.level / 2))
     return tuple(
@@ -51,7 +58,11 @@ def combinations(problem: Problem, leader: Fit, rivals: Sequence[Fit]) -> tuple[
         for members, products in groups
         if (logs[members] < own).any()
         for powers, deviation in products
-        if (made := _product(found.hypothesis, logs[members], simple(powers, asked.simple), half * deviation))
+        if (
+            made := _product(
+                found.hypothesis, logs[members], simple(powers, SIMPLE_EXPONENT), half * deviation
+            )
+        )
     )
 
 
@@ -59,9 +70,7 @@ Products = list[tuple[FloatArray, float]]
 """Exponents (K,) of products, and the standard deviation of each one's logarithm."""
 
 
-def open_groups(
-    information: FloatArray, held: BoolArray, settings: CombinationSettings
-) -> list[tuple[IntArray, Products]]:
+def open_groups(information: FloatArray, held: BoolArray) -> list[tuple[IntArray, Products]]:
     """Groups of parameters that leave a direction open, and the products that they fix.
 
     information: (P, P) on the logarithms; held: (P,) at a bound, which is no measurement however sure it looks.
@@ -69,16 +78,16 @@ def open_groups(
     values, vectors = np.linalg.eigh(information)
     # Of the logarithms each is as wide as its part in an open direction makes it.
     widths = np.abs(vectors) / np.sqrt(np.maximum(values, np.finfo(float).tiny))
-    open_ = np.where(widths > settings.wide, vectors, 0.0).T
+    open_ = np.where(widths > WIDE, vectors, 0.0).T
     directions = [direction for direction in open_ if np.count_nonzero(direction) > 1]
     for i in np.flatnonzero(held):
-        followed = _followed(information, int(i), settings.follows)
+        followed = _followed(information, int(i), FOLLOWS_BOUND)
         if followed is not None and not any(direction[i] for direction in directions):
             directions.append(followed)
     if not directions:
         return []
     basis = np.stack(directions).T
-    basis = basis * (np.abs(basis) >= settings.takes_part * np.abs(basis).max(axis=0))
+    basis = basis * (np.abs(basis) >= TAKES_PART * np.abs(basis).max(axis=0))
     count, label = connected_components(np.abs(basis) @ np.abs(basis).T > 0.0, directed=False)
     closed = np.eye(len(basis)) - basis @ np.linalg.pinv(basis)
     known = np.linalg.pinv(closed @ information @ closed, hermitian=True)
@@ -88,7 +97,7 @@ def open_groups(
         if len(group) > part.shape[1] > 0:
             inside, loosest = known[np.ix_(group, group)], float(np.linalg.norm(widths[group], axis=1).max())
             products = [(w, float(np.sqrt(max(w @ inside @ w, 0.0)))) for w in _complement(part)]
-            out.append((group, [(w, sd) for w, sd in products if settings.sharper * sd < loosest]))
+            out.append((group, [(w, sd) for w, sd in products if SHARPER * sd < loosest]))
     return out
 
 

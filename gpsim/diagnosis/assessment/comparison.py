@@ -29,9 +29,15 @@ from gpsim.diagnosis.fitting import Candidate, Hypothesis, Problem, fit, predict
 from gpsim.diagnosis.form import FreeCurve
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import BlackBox, Kind, ModelErrors, NoGp, Rollout, Share, StepErrors
-from gpsim.diagnosis.setup import Completions, Question, apart, filters, undone
+from gpsim.diagnosis.settings import schedules
+from gpsim.diagnosis.setup import FEWEST_WITHOUT_CONTACT, Completions, Question, apart, filters, undone
 from gpsim.effects import ParameterEffect, closed, effect_of
 from gpsim.recordings import Recording, evenly
+
+STEPS_LOOKED_AT = 20_000  # transitions evenly spread, from which these are taken
+TUNED_ITERATIONS = 15  # of the fit of the base simulator's own parameters
+TUNED_TOLERANCE = 0.5  # a step that gains less ends that fit [nats]
+BASE_ITERATIONS = 8  # of the fit of start states that it has to beat
 
 KINDS: tuple[Kind, ...] = (*MODELS, "noise_floor")
 
@@ -127,7 +133,7 @@ def compare(
     measured, seen = measured_rates(problem, steps["after"].test), _measured(question)
     one_step, shares = _one_step(question, rates, measured, rng), _step_shares(question, rates, rng)
     drifted = drifts(question, models, noise, rng, completions)
-    name, box = black_box(boxes, drifted.errors, seen, problem.run.settings.black_box) or (None, None)
+    name, box = black_box(boxes, drifted.errors, seen) or (None, None)
     if name is not None:
         kind = "before" if boxes[name].kind == "gp" else "after"
         left = _left_by(problem, steps[kind].test, boxes[name].model)
@@ -210,7 +216,7 @@ def steps_of(
         return {kind: found[id(done)] for kind, done in by.items()}
     steps, made_by = (
         _steps(problem, recording, past),
-        filters(recording, problem.simulator, problem.run.settings.velocity_filter),
+        filters(recording, problem.simulator),
     )
     if not made_by:
         return dict.fromkeys(hypotheses, steps)
@@ -235,11 +241,11 @@ def _steps(problem: Problem, recording: Recording, past: bool = False) -> _Steps
     Each where there are others.
     """
     settings = problem.run.settings
-    windows = cut(recording, settings.windows, 1, most=settings.comparison.looked_at)
+    windows = cut(recording, settings.windows, 1, most=STEPS_LOOKED_AT)
     held, sound = held_out_mask(recording, windows), windows.sound_ends
     windows, held = (windows.take(sound), held[sound]) if sound.any() else (windows, held)
     ends = windows.measured[:, 0], windows.measured[:, 1]
-    free = apart(problem.simulator, settings.candidates.apart, *ends)
+    free = apart(problem.simulator, FEWEST_WITHOUT_CONTACT, *ends)
     windows, held = windows.take(free), held[free]
     train, test = windows.take(~held), windows.take(held if held.any() else ~held)
     if past:
@@ -267,10 +273,10 @@ def _tuned(question: Question, offers: list[Candidate], base: Hypothesis) -> Hyp
     if not tuned.terms:
         return base
     problem, settings = question.searched, question.searched.run.settings
-    start, fits = problem.windows.measured[:, 0], settings.comparison
-    count = settings.schedules.glance if closed(problem.simulator) is not None else fits.tuned_iterations
-    found = fit(problem, tuned, start, iterations=count, tolerance=fits.tuned_tolerance)
-    plain = fit(problem, base, start, iterations=fits.base_iterations)
+    start = problem.windows.measured[:, 0]
+    count = schedules.GLANCE if closed(problem.simulator) is not None else TUNED_ITERATIONS
+    found = fit(problem, tuned, start, iterations=count, tolerance=TUNED_TOLERANCE)
+    plain = fit(problem, base, start, iterations=BASE_ITERATIONS)
     share = 1.0 - found.variance / plain.variance
     good = share[problem.observed] > settings.acceptance.good_share
     return found.hypothesis if bool(good.any()) else base
@@ -299,13 +305,13 @@ def _one_step(
     `finely` where nothing is missing but a finer step: the base simulator's error with that.
     """
     out: dict[str, StepErrors] = {}
-    shown, settings = shown_rates(question), question.everything.run.settings.bootstrap
+    shown = shown_rates(question)
     for i, channel in enumerate(question.everything.simulator.rate):
         if not shown[i]:
             continue
         spread = max(float(measured[:, i].std()), 1e-300)
         errors = {kind: rms(rates[kind][:, i]) for kind in KINDS}
-        over = over_before({kind: rates[kind][:, i] for kind in MODELS}, rng, settings)
+        over = over_before({kind: rates[kind][:, i] for kind in MODELS}, rng)
         out[channel.name] = StepErrors(
             **errors,
             unit=channel.unit,
@@ -323,10 +329,10 @@ def _step_shares(
 ) -> dict[str, Share]:
     """What the effects take off each measured rate's error beyond noise, where there is any."""
     out: dict[str, Share] = {}
-    shown, settings = shown_rates(question), question.everything.run.settings.bootstrap
+    shown = shown_rates(question)
     for i, name in enumerate(question.everything.simulator.rate.names):
         errors = {kind: rates[kind][:, i] for kind in ("before", "after", "noise_floor")}
-        found = share_explained(errors, rng, settings) if shown[i] else None
+        found = share_explained(errors, rng) if shown[i] else None
         if found is not None:
             out[name] = found
     return out

@@ -12,8 +12,16 @@ from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Claims, Discrimination, Excitation, Separation, Shape
-from gpsim.diagnosis.settings import ExperimentDesignSettings
 from gpsim.effects import PRE_ROLL
+
+FEWEST_STEPS = 20  # transitions of one at least
+MOST_STEPS = 150  # transitions of one at most
+COMMAND_LEVELS = (0.25, 1.0, 1.5)  # of an action's large commands, that are tried
+LARGE_QUANTILE = 0.95  # quantile of an action's sizes that is a large command
+AT_REST = 0.01  # of an action's largest command: where the large one is less, those at rest do not count
+FAST_PERIOD = 10  # of the fast wave [control steps]
+STEPS_HELD = 5  # for which a random level is held [control steps]
+VISIBLE = 1.0  # of the noise: a smaller difference nobody could see [standard deviations]
 
 AFTERWARDS = 2**31  # number of an episode that comes after all others, no threshold
 
@@ -23,7 +31,7 @@ def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
     if not judgement.rivals:
         return None
     hypotheses = [judgement.leader.hypothesis, *(f.hypothesis for f in judgement.rivals)]
-    if not _amplitudes(problem.windows, problem.run.settings.experiment_design).any():
+    if not _amplitudes(problem.windows).any():
         return None  # of what was never commanded nobody knows how large it may be
     excitations, actions = _excitations(problem)
     windows = _windows(problem, actions, _latest(hypotheses))
@@ -32,7 +40,7 @@ def tell_apart(problem: Problem, judgement: Judgement) -> Discrimination | None:
     pairs = list(combinations(range(len(said)), 2))
     gaps = np.array([_apart(problem, said[a], said[b], noise) for a, b in pairs])  # (pairs, E, S)
     claims = [tuple((t.family, t.on) for t in h.terms) for h in hypotheses]
-    visible = problem.run.settings.experiment_design.visible
+    visible = VISIBLE
     return _advice(visible, problem.simulator.state.names, excitations, pairs, gaps, claims)
 
 
@@ -68,21 +76,21 @@ def _advice(
 def _excitations(problem: Problem) -> tuple[list[Excitation], FloatArray]:
     """What they are, and actions (E, L, A): steps, slow and fast waves and random levels of every action."""
     settings = problem.run.settings.experiment_design
-    steps = int(np.clip(settings.seconds / problem.dt, settings.fewest, settings.most))
+    steps = int(np.clip(settings.seconds / problem.dt, FEWEST_STEPS, MOST_STEPS))
     t = problem.dt * np.arange(steps)
-    span = _amplitudes(problem.windows, settings)
+    span = _amplitudes(problem.windows)
     offset = np.median(problem.windows.actions, axis=(0, 1))
-    rng, held = np.random.default_rng(0), settings.held
+    rng, held = np.random.default_rng(0), STEPS_HELD
     shapes: list[tuple[Shape, float, FloatArray]] = [  # sign of the size that is told, course
         ("constant", 1.0, np.ones(steps)),
         ("constant", -1.0, -np.ones(steps)),
         ("slow wave", 1.0, np.sin(2 * np.pi * t / t[-1])),
-        ("fast wave", 1.0, np.sin(2 * np.pi * t / (settings.fast_period * problem.dt))),
+        ("fast wave", 1.0, np.sin(2 * np.pi * t / (FAST_PERIOD * problem.dt))),
         ("random levels", 1.0, np.repeat(rng.uniform(-1, 1, steps // held + 1), held)[:steps]),
     ]
     excitations, out = [], []
     for i, action in enumerate(problem.simulator.action.names):
-        for level in settings.levels:
+        for level in COMMAND_LEVELS:
             for shape, sign, course in shapes:
                 excitations.append(Excitation(action, shape, float(sign * level * span[i])))
                 actions = np.tile(offset, (steps, 1))
@@ -91,15 +99,15 @@ def _excitations(problem: Problem) -> tuple[list[Excitation], FloatArray]:
     return excitations, np.stack(out)
 
 
-def _amplitudes(windows: Windows, settings: ExperimentDesignSettings) -> FloatArray:
+def _amplitudes(windows: Windows) -> FloatArray:
     """(A,) the size of each action's large commands; where it rests most of the time, of those that it was given."""
     sizes = np.abs(windows.actions).reshape(-1, windows.actions.shape[2])
-    usual, largest = np.quantile(sizes, settings.large, axis=0), sizes.max(axis=0)
+    usual, largest = np.quantile(sizes, LARGE_QUANTILE, axis=0), sizes.max(axis=0)
     given = [
-        np.quantile(column[column > settings.rests * most], settings.large) if most > 0.0 else 0.0
+        np.quantile(column[column > AT_REST * most], LARGE_QUANTILE) if most > 0.0 else 0.0
         for column, most in zip(sizes.T, largest, strict=True)
     ]
-    return np.asarray(np.where(usual > settings.rests * largest, usual, given))
+    return np.asarray(np.where(usual > AT_REST * largest, usual, given))
 
 
 def _latest(hypotheses: Sequence[Hypothesis]) -> float:

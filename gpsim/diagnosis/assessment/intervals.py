@@ -17,6 +17,16 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Curvature, Fit, Problem, correlation_time, curvature
 from gpsim.diagnosis.fitting import fit as shoot
 
+CHANCE_CORRELATION = 1.5  # up to which a residual's correlation time is white noise's [samples]
+UNDETERMINED = 1e-13  # of the largest eigenvalue: the windows know as much at least of any direction
+RUNS_OF_WINDOWS = 20  # runs of neighbouring windows whose gradients scatter, too: what drifts shows there
+FIRST_PACE = 0.0625  # of a jumping parameter's own step: how far the profile's first place lies
+PACE_GROWS = 1.5  # multiplies the pace until a place is too far
+FALLS_BACK = 0.25  # of a first place that was too far, which is asked next
+PROFILE_PLACES = 14  # that a profile asks at most
+CLOSE_ENOUGH = 0.1  # of the half width, how exactly it is narrowed down
+PROFILE_ITERATIONS = 3  # of the fit of all else at each place
+
 LEAST_INFORMATION = 1e-100  # guards a division: what the windows know of a parameter that moves nothing
 
 
@@ -59,7 +69,7 @@ def correlations(problem: Problem, fit: Fit) -> FloatArray:
 
 def _covariance(problem: Problem, fit: Fit, around: Curvature) -> FloatArray:
     """(P, P): the larger of the model's own covariance and that of the windows' scatter, inflated by correlation."""
-    inverse = _inverse(around.information, problem.run.settings.intervals.undetermined)
+    inverse = _inverse(around.information, UNDETERMINED)
     model, ratio = inverse * _correlated(problem, fit), np.ones(len(inverse))
     for gradients in (around.gradients, _by_runs(problem, around.gradients)):
         sandwich = inverse @ _scatter(gradients) @ inverse
@@ -77,14 +87,14 @@ def _scatter(gradients: FloatArray) -> FloatArray:
 def _by_runs(problem: Problem, gradients: FloatArray) -> FloatArray:
     """(B, P) sums of the windows' gradients (W, P) over runs of neighbours in the order of episodes and time."""
     order = np.lexsort((problem.windows.t[:, 0], problem.windows.episode))
-    runs = min(problem.run.settings.intervals.runs, len(gradients))
+    runs = min(RUNS_OF_WINDOWS, len(gradients))
     return np.array([part.sum(axis=0) for part in np.array_split(gradients[order], runs)])
 
 
 def informed(problem: Problem, fit: Fit) -> FloatArray:
     """(P, P): the information on each parameter, as much less as correlation and scatter make of it."""
     around = curvature(problem, fit)
-    own = np.diag(_inverse(around.information, problem.run.settings.intervals.undetermined))
+    own = np.diag(_inverse(around.information, UNDETERMINED))
     widened = np.diag(_covariance(problem, fit, around)) / np.maximum(own, LEAST_INFORMATION)
     return np.asarray(around.information / np.median(widened))
 
@@ -92,7 +102,7 @@ def informed(problem: Problem, fit: Fit) -> FloatArray:
 def _correlated(problem: Problem, fit: Fit) -> float:
     """By how much correlation makes samples count for less; 1 where it may be chance."""
     tau = float(np.max(correlation_time(problem, fit.residuals)[problem.observed]))
-    return tau if tau > problem.run.settings.intervals.chance else 1.0
+    return tau if tau > CHANCE_CORRELATION else 1.0
 
 
 def _inverse(information: FloatArray, least: float) -> FloatArray:
@@ -112,7 +122,7 @@ def _numerical_shift(problem: Problem, fit: Fit, around: Curvature) -> FloatArra
         return np.zeros(len(fit.hypothesis.theta))
     finer = replace(problem, substeps=2 * problem.substeps)
     moved = curvature(finer, fit).gradients.sum(axis=0) - around.gradients.sum(axis=0)
-    return np.asarray(_inverse(around.information, problem.run.settings.intervals.undetermined) @ moved)
+    return np.asarray(_inverse(around.information, UNDETERMINED) @ moved)
 
 
 def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) -> float:
@@ -121,7 +131,6 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) 
     At every place start states and all other parameters are fitted anew: one that gives way widens the interval. Steps
     grow until one goes too far; then the place is narrowed down to a share of its distance.
     """
-    settings = problem.run.settings.intervals
     theta, parameter = fit.hypothesis.theta, fit.hypothesis.parameters[index]
     drop = 0.5 * float(chdtri(1, 1.0 - level)) * _correlated(problem, fit)
     bound = parameter.high if step > 0 else parameter.low
@@ -130,22 +139,22 @@ def _profile(problem: Problem, fit: Fit, index: int, step: float, level: float) 
         at = theta.copy()
         at[index] += distance
         held = fit.hypothesis.having(at).holding(index)
-        again = shoot(problem, held, fit.starts, iterations=settings.profile_iterations)
+        again = shoot(problem, held, fit.starts, iterations=PROFILE_ITERATIONS)
         return again.objective - fit.objective < drop
 
-    inside, beyond, pace, last = 0.0, None, settings.first_pace * step, float(bound - theta[index])
-    for _ in range(settings.places):
+    inside, beyond, pace, last = 0.0, None, FIRST_PACE * step, float(bound - theta[index])
+    for _ in range(PROFILE_PLACES):
         if beyond is None:
             asked = float(np.clip(inside + pace, min(last, 0.0), max(last, 0.0)))
-            pace *= settings.pace_grows
+            pace *= PACE_GROWS
         else:
-            asked = 0.5 * (inside + beyond) if inside else settings.falls_back * beyond
+            asked = 0.5 * (inside + beyond) if inside else FALLS_BACK * beyond
         if holds(asked):
             inside = asked
             if asked == last:
                 return float(bound)
         else:
             beyond = asked
-        if beyond is not None and abs(beyond - inside) < settings.close * abs(beyond):
+        if beyond is not None and abs(beyond - inside) < CLOSE_ENOUGH * abs(beyond):
             break
     return float(theta[index]) + (inside if beyond is None else 0.5 * (inside + beyond))

@@ -12,9 +12,12 @@ from gpsim.diagnosis.assessment.concentration import concentrated
 from gpsim.diagnosis.data import TYPICAL
 from gpsim.diagnosis.judgement import Judgement
 from gpsim.diagnosis.report import Concentration, Location, Verdict
-from gpsim.diagnosis.settings import LocationSettings
 from gpsim.diagnosis.setup import Question
 from gpsim.simulators import Simulator
+
+RESIDUAL_BINS = 8  # of equal numbers of samples, in which a residual is averaged
+LEAST_SHARE = 0.05  # of its variance, that an input must explain to be named
+GLITCH = 8.0  # times the typical residual: more is clipped, as a leap of the sensor is
 
 SINCE_REVERSAL = "since_reversal:"  # before the name of what turned round, [s]
 
@@ -27,8 +30,8 @@ def locate(question: Question, judgement: Judgement, comparison: Comparison, ver
     region = {k: v for gate in gates for k, v in gate.region.items()}
     since = next((gate.since + question.origin for gate in gates if gate.since is not None), None)
     episode = next((gate.since_episode for gate in gates if gate.since_episode is not None), None)
-    settings, differs = question.everything.run.settings.location, verdict != "none"
-    inputs = depends_on(simulator, comparison, comparison.left_before, settings) if differs else []
+    differs = verdict != "none"
+    inputs = depends_on(simulator, comparison, comparison.left_before) if differs else []
     return Location(
         channels=channels,
         region=region,
@@ -44,7 +47,7 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
 
     Or how soon after a command or a velocity has turned round.
     """
-    simulator, settings = question.everything.simulator, question.everything.run.settings
+    simulator = question.everything.simulator
     rates = [
         (errors.noise_floor / max(errors.before, 1e-300), name)
         for name, errors in comparison.one_step.items()
@@ -53,7 +56,7 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
         return None
     name = min(rates)[1]
     column = simulator.rate.index(name)
-    residual = _without_glitches(comparison.left_before[:, [column]], settings.location.glitch)[:, 0]
+    residual = _without_glitches(comparison.left_before[:, [column]], GLITCH)[:, 0]
     inputs = {
         channel.name: wrap_angle(values) if channel.wraps else values
         for channel, values in zip((*simulator.state, *simulator.action), comparison.inputs.T, strict=True)
@@ -62,7 +65,7 @@ def _concentrated(question: Question, comparison: Comparison) -> Concentration |
         inputs["episode"] = comparison.episodes
     ages = {f"{SINCE_REVERSAL}{of}": age for of, age in comparison.since_reversal.items()}
     noise = comparison.one_step[name].noise_floor ** 2
-    part = concentrated(inputs, residual**2, noise, settings.concentration, ages)
+    part = concentrated(inputs, residual**2, noise, ages)
     if part is None:
         return None
     # A channel may be called as an age is: a reader must know which one it is.
@@ -93,34 +96,30 @@ def depends_on(
     simulator: Simulator,
     comparison: Comparison,
     residual: FloatArray,
-    settings: LocationSettings,
 ) -> list[str]:
     """Inputs that explain a good share of a residual rate (N, R) when it is averaged in bins of them."""
     shown = [i for i, channel in enumerate(simulator.rate) if channel.name in comparison.one_step]
-    shares = _shares_explained(simulator, comparison, residual[:, shown], settings)
-    return [name for name, share in shares.items() if share > settings.least_share]
+    shares = _shares_explained(simulator, comparison, residual[:, shown])
+    return [name for name, share in shares.items() if share > LEAST_SHARE]
 
 
 def most_telling(
     simulator: Simulator,
     comparison: Comparison,
     rate: int,
-    settings: LocationSettings,
     count: int = 2,
 ) -> list[str]:
     """The `count` inputs that explain most of one rate's residual under the base, however little that is."""
     residual = comparison.left_before[:, [rate]]
-    return list(_shares_explained(simulator, comparison, residual, settings))[:count]
+    return list(_shares_explained(simulator, comparison, residual))[:count]
 
 
-def _shares_explained(
-    simulator: Simulator, comparison: Comparison, residual: FloatArray, settings: LocationSettings
-) -> dict[str, float]:
+def _shares_explained(simulator: Simulator, comparison: Comparison, residual: FloatArray) -> dict[str, float]:
     """Every input, the most telling one first, with the largest share of a residual (N, K) that it explains."""
     names = (*simulator.state.names, *simulator.action.names)
-    targets = _without_glitches(residual, settings.glitch)
+    targets = _without_glitches(residual, GLITCH)
     shares = {
-        name: _explained(values, targets, settings.bins)
+        name: _explained(values, targets, RESIDUAL_BINS)
         for name, values in zip(names, comparison.inputs.T, strict=True)
     }
     return dict(sorted(shares.items(), key=lambda item: -item[1]))

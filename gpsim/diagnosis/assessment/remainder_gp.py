@@ -25,6 +25,15 @@ from gpsim.diagnosis.report import NoGp
 from gpsim.diagnosis.setup import Question
 from gpsim.gp import FitSettings, Predictor, fit_outputs
 
+MOST_SHARE = 0.8  # of those there are, that it learns from: it is judged on the others
+RESTARTS = 2  # of the fit of its hyperparameters
+SCREENING_ITERATIONS = 5  # after which the best start is chosen
+ITERATIONS = 60  # of the fit from there, at most
+HELPS = 0.99  # times the error without it, that it must reach in some channel
+HARMS = 1.05  # times the error without it, that it may make in no channel
+MUCH_BETTER = 0.9
+"""Times the errors of the one beside the effects, below which one on the base alone is taken."""
+
 TINY = 1e-300  # guards divisions and logarithms of errors that are 0
 
 
@@ -47,7 +56,7 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
     What the hypothesis's sensors make of them the corrected simulator says by itself.
     """
     gp, rows = problem.run.settings.remainder_gp, np.zeros(len(train), dtype=np.bool_)
-    count = min(gp.rows, max(2, int(gp.most_share * len(train))))
+    count = min(gp.rows, max(2, int(MOST_SHARE * len(train))))
     rows[rng.permutation(len(train))[:count]] = True
     chosen = train.take(rows)
     if has_sensors(hypothesis):
@@ -55,9 +64,9 @@ def learn(problem: Problem, train: Windows, hypothesis: Hypothesis, rng: np.rand
     targets = residual_rates(problem, chosen, hypothesis)
     features = _features(problem)
     settings = FitSettings(
-        restarts=gp.restarts,
-        screening_iterations=gp.screening_iterations,
-        max_iterations=gp.iterations,
+        restarts=RESTARTS,
+        screening_iterations=SCREENING_ITERATIONS,
+        max_iterations=ITERATIONS,
     )
     return Learnt(Predictor(fit_outputs(features(inputs(chosen)), targets, settings, rng)), features, rows)
 
@@ -110,19 +119,18 @@ def best(problem: Problem, choices: Sequence[Corrected]) -> tuple[Corrected, Flo
     errors = [choice.errors(problem, modelled=True) for choice in choices]
     logs = [float(np.log(found).mean()) for found in errors]
     least = int(np.argmin(logs))
-    chosen = least if logs[least] < logs[0] + np.log(problem.run.settings.remainder_gp.much_better) else 0
+    chosen = least if logs[least] < logs[0] + np.log(MUCH_BETTER) else 0
     return choices[chosen], errors[chosen]
 
 
 def why_not(problem: Problem, without: FloatArray, with_it: FloatArray) -> NoGp | None:
     """Why simulations are no better with a Gaussian process, None if they are; `errors` (R + S,) of both."""
-    settings = problem.run.settings.remainder_gp
     names = [*problem.simulator.rate.names, *problem.simulator.state.names]
     ratios = with_it / np.maximum(without, TINY)
     worst = int(np.argmax(ratios))
-    if ratios[worst] > settings.harms:
+    if ratios[worst] > HARMS:
         return NoGp("harms", names[worst], worst >= len(problem.simulator.rate), float(ratios[worst]))
-    return None if ratios.min() < settings.helps else NoGp("explains nothing")
+    return None if ratios.min() < HELPS else NoGp("explains nothing")
 
 
 def _of_columns(errors: FloatArray) -> FloatArray:

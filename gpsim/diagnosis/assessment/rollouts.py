@@ -16,6 +16,8 @@ from gpsim.diagnosis.setup import Completions, Question
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
 
+ROLLOUTS_LOOKED_AT = 4000  # windows evenly spread, from which these are taken
+
 
 @dataclass(frozen=True)
 class Model:
@@ -72,12 +74,11 @@ def rollouts(question: Question, found: Drifts, box: str | None, rng: np.random.
     box: the model that is the `black_box`. `typical` holds the same from the median, which rare glitches of a sensor do
     not move.
     """
-    settings = question.everything.run.settings.bootstrap
     out: dict[str, RolloutErrors] = {}
     for i, channel in enumerate(question.everything.simulator.state):
         if channel.name not in question.hidden and found.errors:
             own = {kind: found.errors[kind][:, i] for kind in (*MODELS, "noise_floor")}
-            over = over_before({kind: own[kind] for kind in MODELS}, rng, settings, correlated=False)
+            over = over_before({kind: own[kind] for kind in MODELS}, rng, correlated=False)
             out[channel.name] = RolloutErrors(
                 **{kind: rms(e) for kind, e in own.items()},
                 unit=channel.unit,
@@ -106,7 +107,7 @@ def whole_windows(question: Question, recording: Recording, learnt_from: bool = 
     All is both where nothing is held out. recording: the question's, completed where channels are hidden.
     """
     settings = question.everything.run.settings
-    most, looked_at = settings.rollouts.most, settings.rollouts.looked_at
+    most, looked_at = settings.rollouts.most, ROLLOUTS_LOOKED_AT
     windows = cut(recording, settings.windows, _length(question), most=looked_at)
     held = held_out_mask(recording, windows)
     windows = windows.take(held if held.any() and not learnt_from else ~held)

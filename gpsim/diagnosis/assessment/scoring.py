@@ -18,6 +18,7 @@ from gpsim.diagnosis.data import rms
 from gpsim.diagnosis.fitting import Extra, Hypothesis, Problem, fit
 from gpsim.diagnosis.report import Explained, Ratio, Score, Scored
 from gpsim.diagnosis.run import Run
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Completions, Question, prepare
 from gpsim.effects import closed
 from gpsim.errors import UsageError
@@ -47,7 +48,7 @@ def score(
     simulator and recording do not go together.
     """
     judged = posed(recording, corrected, with_gp, run)
-    question, settings = judged.question, judged.question.everything.run.settings
+    question = judged.question
     one_step, steps = _one_step(judged, rng)
     runs = {kind: _rolled(judged, model) for kind, model in judged.models.items()}
     after, count = {}, len(next(iter(runs.values()))[0])
@@ -55,7 +56,7 @@ def score(
         if channel.name not in question.hidden and count:
             errors = {kind: drift[:, i] for kind, (drift, _) in runs.items()}
             spread = float(np.std(runs["before"][1][:, i]))
-            over = over_before(_all_kinds(errors), rng, settings.bootstrap, correlated=False).after
+            over = over_before(_all_kinds(errors), rng, correlated=False).after
             after[channel.name] = _scored(errors, channel.unit, spread, over)
     windows = whole_windows(question, question.recording)
     horizon = windows.length * question.recording.dt if len(windows) else 0.0
@@ -80,9 +81,9 @@ def _explained(judged: Judged) -> Explained | None:
     )
     if not after.terms:
         return None
-    starts, steps = problem.windows.measured[:, 0], problem.run.settings.schedules
+    starts = problem.windows.measured[:, 0]
     null = replace(base, scheme=after.scheme)
-    leader, bare = (fit(problem, h.frozen(), starts, iterations=steps.settle) for h in (after, null))
+    leader, bare = (fit(problem, h.frozen(), starts, iterations=schedules.SETTLE) for h in (after, null))
     return explained_by(judged.question, leader, bare)
 
 
@@ -139,12 +140,12 @@ def _one_step(judged: Judged, rng: np.random.Generator) -> tuple[dict[str, Score
         kind: residual_rates(problem, steps[kind].test, model.hypothesis, model.extra)
         for kind, model in judged.models.items()
     }
-    measured, settings = measured_rates(problem, steps["after"].test), problem.run.settings
+    measured = measured_rates(problem, steps["after"].test)
     out = {}
     for i, channel in enumerate(problem.simulator.rate):
         if shown_rates(question)[i]:
             errors = {kind: rates[:, i] for kind, rates in left.items()}
-            over = over_before(_all_kinds(errors), rng, settings.bootstrap).after
+            over = over_before(_all_kinds(errors), rng).after
             out[channel.name] = _scored(errors, channel.unit, float(measured[:, i].std()), over)
     return out, len(measured)
 

@@ -17,6 +17,11 @@ from gpsim.diagnosis.setup import Question, completed, smoothed
 from gpsim.effects import PRE_ROLL
 from gpsim.recordings import Episode, HeldOut, Recording, evenly
 
+STRETCHES = 40  # held out, among which the worst and the median are looked for
+MOST_ROLLOUTS = 12  # rollouts of a stretch; a longer one is shown in parts
+MOST_ROLLOUTS_ALONE = 4  # rollouts of a part where that would be the only stretch
+CHANNELS_SHOWN = 3  # that are shown: those in which the base is furthest off
+
 BASE, EFFECTS = "base", "base + effects"
 
 
@@ -90,7 +95,7 @@ def traces(question: Question, leader: Hypothesis, horizon: float) -> Traces:
     rank = (np.nan_to_num(errors[best] / scale, nan=-1.0) ** 2 * seen).sum(axis=1)
     known = np.flatnonzero(np.isfinite(errors[best]).all(axis=1))
     off = np.sqrt((errors[BASE][known] ** 2).mean(axis=0)) / scale
-    most = question.everything.run.settings.traces.channels
+    most = CHANNELS_SHOWN
     shown = tuple(sorted(i for i in np.argsort(-np.where(seen, off, -1.0))[:most] if seen[i]))
     order = known[np.argsort(rank[known])][::-1]
     places = {f"worst of {len(order)}": 0, f"median of {len(order)}": len(order) // 2}
@@ -134,12 +139,12 @@ def _stretches(question: Question, length: int) -> tuple[list[_Stretch], bool]:
         t = recording.episodes[index].t
         first = int(np.searchsorted(t, some.t[some.episode == index, 0].min()))
         rests.append((int(index), t, first))
-    least = shortest(length, settings.windows)
-    for most in (settings.traces.most, settings.traces.most_alone):
+    least = shortest(length)
+    for most in (MOST_ROLLOUTS, MOST_ROLLOUTS_ALONE):
         found = [part for index, t, first in rests for part in _parts(index, t, first, length, most, least)]
         if len(found) > 1:
             break
-    return [found[i] for i in evenly(len(found), settings.traces.stretches)], bool(held.any())
+    return [found[i] for i in evenly(len(found), STRETCHES)], bool(held.any())
 
 
 def _parts(index: int, t: FloatArray, first: int, length: int, most: int, least: int) -> list[_Stretch]:

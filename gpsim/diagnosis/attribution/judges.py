@@ -19,8 +19,16 @@ from gpsim.diagnosis.attribution.shares import Mismatch, draws
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit, predicted, state_jacobian
 from gpsim.diagnosis.report import JudgedOn
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
+
+LEAD = 12  # before a rollout, from which each account says where that begins [transitions]
+NOISY_BEGINNING = 0.05
+"""Of the base's squares in any channel, that noise may make of rollouts that begin in measured states."""
+WORST_ERROR = 20.0  # of a channel: an error that is larger counts as large as that [standard deviations]
+STANDS_OUT = 2.0
+"""Times the root mean square that noise alone makes: a channel's mismatch that is less does not count."""
 
 LEAD_STEPS = 3  # of a fit of start states alone, by slopes that are known and learn from its steps
 
@@ -100,12 +108,12 @@ def rollout_judge(
 
     Rollouts begin in measured states, unless some were not measured, or their noise makes too much of the errors.
     """
-    settings, noise = question.run.settings.attribution, sensor_noise(question, leader)
+    noise = sensor_noise(question, leader)
     if question.everything.observed.all():
         found = judge_at(question, leader, null, noise, rng, rollout_windows(question))
-        if _well_begun(found.mismatch, settings.begins):
+        if _well_begun(found.mismatch, NOISY_BEGINNING):
             return found, noise
-    return judge_at(question, leader, null, noise, rng, rollout_windows(question, settings.lead)), noise
+    return judge_at(question, leader, null, noise, rng, rollout_windows(question, LEAD)), noise
 
 
 def judge_at(
@@ -120,12 +128,12 @@ def judge_at(
     problem, settings = question.everything, question.run.settings.attribution
     windows = places.windows(question.recording)
     scale = np.maximum(windows.measured.reshape(-1, len(noise)).var(axis=0), problem.scale**2)
-    worst = settings.worst * np.sqrt(scale)
+    worst = WORST_ERROR * np.sqrt(scale)
     leaders = _learnt_without(problem, leader, places, windows)
     floor = _floor(problem, windows, places, leader.hypothesis, noise, rng)
     before = _rolled(problem, windows, places, worst, [(null.hypothesis,)])[0]
     drawn = draws(len(before), settings.draws, rng)
-    mismatch = Mismatch(before, floor, scale, problem.observed, settings.stands_out, drawn, settings)
+    mismatch = Mismatch(before, floor, scale, problem.observed, STANDS_OUT, drawn, settings)
     return RolloutJudge(problem, windows, places, worst, mismatch, leaders)
 
 
@@ -166,8 +174,7 @@ def _learnt_without(
 
 
 def _again(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> Hypothesis:
-    steps = problem.run.settings.schedules
-    return fit(problem, hypothesis, starts, iterations=steps.refit, near=True).hypothesis
+    return fit(problem, hypothesis, starts, iterations=schedules.REFIT, near=True).hypothesis
 
 
 def _touched(windows: Windows, judged: Windows) -> BoolArray:
@@ -219,10 +226,10 @@ def foretold(
     """
     if not lead:
         return predicted(problem, windows, hypothesis)
-    part, steps = _led(windows, lead), problem.run.settings.schedules
+    part = _led(windows, lead)
     begun = problem.on(part), hypothesis.frozen(), part.measured[:, 0]
-    count = steps.glance if known is None else LEAD_STEPS
-    starts = fit(*begun, iterations=count, tolerance=steps.rough, known=known).starts
+    count = schedules.GLANCE if known is None else LEAD_STEPS
+    starts = fit(*begun, iterations=count, tolerance=schedules.ROUGH, known=known).starts
     chain = hypothesis.chain(problem.simulator, problem.parameters, problem.dt)
     theta = hypothesis.theta[None]
     said = problem.simulated(chain, windows, starts[None], hypothesis.spread, theta)
@@ -273,8 +280,7 @@ def _floor(
 
 def _fitted(problem: Problem, hypothesis: Hypothesis, starts: FloatArray) -> FloatArray:
     """(W, S) sums of squares where the start states alone are fitted."""
-    steps = problem.run.settings.schedules
-    found = fit(problem, hypothesis.frozen(), starts, iterations=steps.settle)
+    found = fit(problem, hypothesis.frozen(), starts, iterations=schedules.SETTLE)
     return np.asarray((found.residuals**2).sum(axis=1))
 
 

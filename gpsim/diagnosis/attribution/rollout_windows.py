@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import IntArray
+from gpsim.diagnosis.attribution.shares import FEWEST_BLOCKS
 from gpsim.diagnosis.data import Windows, at, stretches
 from gpsim.diagnosis.report import JudgedOn
 from gpsim.diagnosis.settings import AttributionSettings
@@ -23,6 +24,11 @@ from gpsim.diagnosis.setup import Question
 from gpsim.effects import closed
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import first_held_out
+
+JUDGED_ROLLOUTS_OF_A_ROBOT = 40  # rollouts that an account is judged on, evenly spread, at most
+ROLLOUT_STRIDE = 3  # between the starts of two rollouts [samples]
+SHORT_PART = 0.25
+"""Of the time, that may lie in stretches too short for a rollout, before rollouts are cut shorter."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ def rollout_windows(question: Question, lead: int = 0) -> RolloutWindows:
     every = stretches(recording)
     out = [s for s in every if s[1] >= held[s[0]]]
     found = _cut(question, out or every, lead)
-    if out and found.blocks >= settings.fewest_blocks:
+    if out and found.blocks >= FEWEST_BLOCKS:
         return found
     return _in_folds(_cut(question, every, lead), settings)
 
@@ -83,12 +89,12 @@ def _cut(question: Question, parts: Sequence[tuple[int, int, int]], lead: int) -
     starts: list[tuple[int, int]] = []
     block: list[int] = []
     for episode, first, last in parts:
-        own = range(first, last - length + 1, settings.stride)
+        own = range(first, last - length + 1, ROLLOUT_STRIDE)
         before = block[-1] + 1 if block else 0
         starts += [(episode, k) for k in own]
         block += [before + (k - first) // (length - lead) for k in own]
     dear = closed(question.everything.simulator) is not None
-    rows = evenly(len(starts), question.run.settings.closed_step.judged if dear else settings.most)
+    rows = evenly(len(starts), JUDGED_ROLLOUTS_OF_A_ROBOT if dear else settings.most)
     _, blocks = np.unique(np.array([block[i] for i in rows], dtype=np.int64), return_inverse=True)
     places = tuple(starts[i] for i in rows)
     return RolloutWindows(
@@ -100,7 +106,7 @@ def _length(question: Question, parts: Sequence[tuple[int, int, int]], lead: int
     """Transitions of a rollout with its lead, and of the lead: the horizon, or what most of the stretches allow."""
     every = question.everything.run.settings
     usual = max(round(every.rollouts.horizon / question.recording.dt), every.windows.length)
-    wanted, short = lead + min(usual, every.rollouts.longest), every.attribution.short_part
+    wanted, short = lead + min(usual, every.rollouts.longest), SHORT_PART
     spans = sorted(last - first for _, first, last in parts)
     upper = spans[np.searchsorted(np.cumsum(spans), short * sum(spans))] if spans else 0
     length = max(2, min(wanted, int(upper)))

@@ -16,6 +16,12 @@ from gpsim.channels import BoolArray, FloatArray
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import AttributionSettings
 
+FEWEST_BLOCKS = 8
+"""Blocks of a rollout's length: with fewer held out the whole recording is judged on in turn, with fewer in it there
+are no intervals."""
+LOW = 0.05  # quantile of the draws that is an interval's lower end (usual: 90 %)
+HIGH = 0.95  # quantile of the draws that is its upper end (usual: 90 %)
+
 TINY = 1e-300  # guards divisions by sums of squares that are 0
 ROUNDING = 1e-18  # of a channel's variance: squares that are less are those of rounding, and no mismatch
 
@@ -41,7 +47,7 @@ class Mismatch:
         """(S,) channels in which the mismatch stands out of the noise."""
         before, floor = self.before.sum(axis=0), self.floor.sum(axis=0)
         excess = self.drawn @ (self.before - self.floor)
-        sure = np.quantile(excess, self.settings.low, axis=0) > 0
+        sure = np.quantile(excess, LOW, axis=0) > 0
         least = np.maximum(self.times**2 * floor, ROUNDING * self.scale)
         return np.asarray(self.seen & sure & (before > np.maximum(least, TINY)))
 
@@ -60,8 +66,8 @@ class Mismatch:
 
     def share(self, values: FloatArray) -> Share:
         """Of (1 + D,) values, the first of which is that of all blocks."""
-        low, high = np.quantile(values[1:], [self.settings.low, self.settings.high])
-        known = len(self.before) >= self.settings.fewest_blocks
+        low, high = np.quantile(values[1:], [LOW, HIGH])
+        known = len(self.before) >= FEWEST_BLOCKS
         return Share(float(values[0]), float(low) if known else None, float(high) if known else None)
 
     def sums(self, sums: FloatArray) -> FloatArray:

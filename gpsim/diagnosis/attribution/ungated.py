@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from gpsim.diagnosis.attribution.attribution import Attribution
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import Gate
 
 
@@ -36,6 +37,6 @@ def _gates(hypothesis: Hypothesis) -> list[int]:
 
 
 def _open(problem: Problem, leader: Fit, index: int) -> Fit:
-    bare, steps = leader.hypothesis.gated(index, Gate()), problem.run.settings.schedules
+    bare = leader.hypothesis.gated(index, Gate())
     grid = problem.as_finely(bare, leader.hypothesis)
-    return fit(grid, bare, leader.starts, iterations=steps.refit, tolerance=steps.edge, near=True)
+    return fit(grid, bare, leader.starts, iterations=schedules.REFIT, tolerance=schedules.EDGE, near=True)

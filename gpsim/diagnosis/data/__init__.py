@@ -8,6 +8,7 @@ from gpsim.diagnosis.data.repeats import held_with, repeats, whole_packets
 from gpsim.diagnosis.data.reversals import since_reversal
 from gpsim.diagnosis.data.spread import TYPICAL, rms, typical
 from gpsim.diagnosis.data.windows import (
+    FEWEST_TRANSITIONS_OF_A_WINDOW,
     Windows,
     at,
     cut,
@@ -18,6 +19,7 @@ from gpsim.diagnosis.data.windows import (
 )
 
 __all__ = [
+    "FEWEST_TRANSITIONS_OF_A_WINDOW",
     "TYPICAL",
     "Windows",
     "at",

@@ -10,6 +10,8 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.settings import DecimationSettings
 from gpsim.recordings import Episode, Recording
 
+KEPT_SHARE = 0.99  # of every action's variance, that the means over skipped samples must keep
+
 
 def thinned(recording: Recording, settings: DecimationSettings) -> tuple[Recording, int]:
     """Every k-th sample and the mean action over each block of k, and k; 1 where nothing was thinned.
@@ -20,7 +22,7 @@ def thinned(recording: Recording, settings: DecimationSettings) -> tuple[Recordi
     most = round(settings.pace / recording.dt)
     longest = max(len(episode) for episode in recording.episodes)
     for k in range(min(most, longest), 1, -1):
-        if _share_kept(recording, k) >= settings.kept_share:
+        if _share_kept(recording, k) >= KEPT_SHARE:
             episodes = tuple(_blocks(episode, k) for episode in recording.episodes)
             return replace(recording, episodes=episodes, dt=k * recording.dt), k
     return recording, 1

@@ -11,6 +11,14 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.settings import LogFactSettings
 
+SAMPLES_AROUND = 10  # samples on either side, with which a sample is compared: what is usual there
+STEADY_ON = 3  # values on either side of a repeated one that must move on steadily
+STEADY = 0.4
+"""By which slopes between values may differ from their median where motion is steady (a body that stood still for one
+sample has half the slope)."""
+PLAIN_MOTION = 6.0
+"""Steps of its grid that a channel moves each sample, where a repeated value is no chance."""
+
 
 def repeats(t: FloatArray, y: FloatArray, quantum: float, settings: LogFactSettings) -> BoolArray:
     """(K,) which samples of a stretch without gaps are stale: t (K,) s, y (K,) with angles that run on.
@@ -22,12 +30,12 @@ def repeats(t: FloatArray, y: FloatArray, quantum: float, settings: LogFactSetti
     if len(first) < 2:
         return flags
     slopes = np.diff(y[first]) / np.diff(t[first])  # slopes[j]: from value j to the next one
-    held, beside = _held(first, settings), settings.steady_on
+    held, beside = _held(first, settings), STEADY_ON
     held = held[(held >= beside) & (held < len(slopes) - beside)]
     around = slopes[held[:, None] + np.arange(-beside, beside + 1)]
     usual = np.median(around, axis=1)
-    steady = (np.abs(around - usual[:, None]) <= settings.steady * np.abs(usual)[:, None]).all(axis=1)
-    plain = np.abs(usual) * np.median(np.diff(t)) > settings.plain_motion * quantum
+    steady = (np.abs(around - usual[:, None]) <= STEADY * np.abs(usual)[:, None]).all(axis=1)
+    plain = np.abs(usual) * np.median(np.diff(t)) > PLAIN_MOTION * quantum
     return _flagged(flags, first, held[steady & plain])
 
 
@@ -46,11 +54,11 @@ def whole_packets(t: FloatArray, states: FloatArray, settings: LogFactSettings) 
     held = held[(held > 0) & (held < len(slopes) - 1)]
     before, own, after = slopes[held - 1], slopes[held], slopes[held + 1]
     usual = 0.5 * (before + after)
-    on = (before * after > 0) & (np.abs(own - usual) <= settings.steady * np.abs(usual))
+    on = (before * after > 0) & (np.abs(own - usual) <= STEADY * np.abs(usual))
     return _flagged(flags, first, held[on.sum(axis=1) >= 2])
 
 
-def held_with(others: BoolArray, y: FloatArray, quantum: float, settings: LogFactSettings) -> BoolArray:
+def held_with(others: BoolArray, y: FloatArray, quantum: float) -> BoolArray:
     """(K,) which samples repeat together with those of other channels, `others` (K,): a packet holds several.
 
     y (K,): a channel that moves around them, too, but perhaps too unsteadily to tell by itself.
@@ -58,8 +66,8 @@ def held_with(others: BoolArray, y: FloatArray, quantum: float, settings: LogFac
     flags = np.zeros(len(y), dtype=np.bool_)
     steps = np.diff(y)
     for k in np.flatnonzero(others[1:] & (steps == 0)) + 1:
-        near = np.abs(steps[max(k - 1 - settings.around, 0) : k + settings.around])
-        if float(np.median(near)) > settings.plain_motion * quantum:
+        near = np.abs(steps[max(k - 1 - SAMPLES_AROUND, 0) : k + SAMPLES_AROUND])
+        if float(np.median(near)) > PLAIN_MOTION * quantum:
             flags[k] = True
     return flags
 

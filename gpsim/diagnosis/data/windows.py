@@ -16,6 +16,10 @@ from gpsim.effects import PRE_ROLL, even
 from gpsim.recordings import Episode, Recording, evenly, gaps, pieces
 from gpsim.residuals import first_held_out
 
+LEAST_PART_OF_A_WINDOW = 3  # a shorter piece than one in so many parts of a window is left out
+FEWEST_TRANSITIONS_OF_A_WINDOW = 3
+"""And one with fewer than these, unless windows are as short [transitions]."""
+
 SOUND = 0.5  # weight of a sample that is little more than usual noise
 SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
 
@@ -127,7 +131,7 @@ def cut(
     most: evenly spread ones are taken where there are more.
     """
     length = length or settings.length
-    places = _places(recording, length, settings)
+    places = _places(recording, length)
     if most is not None:
         places = [places[i] for i in evenly(len(places), most)]
     return _cut_at(recording, places, length)
@@ -135,17 +139,17 @@ def cut(
 
 def cut_in_parts(recording: Recording, settings: WindowSettings) -> Iterator[Windows]:
     """All of `cut`'s windows of the usual length, no more than `at_once` in memory."""
-    places, size = _places(recording, settings.length, settings), settings.at_once
+    places, size = _places(recording, settings.length), settings.at_once
     for first in range(0, len(places), size):
         yield _cut_at(recording, places[first : first + size], settings.length)
 
 
-def _places(recording: Recording, length: int, settings: WindowSettings) -> list[tuple[int, int, int]]:
+def _places(recording: Recording, length: int) -> list[tuple[int, int, int]]:
     """Episode, first and last sample of every window."""
     return [
         (index, low, high)
         for index, first, last in stretches(recording)
-        for low, high in _slices(first, last, length, shortest(length, settings))
+        for low, high in _slices(first, last, length, shortest(length))
     ]
 
 
@@ -195,9 +199,9 @@ def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
     return pieces(ends, len(episode.t) - 1)
 
 
-def shortest(length: int, settings: WindowSettings) -> int:
+def shortest(length: int) -> int:
     """Transitions of the shortest piece that is a window of such a length, padded."""
-    return max(settings.fewest, length // settings.least_part)
+    return max(FEWEST_TRANSITIONS_OF_A_WINDOW, length // LEAST_PART_OF_A_WINDOW)
 
 
 def _slices(first: int, last: int, length: int, least: int) -> list[tuple[int, int]]:

@@ -2,6 +2,9 @@
 
 from gpsim.diagnosis.fitting.batch import Order, fit_all, fit_near, fit_order
 from gpsim.diagnosis.fitting.discretisation import (
+    FINER_GAIN,
+    TOLERATED_NOISE,
+    USUAL_SUBSTEP,
     dry_steps,
     enough_substeps,
     growth,
@@ -30,6 +33,9 @@ from gpsim.diagnosis.fitting.score_test import Directions, child_of, screened, s
 from gpsim.diagnosis.fitting.simulate import simulate
 
 __all__ = [
+    "FINER_GAIN",
+    "TOLERATED_NOISE",
+    "USUAL_SUBSTEP",
     "Candidate",
     "Curvature",
     "Directions",

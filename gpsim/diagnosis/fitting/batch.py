@@ -10,6 +10,9 @@ from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem
 
+HOPELESS = 60.0
+"""Behind the best of several fits after a few iterations, that no further ones make good [nats]."""
+
 
 @dataclass(frozen=True)
 class Order:
@@ -33,7 +36,7 @@ def fit_all(problem: Problem, orders: Sequence[Order]) -> list[Fit]:
 def fit_near(problem: Problem, begun: Sequence[Order], iterations: int, tolerance: float) -> list[Fit]:
     """All fitted as ordered, and those that are not far behind the best then, nor at their end, a while longer."""
     fits = fit_all(problem, begun)
-    least = min((f.objective for f in fits), default=0.0) + problem.run.settings.shooting.hopeless
+    least = min((f.objective for f in fits), default=0.0) + HOPELESS
     near = [f for f in fits if f.objective < least and not f.converged]
     more = [Order(f.hypothesis, f.starts, iterations, tolerance, near=True) for f in near]
     return [*fit_all(problem, more), *(f for f in fits if not any(f is g for g in near))]

@@ -9,11 +9,33 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.gauss_newton import damped_step, jacobians, promised_gain
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
-from gpsim.diagnosis.fitting.pattern_search import searched_pattern
+from gpsim.diagnosis.fitting.pattern_search import FIRST_DAMPING, searched_pattern
 from gpsim.diagnosis.fitting.point import Point, point_at
 from gpsim.diagnosis.fitting.problem import Problem, variance_of
 from gpsim.diagnosis.fitting.steps import stepped, stepped_dearly
 from gpsim.effects import closed
+
+MANY_PARAMETERS = 12
+"""Parameters of which the slopes serve as long (by hand: all of a robot's own at once, which are fitted for
+comparison)."""
+PATIENCE = 4  # rejected steps in a row, each more cautious, before a fit is taken to stand still
+PATIENCE_OF_STARTS = 2  # the same where only start states are fitted
+DAMPING_SHRINKS = 5.0  # divides the damping after an accepted step
+DAMPING_GROWS = 8.0  # multiplies the damping after a rejected step
+MOST_DAMPING = 1e6  # damping at most
+LEAST_DAMPING = 1e-9  # damping at least, as long as steps are accepted
+NO_DAMPING = 1e-14
+"""Damping at least where a step without any promises more: what a rejected step can still multiply."""
+PATTERN_ROUNDS = (1, 3, 5, 8)  # steps before which places of a law that jumps are looked for far and near
+NEAR_BY = (1.5, 1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.1, 0.06, 0.04, 0.02, 0.01)  # near places of both patterns
+FIRST_PATTERN = (
+    12.0, 11.5, 11.0, 10.5, 10.0, 9.5, 9.0, 8.5, 8.0, 7.5, 7.0, 6.5, 6.0, 5.5, 5.0, 4.5, 4.0, 3.5, 3.0, 2.5, 2.0,
+    *NEAR_BY,
+)  # fmt: skip
+"""Distances to either side that are looked at the first time: a threshold's valley may be as narrow as a step [of a
+parameter's own finite-difference steps]."""
+PATTERN = (12.0, 8.0, 6.0, 4.0, 3.0, 2.0, *NEAR_BY)
+"""Distances that are looked at later [of a parameter's own finite-difference steps]."""
 
 
 class Descent:
@@ -33,13 +55,12 @@ class Descent:
     ) -> None:
         """From the hypothesis's values and the start states (W, S); near and known as `fit` takes them."""
         self.problem, self.hypothesis, self.near, self.known = problem, hypothesis, near, known
-        self.settings = problem.run.settings.shooting
         bounds = np.array([(p.low, p.high) for p in hypothesis.parameters], dtype=float).reshape(-1, 2)
         self.low, self.high = bounds[:, 0], bounds[:, 1]
         theta = np.clip(hypothesis.theta, self.low, self.high)
         residual = problem.residuals(hypothesis, theta[None], starts[None])[0]
         self.at = point_at(problem, theta, np.array(starts), residual)
-        self.damping, self.least = self.settings.first_damping, self.settings.least_damping
+        self.damping, self.least = FIRST_DAMPING, LEAST_DAMPING
         self.per_window = np.full(len(starts), self.damping)
         self.moved, self.still = True, 0
         self.seen_from: FloatArray | None = None
@@ -49,11 +70,11 @@ class Descent:
 
     def search(self, round_: int) -> None:
         """In some rounds: thresholds of laws that jump, far and near."""
-        rounds = self.settings.pattern_rounds
+        rounds = PATTERN_ROUNDS
         if self.near or round_ not in rounds or not any(p.step for p in self.hypothesis.parameters):
             return
         first = round_ == rounds[0]
-        pattern = np.array(self.settings.first_pattern if first else self.settings.pattern)
+        pattern = np.array(FIRST_PATTERN if first else PATTERN)
         slopes = self.by_state if self.dear and self.by_state.size else None
         self.at = searched_pattern(
             self.problem, self.hypothesis, self.at, pattern, self.low, self.high, self.per_window, slopes
@@ -66,7 +87,7 @@ class Descent:
         serves = self.moved and (
             self.known is not None if round_ == 0 else bool(round_ % self.problem.every_slope)
         )
-        enough = self.at.theta.size >= self.problem.run.settings.closed_step.many
+        enough = self.at.theta.size >= MANY_PARAMETERS
         if not (serves and self.by_theta.size and enough):
             at = self.at
             self.by_state, self.by_theta = jacobians(
@@ -99,9 +120,9 @@ class Descent:
             )
         gain = at.value - new.value
         shrinks, grows, most = (
-            self.settings.damping_shrinks,
-            self.settings.damping_grows,
-            self.settings.most_damping,
+            DAMPING_SHRINKS,
+            DAMPING_GROWS,
+            MOST_DAMPING,
         )
         self.per_window = np.clip(
             np.where(own, self.per_window / shrinks, self.per_window * grows), self.least, most
@@ -140,16 +161,16 @@ class Descent:
 
         Where one channel is known far better than another, a little damping may be all that holds it.
         """
-        at, settings = self.at, self.settings
-        patience = settings.patience if at.theta.size else settings.patience_of_starts
+        at = self.at
+        patience = PATIENCE if at.theta.size else PATIENCE_OF_STARTS
         self.still = 0 if gain >= tolerance else self.still + 1
         if self.still < (1 if self.moved else patience):
             return False
         promised = promised_gain(
             self.problem, at.residual, self.by_state, self.by_theta, at.theta, self.low, self.high
         )
-        if self.least < settings.least_damping or promised < tolerance:
+        if self.least < LEAST_DAMPING or promised < tolerance:
             return True
-        self.least, self.still = settings.no_damping, 0
+        self.least, self.still = NO_DAMPING, 0
         self.damping, self.per_window = self.least, np.full(len(at.starts), self.least)
         return False

@@ -7,10 +7,31 @@ from dataclasses import replace
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.diagnosis.fitting.gauss_newton import STATE_STEP
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.multiple_shooting import Fit, fit
 from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of
 from gpsim.effects import ClosedStep, closed
+
+USUAL_SUBSTEP = 0.0125
+"""Where friction may hold something at rest [s] (what friction at rest needs on robots)."""
+TOLERATED_NOISE = 3.0  # or this part of the known noise: one in three
+ERROR_MARGIN = 2.0
+"""On the change when the substep is halved (a third-order scheme's error is 8/7 of that change, 4/3 where friction
+stops a body)."""
+ERROR_ITERATIONS = 4  # of the fit around which the numerical error is measured
+FINER_GAIN = 5.0  # that a grid twice as fine must gain [nats]
+FINER_ITERATIONS = 8  # of a fit on a finer grid
+COARSER_STEPS = (20, 10, 5, 4, 3, 2)
+"""Times as long as its own the steps may be in which slopes are found, the first that will do."""
+TOLERATED_BY_COARSER = 0.003
+"""Of a channel's spread: what these longer steps may change in a window, root mean square (by hand, on an arm whose
+joints all rub: fits by worse slopes creep, and end far from where they should)."""
+TOLERATED_STEP_ERROR = 3e-4
+"""Of a channel's spread: what halving the steps may change, if it is more than noise hides."""
+COARSER_EXACT_STEPS = (8, 5, 4, 3, 2, 1)
+"""Times as long as its own, steps of a method of higher order that are tried."""
+COST_OF_EXACT = 4.0  # steps of its own that such a step costs (Runge and Kutta's four stages)
 
 
 def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
@@ -19,12 +40,12 @@ def numerical_error(problem: Problem, at: Fit | None = None) -> FloatArray:
     The error of a third-order scheme is 8/7 of that change (4/3 where friction stops a body), and it is the same in all
     windows that look alike: what it could pass off as physics must stay below the floor.
     """
-    settings, start = problem.run.settings.discretisation, problem.windows.measured[:, 0]
-    null = at or fit(problem, Hypothesis(), start, iterations=settings.error_iterations)
+    start = problem.windows.measured[:, 0]
+    null = at or fit(problem, Hypothesis(), start, iterations=ERROR_ITERATIONS)
     finer = replace(problem, substeps=2 * problem.substeps)
     theta = null.hypothesis.theta[None]
     change = finer.residuals(null.hypothesis, theta, null.starts[None])[0] - null.residuals
-    return np.asarray(settings.margin * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
+    return np.asarray(ERROR_MARGIN * np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0)))
 
 
 def stepped(problem: Problem) -> Problem:
@@ -35,15 +56,14 @@ def stepped(problem: Problem) -> Problem:
     """
     system = closed(problem.simulator)
     assert system is not None
-    settings, grid = problem.run.settings.closed_step, problem.run.settings.discretisation
-    own, fewest = system.steps_of(problem.dt), int(np.ceil(problem.dt / grid.usual_substep))
+    own, fewest = system.steps_of(problem.dt), int(np.ceil(problem.dt / USUAL_SUBSTEP))
     problem = replace(problem, substeps=own)
-    tolerated = np.maximum(settings.tolerated_error * problem.scale, problem.floor / grid.tolerated_noise)
+    tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
     best, least = problem, np.inf
-    at = fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=grid.error_iterations)
+    at = fit(problem, Hypothesis(), problem.windows.measured[:, 0], iterations=ERROR_ITERATIONS)
     theta, starts = at.hypothesis.theta[None], at.starts[None]
-    exact, few = system.exact(), sorted({max(fewest, -(-own // times)) for times in settings.coarser_exact})
-    choices = [(settings.cost_of_exact * n, exact, n) for n in few] + [(own, problem.simulator, own)]
+    exact, few = system.exact(), sorted({max(fewest, -(-own // times)) for times in COARSER_EXACT_STEPS})
+    choices = [(COST_OF_EXACT * n, exact, n) for n in few] + [(own, problem.simulator, own)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         tried = replace(problem, simulator=simulator, substeps=steps)
         found = replace(at, residuals=tried.residuals(at.hypothesis, theta, starts)[0])
@@ -60,19 +80,19 @@ def _with_slopes(problem: Problem, system: ClosedStep) -> Problem:
 
     Longer ones by the model's own method, or by the one it is simulated with; as always where neither will do.
     """
-    settings, starts = problem.run.settings.closed_step, problem.windows.measured[None, :, 0]
+    starts = problem.windows.measured[None, :, 0]
     nothing, own = Hypothesis(), system.steps_of(problem.dt)
     theta = nothing.theta[None]
     exact = problem.residuals(nothing, theta, starts)[0]
-    plain, dear = system.as_modelled(), settings.cost_of_exact
-    choices = [(float(n), plain, n) for n in sorted({-(-own // times) for times in settings.coarser})]
+    plain, dear = system.as_modelled(), COST_OF_EXACT
+    choices = [(float(n), plain, n) for n in sorted({-(-own // times) for times in COARSER_STEPS})]
     if problem.substeps != own:
         choices += [(dear * n, problem.simulator, n) for n in range(1, problem.substeps)]
     for _, simulator, steps in sorted(choices, key=lambda choice: choice[0]):
         longer = replace(problem, slope_steps=steps, slope_simulator=simulator)
         change = longer.slopes.residuals(nothing, theta, starts)[0] - exact
         spread = np.sqrt(np.mean(change[problem.windows.valid] ** 2, axis=0))
-        if (spread <= settings.tolerated * problem.scale)[problem.observed].all():
+        if (spread <= TOLERATED_BY_COARSER * problem.scale)[problem.observed].all():
             return longer
     return problem
 
@@ -83,8 +103,8 @@ def dry_steps(problem: Problem, rubbing: Hypothesis) -> int:
     Friction stops a body at the end of a step, wherever in the step that was: what is left over is of first order, and
     would pass for a slight inertia or delay. The fewest that what was measured cannot tell from more, or the most.
     """
-    settings, grid = problem.run.settings.closed_step, problem.run.settings.discretisation
-    tolerated = np.maximum(settings.tolerated_error * problem.scale, problem.floor / grid.tolerated_noise)
+    settings = problem.run.settings.closed_step
+    tolerated = np.maximum(TOLERATED_STEP_ERROR * problem.scale, problem.floor / TOLERATED_NOISE)
     starts, theta, last = problem.windows.measured[None, :, 0], rubbing.theta[None], None
     counts, (on,) = problem.windows.valid, (term.on for term in rubbing.terms)
     choices = sorted(set(settings.dry_finer))
@@ -105,10 +125,10 @@ def growth(problem: Problem) -> FloatArray:
 
     In the median of the windows that last as long, in typical sizes of what was observed; 1 where none lasts as long.
     """
-    settings, nothing = problem.run.settings.shooting, Hypothesis()
+    nothing = Hypothesis()
     starts, valid = problem.windows.measured[:, 0], problem.windows.valid
     # In any direction: one that is the same everywhere may be the one that shrinks.
-    aside = settings.state_step * problem.scale * np.random.default_rng(0).normal(size=starts.shape)
+    aside = STATE_STEP * problem.scale * np.random.default_rng(0).normal(size=starts.shape)
     one, other = problem.residuals(nothing, np.zeros((2, 0)), np.stack([starts, starts + aside]))
     apart = np.linalg.norm((other - one) / problem.scale, axis=2)
     apart /= np.linalg.norm(aside / problem.scale, axis=1)[:, None]
@@ -124,15 +144,14 @@ def enough_substeps(problem: Problem, best: Fit) -> tuple[int, Fit]:
     What a coarse grid leaves over would pass for physics: a late command that changes inside a substep, say, of a
     vehicle that turns no tighter than so. With the fit on the last grid.
     """
-    settings = problem.run.settings.discretisation
     system = closed(problem.simulator)
     if system is not None and system.own_grid:  # its step is a part of what is believed
         return problem.substeps, best
     substeps, at = problem.substeps, best
     while at.hypothesis.scheme == "fine" and substeps < problem.most_finer * problem.substeps:
         grid = replace(problem, substeps=2 * substeps)
-        finer = fit(grid, at.hypothesis, at.starts, iterations=settings.finer_iterations, near=True)
-        if finer.objective > at.objective - settings.finer_gain:
+        finer = fit(grid, at.hypothesis, at.starts, iterations=FINER_ITERATIONS, near=True)
+        if finer.objective > at.objective - FINER_GAIN:
             break
         substeps, at = 2 * substeps, finer
     return substeps, at

@@ -16,12 +16,19 @@ from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem, mean_squares
 from gpsim.diagnosis.fitting.size_prior import size_prior
 
+LONGEST_LAG = 12  # up to which a residual's autocorrelation is summed [samples]
+PARAMETERS_OF_A_GATE = 2  # parameters that a gate is paid as (it has two edges)
+WHITENESS_LAGS = 3  # lags at which a white residual must not be correlated [samples]
+AT_FLOOR = 1.01  # times the floor (known noise, numerical error): a residual that small is white
+PROJECTED_WINDOWS = 60
+"""Over which the share is averaged that fitting start states takes off white noise [windows]."""
+
 RULED_OUT = 1e9  # nats that a hypothesis is behind for each effect that the user requires and it lacks
 
 
 def autocorrelation(problem: Problem, residual: FloatArray, lags: int | None = None) -> FloatArray:
     """(S, lags) autocorrelation of the residual (W, L + 1, S) within windows, at lags 1 ... lags; None: the longest."""
-    lags = lags or problem.run.settings.evidence.longest_lag
+    lags = lags or LONGEST_LAG
     power = (residual**2).sum(axis=(0, 1))
     counted = problem.counted
     total = np.maximum(counted.sum(axis=(0, 1)).astype(np.float64), 1.0)
@@ -51,8 +58,7 @@ def gain(problem: Problem, richer: Fit, poorer: Fit) -> float:
     """Nats by which the richer hypothesis wins, its additional parameters and what is unusual of its sizes paid."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
     difference = channel_objectives(problem, poorer) - channel_objectives(problem, richer)
-    settings = problem.run.settings.evidence
-    unusual = size_prior(richer.hypothesis, settings) - size_prior(poorer.hypothesis, settings)
+    unusual = size_prior(richer.hypothesis) - size_prior(poorer.hypothesis)
     return float((difference / tau).sum()) - price(problem, richer, poorer) - unusual
 
 
@@ -60,7 +66,7 @@ def price(problem: Problem, richer: Fit, poorer: Fit) -> float:
     """Nats that the additional parameters cost; each gate has edges, which count, too."""
     tau = np.maximum(correlation_time(problem, richer.residuals), 1.0)
     extra = richer.hypothesis.size - poorer.hypothesis.size
-    extra += _gate_parameters(problem, richer) - _gate_parameters(problem, poorer)
+    extra += _gate_parameters(richer) - _gate_parameters(poorer)
     effective = float((problem.counts / tau)[problem.observed].sum())
     return float(extra / 2 * np.log(max(effective, 2.0)))
 
@@ -74,26 +80,26 @@ def scores(problem: Problem, fits: list[Fit]) -> FloatArray:
     best = min(fits, key=lambda f: f.objective + _price(problem, f))
     tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
     effective = float((problem.counts / tau)[problem.observed].sum())
-    size = [f.hypothesis.size + _gate_parameters(problem, f) for f in fits]
+    size = [f.hypothesis.size + _gate_parameters(f) for f in fits]
     nats = [-(channel_objectives(problem, f) / tau).sum() for f in fits]
     terms = np.array([len(f.hypothesis.terms) for f in fits])
     per_term = problem.run.settings.acceptance.per_term
     size_price = np.array(size) / 2 * np.log(max(effective, 2.0))
     lacking = np.array([len(problem.run.known.lacking(f.hypothesis.claims)) for f in fits])
-    unusual = np.array([size_prior(f.hypothesis, problem.run.settings.evidence) for f in fits])
+    unusual = np.array([size_prior(f.hypothesis) for f in fits])
     return np.asarray(np.array(nats) - per_term * terms - size_price - unusual - RULED_OUT * lacking)
 
 
 def _price(problem: Problem, fit: Fit) -> float:
-    size = fit.hypothesis.size + _gate_parameters(problem, fit)
+    size = fit.hypothesis.size + _gate_parameters(fit)
     per_term = problem.run.settings.acceptance.per_term
     return per_term * len(fit.hypothesis.terms) + size / 2 * float(np.log(max(problem.counts.sum(), 2.0)))
 
 
-def _gate_parameters(problem: Problem, fit: Fit) -> int:
+def _gate_parameters(fit: Fit) -> int:
     """Parameters that the edges of its gates count as."""
     gates = sum(bool(term.gate) for term in fit.hypothesis.terms)
-    return problem.run.settings.evidence.gate_parameters * gates
+    return PARAMETERS_OF_A_GATE * gates
 
 
 def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
@@ -106,15 +112,14 @@ def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
     windows = problem.windows
     if len(windows) < 2:
         return 1.0, 0.0
-    settings = problem.run.settings.evidence
-    lags = settings.whiteness_lags
+    lags = WHITENESS_LAGS
     rho = autocorrelation(problem, fit.residuals, lags)
     seen = np.flatnonzero(problem.observed)
     expected = _fitted_share(problem, fit, lags)
     worst, size = 1.0, 0.0
     for place, channel in enumerate(seen):
         power = float((fit.residuals[..., channel] ** 2).sum()) / max(problem.counts[channel], 1.0)
-        if power <= (settings.at_floor * problem.floor[channel]) ** 2:
+        if power <= (AT_FLOOR * problem.floor[channel]) ** 2:
             continue  # the floor (known noise, numerical error) is all there is
         # In units of the window's own power: one loud window must not drown what all others say.
         freedom = problem.counts[channel] / len(windows)
@@ -131,7 +136,7 @@ def whiteness(problem: Problem, fit: Fit) -> tuple[float, float]:
 
 def _fitted_share(problem: Problem, fit: Fit, lags: int) -> FloatArray:
     """(observed channels, lags): what fitting start states takes off a window's lag products of white noise."""
-    most = problem.run.settings.evidence.projected_windows
+    most = PROJECTED_WINDOWS
     rows = np.linspace(0, len(problem.windows) - 1, min(len(problem.windows), most)).astype(np.int64)
     part = problem.on(problem.windows.take(rows))
     slopes = state_jacobian(part, fit.hypothesis, fit.starts[rows], fit.residuals[rows])[

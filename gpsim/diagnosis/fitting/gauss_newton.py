@@ -14,6 +14,9 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem, variance_of
 
+STATE_STEP = 1e-5  # finite difference of a start state, in parts of the channel's typical size
+PARAMETER_STEP = 1e-4  # finite difference of a smooth parameter, in parts of its typical size
+
 
 @dataclass(frozen=True)
 class Step:
@@ -38,7 +41,7 @@ def jacobians(
 
     by_state: the former, where it is known well enough.
     """
-    settings, dimension = problem.run.settings.shooting, starts.shape[1] if by_state is None else 0
+    dimension = starts.shape[1] if by_state is None else 0
     size = 0 if states_only else theta.size
     if by_state is not None and not size:
         return by_state, np.empty((*residual.shape, 0))
@@ -48,10 +51,10 @@ def jacobians(
     copies = np.tile(starts, (dimension + size, 1, 1))
     steps = np.empty(dimension + size)
     for i in range(dimension):
-        steps[i] = settings.state_step * problem.scale[i]
+        steps[i] = STATE_STEP * problem.scale[i]
         copies[i, :, i] += steps[i]
     for j, parameter in enumerate(hypothesis.parameters[:size]):
-        step = parameter.step or settings.parameter_step * parameter.scale
+        step = parameter.step or PARAMETER_STEP * parameter.scale
         steps[dimension + j] = step if theta[j] + step <= parameter.high else -step
         thetas[dimension + j, j] += steps[dimension + j]
     moved = problem.residuals(hypothesis, thetas, copies)

@@ -10,7 +10,6 @@ from itertools import combinations
 import numpy as np
 
 from gpsim.channels import FloatArray
-from gpsim.diagnosis.settings import PatchworkSettings
 from gpsim.effects import (
     ActuatorEffect,
     Chain,
@@ -27,6 +26,11 @@ from gpsim.effects import (
     times_beyond,
 )
 from gpsim.simulators import Simulator
+
+SAME_EDGE = 0.05
+"""Of a region's width: edges nearer to each other are one that was placed twice (a region is a bin of 24 at least:
+edges are placed and known no better than that)."""
+LEAST_COMMAND_RANGE = 0.15  # of the largest command that is followed: a smaller range of commands is none
 
 SPELT_OUT = 4  # terms that a label names one by one; of more it counts those of a family
 
@@ -110,7 +114,7 @@ class Hypothesis:
             if group and all(abs(term.values[p.name] - p.none) <= 1e-6 * p.scale for p in group)
         ]
 
-    def is_patchwork(self, settings: PatchworkSettings) -> bool:
+    def is_patchwork(self) -> bool:
         """Whether laws are put together from what there is.
 
         Terms that act in different regions of one channel are, where these differ by more than the edges of one region
@@ -119,10 +123,9 @@ class Hypothesis:
         """
         regions = [item for t in self.terms for item in t.gate.region.items()]
         apart = any(
-            a == b and not _same(one, other, settings.same_edge)
-            for (a, one), (b, other) in combinations(regions, 2)
+            a == b and not _same(one, other, SAME_EDGE) for (a, one), (b, other) in combinations(regions, 2)
         )
-        return apart or self._in_levels(settings.least_range)
+        return apart or self._in_levels(LEAST_COMMAND_RANGE)
 
     def _in_levels(self, least: float) -> bool:
         """Whether an actuator follows a range of commands that is less than that part of the largest one."""

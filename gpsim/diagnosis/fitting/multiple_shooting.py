@@ -17,6 +17,9 @@ from gpsim.diagnosis.fitting.gauss_newton import jacobians, projected
 from gpsim.diagnosis.fitting.hypothesis import Hypothesis
 from gpsim.diagnosis.fitting.problem import Problem, variance_of
 
+MOST_ITERATIONS = 25  # most steps of a fit that is made to its end
+TOLERANCE = 0.02  # a step that gains less ends such a fit [nats]
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -65,14 +68,13 @@ def fit(
     thresholds of jumping laws need not be looked for far away; known: (W, L + 1, S, S) slopes by start states, where
     others have been found well enough.
     """
-    settings = problem.run.settings.shooting
     descent = Descent(problem, hypothesis, starts, near=near, known=known)
     converged = False
-    for round_ in range(settings.iterations if iterations is None else iterations):
+    for round_ in range(MOST_ITERATIONS if iterations is None else iterations):
         descent.search(round_)
         descent.look(round_)
         gain = descent.step()
-        if descent.stands(gain, settings.tolerance if tolerance is None else tolerance):
+        if descent.stands(gain, TOLERANCE if tolerance is None else tolerance):
             converged = True
             break
     at = descent.at

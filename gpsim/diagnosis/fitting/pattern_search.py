@@ -12,6 +12,11 @@ from gpsim.diagnosis.fitting.problem import Problem, objective, variance_of, win
 from gpsim.effects import closed
 from gpsim.recordings import evenly
 
+PATTERN_WINDOWS_OF_A_ROBOT = 24  # windows on which the places of a pattern are judged
+FIRST_DAMPING = 1e-3
+"""Damping that a fit begins with, of a normal matrix with a unit diagonal (Marquardt (1963))."""
+PATTERN_WINDOWS = 80  # windows on which the places of a pattern are judged
+
 
 def searched_pattern(
     problem: Problem,
@@ -60,10 +65,9 @@ def searched_pattern(
 
 
 def _windows_of_patterns(problem: Problem) -> int:
-    settings = problem.run.settings
     if closed(problem.simulator) is None:
-        return settings.shooting.pattern_windows
-    return settings.closed_step.pattern_windows
+        return PATTERN_WINDOWS
+    return PATTERN_WINDOWS_OF_A_ROBOT
 
 
 def _followed(
@@ -79,7 +83,7 @@ def _followed(
 ) -> list[tuple[Step, FloatArray]]:
     """For each of the residuals got (C, W, L + 1, S): how start states and some parameters adapt, and what is left."""
     variance, slopes = variance_of(problem, at.residual), by_theta[..., following]
-    damping = problem.run.settings.shooting.first_damping
+    damping = FIRST_DAMPING
     theta, low, high = at.theta[following], low[following], high[following]
     out = []
     for r in got:

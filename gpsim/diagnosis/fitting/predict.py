@@ -15,6 +15,13 @@ from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.diagnosis.fitting.rollout import Extra
 from gpsim.diagnosis.run import kept
 
+INVERSION_ITERATIONS = 20  # Newton's steps at most
+INVERSION_SETTLED = 1e-9  # of a channel's typical size: a step that small is the last
+INVERSION_NUDGE = 1e-3
+"""Of a channel's typical size: how far a state is moved to see what its sensor makes of it."""
+LEAST_SENSOR_GAIN = 0.01  # a sensor that answers less is taken for one that reads the truth
+MOST_SENSOR_GAIN = 100.0  # a sensor that answers more is, too
+
 
 def predicted(
     problem: Problem, windows: Windows, hypothesis: Hypothesis, extra: Extra | None = None
@@ -94,24 +101,22 @@ def true_starts(problem: Problem, windows: Windows, hypothesis: Hypothesis) -> F
         theta = hypothesis.theta[None]
         return np.asarray(problem.simulated(chain, first, state[None], hypothesis.spread, theta)[0, :, 0])
 
-    settings = problem.run.settings.sensor_inversion
     state, gains = measured, _gains(problem, measured, said)
-    for _ in range(settings.iterations):
+    for _ in range(INVERSION_ITERATIONS):
         change = difference(measured, said(state), problem.simulator.state) / gains
         state = state + change
-        if (np.abs(change) < settings.settled * problem.scale).all():
+        if (np.abs(change) < INVERSION_SETTLED * problem.scale).all():
             break
     return state
 
 
 def _gains(problem: Problem, state: FloatArray, said: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """(W, S) how much more each channel reads where its state is more."""
-    settings = problem.run.settings.sensor_inversion
     channels, before = problem.simulator.state, said(state)
     gains = np.ones_like(state)
-    for i, nudge in enumerate(settings.nudge * problem.scale):
+    for i, nudge in enumerate(INVERSION_NUDGE * problem.scale):
         moved = np.array(state)
         moved[:, i] += nudge
         gains[:, i] = difference(said(moved), before, channels)[:, i] / nudge
-    answers = (gains > settings.least_gain) & (gains < settings.most_gain)
+    answers = (gains > LEAST_SENSOR_GAIN) & (gains < MOST_SENSOR_GAIN)
     return np.where(answers, gains, 1.0)

@@ -18,6 +18,11 @@ from gpsim.diagnosis.run import Run
 from gpsim.effects import Chain, closed
 from gpsim.simulators import Simulator
 
+MOST_FINER = 4  # times as many substeps as the base simulator needs, at most
+MOST_FINER_OF_A_ROBOT = 2
+"""Times as many steps as a transition takes, at most, that the best hypothesis may ask for."""
+SLOPES_SERVE = 5  # steps of a fit that slopes by start states serve, as long as they are accepted
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -73,14 +78,13 @@ class Problem:
     @property
     def every_slope(self) -> int:
         """In how many steps of a fit once the slopes of start states are found anew; dear ones serve several times."""
-        return 1 if closed(self.simulator) is None else self.run.settings.closed_step.slopes_serve
+        return 1 if closed(self.simulator) is None else SLOPES_SERVE
 
     @property
     def most_finer(self) -> int:
         """Times as many steps of a transition, at most, as a hypothesis may ask for."""
-        settings = self.run.settings
         dear = closed(self.simulator) is not None
-        return settings.closed_step.most_finer if dear else settings.discretisation.most_finer
+        return MOST_FINER_OF_A_ROBOT if dear else MOST_FINER
 
     @property
     def slopes(self) -> Problem:

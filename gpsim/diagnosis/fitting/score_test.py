@@ -16,6 +16,16 @@ from gpsim.diagnosis.fitting.multiple_shooting import Fit
 from gpsim.diagnosis.fitting.problem import Problem
 from gpsim.effects import EffectParameter, Gate, own_name
 
+SCREENED_IN_A_ROW = 8  # candidates that one process screens in a row
+SMALL_START = 0.05
+"""Of what a starting value changes: so much of a law that grows with its only parameter is screened, too (where
+motion is sensitive, what a large change does is no line)."""
+SCAN_REACHES = (0.5, 0.05, 0.005)
+"""Of a law's only parameter, to either side: scans that narrow (dry friction in coarse steps has many local
+optima)."""
+SCAN_PLACES = 25  # that each scan looks at
+CLIPPED_AT = 1e4  # of the residual, to which the change of a sample is clipped [standard deviations]
+
 NO_GATE = Gate()
 LEAST_TIMES = 1e-9  # guards a division: a law that falls with its parameter would do nothing at all
 
@@ -58,7 +68,7 @@ class Directions:
 
     def raw(self, residuals: FloatArray) -> FloatArray:
         """(C, W, M): what residuals (C, W, L + 1, S) in the steps of slopes take off, with nothing projected out."""
-        most = self.problem.run.settings.score_test.clipped_at
+        most = CLIPPED_AT
         return np.stack([np.clip(self._flat(self._from - r), -most, most) for r in residuals])
 
     def projected(self, changes: FloatArray) -> FloatArray:
@@ -70,7 +80,7 @@ class Directions:
         return self._changes(self.parent.residuals, residuals)
 
     def _changes(self, before: FloatArray, residuals: FloatArray) -> FloatArray:
-        most = self.problem.run.settings.score_test.clipped_at
+        most = CLIPPED_AT
         changes = [np.clip(self._flat(before - r), -most, most) for r in residuals]
         return np.stack([self._without(change) for change in changes])
 
@@ -117,7 +127,7 @@ def screened(
     owner: the only one of several recordings in which it acts.
     """
     run = directions.problem.run
-    size = run.settings.sharing.screened_in_a_row
+    size = SCREENED_IN_A_ROW
     chunks = [offers[i : i + size] for i in range(0, len(offers), size)]
     looks = run.side_by_side(_screened, [(directions, chunk, gate, owner) for chunk in chunks])
     return sorted((found for look in looks for found in look), key=lambda item: -item[0])
@@ -126,7 +136,7 @@ def screened(
 def _screened(
     directions: Directions, offers: Sequence[Candidate], gate: Gate, owner: int | None
 ) -> list[tuple[float, Candidate, tuple[float, ...]]]:
-    parent, small = directions.parent.hypothesis, directions.problem.run.settings.score_test.small_start
+    parent, small = directions.parent.hypothesis, SMALL_START
     out = []
     for candidate in offers:
         starts = _looked_at(candidate, small)
@@ -152,9 +162,8 @@ def stretched(
     change = directions.of(child, np.array([[*parent.theta, *start]]))[0].ravel()
     size = float(change @ change)
     value = stronger(p, start[0], float(change @ directions.rest.ravel()) / size if size > 0 else 1.0)
-    settings = directions.problem.run.settings.score_test
-    for reach in settings.scan_reaches:
-        values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, settings.scan_places), p.low, p.high)
+    for reach in SCAN_REACHES:
+        values = np.clip(value * np.linspace(1.0 - reach, 1.0 + reach, SCAN_PLACES), p.low, p.high)
         thetas = np.array([[*parent.theta, v] for v in values])
         value = float(values[np.argmin(directions.objectives(child, thetas))])
     return (value,)

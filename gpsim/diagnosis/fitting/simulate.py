@@ -16,6 +16,12 @@ from gpsim.diagnosis.settings import SharingSettings
 from gpsim.effects import Chain, Values
 from gpsim.kernels import Program, can_compile, program_of
 
+LEAST_ROWS_OF_A_PART = 150  # rows that a part of a batch has: the overhead of its substeps is not split
+WORTH_SENDING = 5e4
+"""Below, a batch is simulated here [rows times substeps] (some ten milliseconds of work)."""
+UNEVEN_FINER = 4.0
+"""Times as many substeps as usual that an uneven clock may have where a delay is simulated."""
+
 
 def simulate(
     run: Run,
@@ -35,7 +41,7 @@ def simulate(
     if not len(windows):
         return np.empty((len(thetas), 0, windows.length + 1, starts.shape[2]))
     starts = tamed(starts)  # a step may have sent one anywhere
-    setting, windows = _set(run, chain, windows, spread, thetas, n)
+    setting, windows = _set(chain, windows, spread, thetas, n)
     _count(run, chain, windows, len(thetas), setting)
     known = extra is None or isinstance(extra, Pushes)
     program = _program(run.settings.sharing, chain) if known else None
@@ -44,7 +50,7 @@ def simulate(
         said = simulated(program, chain, windows, starts, spread, thetas, setting, run.workers.count, pushes)
         if said is not None:
             return said
-    parts = _parts(run.settings.sharing, run.workers.count, len(thetas), len(windows), windows.length * n)
+    parts = _parts(run.workers.count, len(thetas), len(windows), windows.length * n)
     if parts < 2 or not setting.even or extra is not None:
         return _simulated(chain, windows, starts, spread, thetas, setting, extra)
     rows = np.array_split(np.arange(len(windows)), parts)
@@ -80,7 +86,7 @@ def _program(settings: SharingSettings, chain: Chain) -> Program | None:
 
 
 def _set(
-    run: Run, chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
+    chain: Chain, windows: Windows, spread: Spread, thetas: FloatArray, n: int
 ) -> tuple[Setting, Windows]:
     """The setting, and the windows with as much of what was commanded before them as matters."""
     first, which = np.zeros(1, dtype=np.int64), np.zeros(len(thetas), dtype=np.int64)
@@ -99,7 +105,7 @@ def _set(
         even and chain.leaps and not chain.sensors.remember
     )  # sensors look at the substeps before a window
     usual = float(np.median(steps))
-    shortest = usual / run.settings.discretisation.uneven_finer
+    shortest = usual / UNEVEN_FINER
     return Setting(n, even, usual, slots, first, which.reshape(-1), shortest, leaps), windows
 
 
@@ -126,11 +132,11 @@ def _count(run: Run, chain: Chain, windows: Windows, copies: int, setting: Setti
         budget.spend_on_commands(rows, inside, chain.actuators)
 
 
-def _parts(settings: SharingSettings, cores: int, copies: int, windows: int, substeps: int) -> int:
+def _parts(cores: int, copies: int, windows: int, substeps: int) -> int:
     """In how many parts the windows are simulated: as many as there are cores for, where each is worth sending."""
     rows = copies * windows
-    enough = rows * substeps > settings.worth_sending
-    return min(cores, rows // settings.least_rows, windows) if enough else 1
+    enough = rows * substeps > WORTH_SENDING
+    return min(cores, rows // LEAST_ROWS_OF_A_PART, windows) if enough else 1
 
 
 def _run(

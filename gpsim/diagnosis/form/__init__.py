@@ -1,7 +1,7 @@
 """Form: whether a law holds, or was only the nearest one: free curves of the same inputs in its place."""
 
 from gpsim.diagnosis.form.closed_forms import closed_form
-from gpsim.diagnosis.form.forms import forms
+from gpsim.diagnosis.form.forms import NOTICED, forms
 from gpsim.diagnosis.form.free_curve import (
     FreeCurve,
     free_curve,
@@ -15,6 +15,7 @@ from gpsim.diagnosis.form.penalised import Departure
 from gpsim.diagnosis.form.shapes import Measurement, described, measurable, measurement, smooth_start, told
 
 __all__ = [
+    "NOTICED",
     "Departure",
     "FreeCurve",
     "Group",

@@ -17,6 +17,8 @@ from gpsim.diagnosis.report import Curve
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.simulators import Simulator
 
+DRAWN_POINTS = 41  # places at which a curve is drawn
+
 BESIDE = 1e-6  # of the range: a jump at 0 is drawn from there to there
 EDGE = 0.005  # of all samples on either side, beyond which nothing is drawn
 
@@ -27,13 +29,13 @@ def drawn(problem: Problem, hypothesis: Hypothesis, group: Group, curve: Widened
     if group.of == "twist":
         v, w = twists(problem).T
         given["v"] = float(np.median(v))
-        x = _places(w, problem, around_zero=False)
+        x = _places(w, around_zero=False)
         own = [np.full(len(x), given["v"]), x]
         law = of_law(problem, hypothesis, group, tuple(own))
         channel, unit = "w", simulator.rate.units["w"]
     else:
         (channel,) = group.inputs(simulator)
-        x = _places(visited(problem, channel), problem, around_zero=group.of == "speed")
+        x = _places(visited(problem, channel), around_zero=group.of == "speed")
         own, law = [x], of_law(problem, hypothesis, group, (x,))
         unit = (simulator.state + simulator.action).units[channel]
     if curve.further is not None:
@@ -61,7 +63,7 @@ def drawn(problem: Problem, hypothesis: Hypothesis, group: Group, curve: Widened
 def drawn_missing(problem: Problem, lack: LackOfFit, curve: Widened, fitted: Curved) -> Curve:
     """The curve of what is missing over its first input, the other one at its median."""
     simulator = problem.simulator
-    x = _places(visited(problem, lack.on[0]), problem, around_zero=False)
+    x = _places(visited(problem, lack.on[0]), around_zero=False)
     given, own = {}, [x]
     if curve.further is not None:
         given[curve.further] = float(np.median(visited(problem, curve.further)))
@@ -123,10 +125,10 @@ def _numbers(values: FloatArray) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _places(visited: FloatArray, problem: Problem, *, around_zero: bool) -> FloatArray:
+def _places(visited: FloatArray, *, around_zero: bool) -> FloatArray:
     """Where a curve is drawn: evenly over what was visited, and on both sides of a jump at 0."""
     low, high = np.quantile(visited, [EDGE, 1.0 - EDGE])
-    x = np.linspace(low, high, problem.run.settings.form.points)
+    x = np.linspace(low, high, DRAWN_POINTS)
     if not around_zero or not low < 0.0 < high:
         return x
     near = BESIDE * (high - low)

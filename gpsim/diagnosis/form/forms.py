@@ -9,6 +9,10 @@ from gpsim.diagnosis.form.penalised import Departure
 from gpsim.diagnosis.report import Form, Share
 from gpsim.diagnosis.settings import FormSettings
 
+NOTICED = 0.003
+"""Of the mismatch, that the low end of what such a curve explains more must exceed (as much as makes an effect
+needed; cogging beside a positioning axis's constant force gains 0.0002)."""
+
 
 def forms(
     groups: Sequence[Group],
@@ -46,4 +50,4 @@ def _exceeds(gain: Share, least: float) -> bool:
 
 def _far(gain: Share, apart: Departure | None, settings: FormSettings) -> bool:
     """Whether a law is surely another than the curve, which noticeably explains more."""
-    return apart is not None and apart.low > settings.departs and _exceeds(gain, settings.noticed)
+    return apart is not None and apart.low > settings.departs and _exceeds(gain, NOTICED)

@@ -16,7 +16,13 @@ from scipy.special import ndtri
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Problem, Step, damped_step, jacobians, projected, window_costs
 from gpsim.diagnosis.form.widened import Widened
-from gpsim.diagnosis.settings import FormSettings
+from gpsim.diagnosis.settings import schedules
+
+BLOCKS = 8  # blocks of neighbouring windows, each left out once to choose how smooth a curve is
+SMOOTHNESS_WEIGHTS = (-8.0, -6.0, -4.5, -3.0, -1.5, 0.0, 2.0)
+"""Logarithms to base 10 of the weights of a curve's bends, in parts of what the data say."""
+SHRINKAGE_WEIGHTS = (-6.0, -4.0, -2.0, 0.0, 3.0)
+"""Logarithms to base 10 of the weights of a curve's distance from the law, in parts of what the data say."""
 
 BAND = float(ndtri(0.95))  # standard deviations: a 90 % interval
 STEPS = (1.0, 0.5, 0.25, 0.1)  # of a Gauss-Newton step: the best of them is taken
@@ -74,7 +80,7 @@ def penalised(problem: Problem, start: Fit, curve: Widened) -> Curved:
     for _ in range(settings.rounds):
         by_state, by_theta = jacobians(problem, hypothesis, theta, starts, residual)
         around = _in_blocks(problem, residual, by_state, by_theta, variance, theta)
-        penalty, freest = _chosen(around, curve, settings)
+        penalty, freest = _chosen(around, curve)
         goal = np.clip(_solved(around.information.sum(0), around.gradient.sum(0), penalty, theta), *bounds)
         step = damped_step(problem, residual, by_state, by_theta, variance, 0.0, none, theta, *bounds)
         thetas = np.array([theta + share * (goal - theta) for share in STEPS])
@@ -85,7 +91,7 @@ def penalised(problem: Problem, start: Fit, curve: Widened) -> Curved:
         if not costs[best] < costs[-1]:
             break
         theta, starts, residual = thetas[best], moved[best], got[best]
-        if costs[-1] - costs[best] < problem.run.settings.schedules.close:
+        if costs[-1] - costs[best] < schedules.CLOSE:
             break
     return Curved(theta, _covariance(around, freest, curve), _freedom(around, penalty, curve))
 
@@ -122,20 +128,20 @@ def _in_blocks(
     theta: FloatArray,
 ) -> _Quadratic:
     windows = projected(problem, residual, by_state, by_theta, variance, np.zeros(len(residual)))
-    blocks = np.array_split(np.arange(len(residual)), problem.run.settings.form.blocks)
+    blocks = np.array_split(np.arange(len(residual)), BLOCKS)
     information, gradient = (np.stack([part[b].sum(axis=0) for b in blocks]) for part in windows)
     return _Quadratic(information, gradient, theta)
 
 
-def _chosen(around: _Quadratic, curve: Widened, settings: FormSettings) -> tuple[FloatArray, FloatArray]:
+def _chosen(around: _Quadratic, curve: Widened) -> tuple[FloatArray, FloatArray]:
     """(P, P) the penalty with which the other blocks tell most of what a block left out says.
 
     And the best of those that shrink a curve to the law least: how well the data know it is seen with that.
     """
     rest = around.information.sum(0) - around.information, around.gradient.sum(0) - around.gradient
-    free = min(settings.shrinkage)
+    free = min(SHRINKAGE_WEIGHTS)
     found = []
-    for shrinkage, penalty in _penalties(around, curve, settings):
+    for shrinkage, penalty in _penalties(around, curve):
         steps = _solved(*rest, penalty, around.theta) - around.theta
         said = np.einsum("kp,kpq,kq->", steps, around.information, steps)
         found.append((float(0.5 * said - (around.gradient * steps).sum()), shrinkage == free, penalty))
@@ -143,7 +149,7 @@ def _chosen(around: _Quadratic, curve: Widened, settings: FormSettings) -> tuple
     return chosen[2], min((one for one in found if one[1]), key=lambda one: one[0])[2]
 
 
-def _penalties(around: _Quadratic, curve: Widened, settings: FormSettings) -> list[tuple[float, FloatArray]]:
+def _penalties(around: _Quadratic, curve: Widened) -> list[tuple[float, FloatArray]]:
     """All of the grid, (P, P) each after its power of shrinkage, the heaviest first.
 
     Weights are parts of what the data say of the curve.
@@ -151,7 +157,7 @@ def _penalties(around: _Quadratic, curve: Widened, settings: FormSettings) -> li
     told = float(np.trace(around.information.sum(0)[curve.free, curve.free]))
     own = curve.penalties()
     sizes = np.array([told / max(float(np.trace(p)), 1e-300) for p in own])
-    grids = [settings.smoothness, settings.shrinkage, settings.smoothness][: len(own)]
+    grids = [SMOOTHNESS_WEIGHTS, SHRINKAGE_WEIGHTS, SMOOTHNESS_WEIGHTS][: len(own)]
     every = product(*(sorted(grid, reverse=True) for grid in grids))
     return [(powers[1], _weighed(around, curve, own, 10.0 ** np.array(powers) * sizes)) for powers in every]
 

@@ -29,6 +29,12 @@ from gpsim.diagnosis.form.visited import of_law, twists, visited
 from gpsim.diagnosis.selection import LackOfFit
 from gpsim.effects import Effect, Gate, Term
 
+KNOTS_OF_TWO = 5  # knots along each input of a law that has two, as a vehicle's
+KNOTS_OF_PRODUCT = 9  # knots of a curve of one input that a further one multiplies
+FURTHER_KNOTS = 4  # knots along the one further input that lack of fit names
+LEAST_SIDE = 0.02
+"""Of all samples, that must move in a direction for friction to have a curve of its own there."""
+
 LEAST = 0.01  # of a command, a turn rate or a reading: a law that changes it by less is taken to change it by so much
 TINY = 1e-9  # of a size: a law that does nothing has none
 
@@ -78,7 +84,7 @@ def widened(
     if any(len(axis) < 2 for axis in axes):
         return None
     if further is not None:
-        along = knots_of(visited(problem, further), problem.run.settings.form.further_knots)
+        along = knots_of(visited(problem, further), FURTHER_KNOTS)
         if len(along) < 2:
             return None
         axes, inputs = [along, *axes], [visited(problem, further), *inputs]
@@ -102,7 +108,7 @@ def missing(problem: Problem, hypothesis: Hypothesis, lack: LackOfFit) -> Widene
     channels, rate = simulator.state + simulator.action, simulator.rate.index(lack.rate)
     names = tuple(dict.fromkeys(lack.on))[::-1]  # the first of them is drawn: the last axis
     inputs = [visited(problem, name) for name in names]
-    counts = [settings.knots] if len(names) == 1 else [settings.further_knots, settings.knots_of_product]
+    counts = [settings.knots] if len(names) == 1 else [FURTHER_KNOTS, KNOTS_OF_PRODUCT]
     axes = tuple(knots_of(x, count) for x, count in zip(inputs, counts, strict=True))
     if any(len(axis) < 2 for axis in axes):
         return None
@@ -140,13 +146,13 @@ def _own_axes(
     settings = problem.run.settings.form
     if group.of == "twist":
         inputs = list(twists(problem).T)
-        few = settings.knots_of_two
+        few = KNOTS_OF_TWO
         counts = (few, few) if knots is None else (2 * few - 1, few)  # what bends, bends with the speed
         return [knots_of(x, count) for x, count in zip(inputs, counts, strict=True)], inputs
     (name,) = group.inputs(problem.simulator)
-    x, count = visited(problem, name), settings.knots_of_product if product else knots or settings.knots
+    x, count = visited(problem, name), KNOTS_OF_PRODUCT if product else knots or settings.knots
     if group.of == "speed":
-        return [two_sided_knots(x, count, settings.least_side) if group.dry else speed_knots(x, count)], [x]
+        return [two_sided_knots(x, count, LEAST_SIDE) if group.dry else speed_knots(x, count)], [x]
     axis = knots_of(x, count)
     if len(axis) < 2:
         return [axis], [x]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from gpsim.diagnosis.attribution import Attribution, attribute
 from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, fit, gain, scores
 from gpsim.diagnosis.form import (
+    NOTICED,
     FreeCurve,
     Group,
     Measurement,
@@ -33,8 +34,17 @@ from gpsim.diagnosis.judgement.laws import Laws, gains, laws_of
 from gpsim.diagnosis.judgement.ranking import Ranked
 from gpsim.diagnosis.report import MeasuredCurve, Share
 from gpsim.diagnosis.selection import lean
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import Measured, Shape, Term
+
+STANDS = 0.05
+"""Of what a group of laws does, in root mean square, that the low end of a measured curve's difference from it must
+exceed to stand in its place (laws that are right: less than 0.02, with what a simulator's own step leaves; tanh under
+a viscous name 0.18)."""
+FOLLOWS = 0.02
+"""Of what a measured curve does, on squares, that laws of the catalogue may miss to be tried in its place (laws that
+stand for a curve and miss more have lost to it by what made it stand)."""
 
 Key = tuple[str, str, str]
 """Family, place and variant of a curve."""
@@ -93,7 +103,7 @@ def _best(question: Question, found: Curved, offers: Sequence[Candidate], refuse
     problem, leader = question.everything, found.judgement.leader
     fits = []
     for free, beside in _asked(question, found):
-        measured = measurement(problem, beside, free) if _apart(question, free) else None
+        measured = measurement(problem, beside, free) if _apart(free) else None
         if measured is None or measured.key in refused or _has(leader.hypothesis, measured.key):
             continue
         if not problem.run.known.asks(measured.term.identity):
@@ -158,15 +168,15 @@ def _surely(question: Question, found: Curved, more: Share | None, laws: bool) -
     """Whether a curve surely explains more: so much of the mismatch, or, of laws, a good part of what is left."""
     settings, left = question.run.settings, 1.0 - found.attribution.share.share
     part = settings.black_box.more * max(left, 0.0)
-    least = min(settings.form.noticed, part) if laws else settings.form.noticed
+    least = min(NOTICED, part) if laws else NOTICED
     return more is not None and more.low is not None and more.low > least
 
 
-def _apart(question: Question, free: FreeCurve) -> bool:
+def _apart(free: FreeCurve) -> bool:
     """Whether a curve is surely another law than those in its place; where there are none, nothing differs."""
     if free.group is None or not free.group.terms:
         return True
-    return free.departure is not None and free.departure.low > question.run.settings.form.stands
+    return free.departure is not None and free.departure.low > STANDS
 
 
 def _new(group: Group, broken: Sequence[FreeCurve]) -> bool:
@@ -185,9 +195,13 @@ def _fitted(question: Question, leader: Fit, measured: Measurement) -> Fit:
 
 def _fit(question: Question, near: Fit, hypothesis: Hypothesis) -> Fit:
     """An explanation that is near another one's fit."""
-    steps = question.run.settings.schedules
     found = fit(
-        question.everything, hypothesis, near.starts, iterations=steps.refit, tolerance=steps.edge, near=True
+        question.everything,
+        hypothesis,
+        near.starts,
+        iterations=schedules.REFIT,
+        tolerance=schedules.EDGE,
+        near=True,
     )
     return _settled(found)
 
@@ -230,7 +244,7 @@ def _named(question: Question, found: Curved, tried: _Tried) -> Fit | None:
     """The explanation with laws of the catalogue in the curve's place, where these do as well; None where none do."""
     problem, settings = question.everything, question.run.settings
     for near in tried.nearest:
-        if near.law.misses > settings.form.follows:
+        if near.law.misses > FOLLOWS:
             continue
         hypothesis = tried.fit.hypothesis
         (place,) = (

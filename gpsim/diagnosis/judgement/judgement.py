@@ -22,6 +22,9 @@ from gpsim.diagnosis.selection import (
 )
 from gpsim.diagnosis.setup import Question
 
+UNNAMED_P_VALUE = 1e-4
+"""P-value of whiteness below which something is there even where nothing that is known pays."""
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -137,7 +140,7 @@ def _left_over(problem: Problem, leader: Fit) -> tuple[float, LackOfFit | None, 
         remembered = lack_of_memory(problem, leader)
         lack = remembered if remembered is not None and remembered.significant else lack
     settings = problem.run.settings
-    least = settings.acceptance.structured if leader.hypothesis.terms else settings.verdict.unnamed
+    least = settings.acceptance.structured if leader.hypothesis.terms else UNNAMED_P_VALUE
     return p_value, lack, p_value < least or (lack is not None and lack.significant)
 
 

@@ -19,7 +19,15 @@ from gpsim.diagnosis.fitting import (
     scores,
 )
 from gpsim.diagnosis.selection import held_out_fit, pays, whole_robot
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
+
+NEARLY_AS_GOOD = 15.0
+"""Behind, up to which one is fitted behind the leader's gates: its own were placed less closely [nats]."""
+MENDING = 5.0  # ahead, from which a richer fit that does not pay mends the leader's last digits [nats]
+FAR_AHEAD = 100.0
+"""By which a rival may be ahead on training windows, if held-out ones chose the leader [nats] (a probability is a
+number still)."""
 
 ALIKE = 0.02  # of a probability: what differs by less is as likely, and either may lead
 
@@ -77,7 +85,7 @@ def rivals_of(question: Question, leader: Fit, fits: Sequence[Fit]) -> Rivalry:
             by = max(by, 0.0)
         if near:
             weighed.append((rival, by))
-        weight = float(np.exp(-max(by, -settings.far_ahead)))
+        weight = float(np.exp(-max(by, -FAR_AHEAD)))
         if said:
             rivals.append(rival)
             of_rivals.append(weight)
@@ -93,7 +101,7 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
     gates = {t.gate.looks_at: t.gate for t in leader.hypothesis.terms if t.gate}
     if not gates or not others:
         return []
-    settings, steps = problem.run.settings.rivals, problem.run.settings.schedules
+    settings = problem.run.settings.rivals
     nats = scores(problem, [leader, *others])
     orders = []
     for rival, behind in zip(others, nats[0] - nats[1:], strict=True):
@@ -101,9 +109,9 @@ def behind_its_gates(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list
             replace(t, gate=gates.get(t.gate.looks_at, t.gate)) if t.gate else t
             for t in rival.hypothesis.terms
         ]
-        if settings.tie <= behind < settings.nearly and tuple(terms) != rival.hypothesis.terms:
+        if settings.tie <= behind < NEARLY_AS_GOOD and tuple(terms) != rival.hypothesis.terms:
             gated = replace(rival.hypothesis, terms=tuple(terms))
-            orders.append(Order(gated, rival.starts, steps.settle, steps.close))
+            orders.append(Order(gated, rival.starts, schedules.SETTLE, schedules.CLOSE))
     return fit_all(problem, orders[: settings.most])
 
 
@@ -138,7 +146,7 @@ def _mending(problem: Problem, leader: Fit, fits: Sequence[Fit]) -> list[Fit]:
     if not fits:
         return []
     size, nats = len(leader.hypothesis.parameters), scores(problem, [leader, *fits])
-    least = nats[0] + problem.run.settings.rivals.mending
+    least = nats[0] + MENDING
     ahead = [f for f, n in zip(fits, nats[1:], strict=True) if n > least]
     return [f for f in ahead if len(f.hypothesis.parameters) > size and not pays(problem, f, leader)]
 
@@ -177,11 +185,10 @@ def _earned(problem: Problem, leader: Fit, rival: Fit) -> bool:
     """Whether every term of a rival that says more than the leader pays; without it, it is another rival."""
     if len(rival.hypothesis.terms) <= len(leader.hypothesis.terms):
         return True
-    steps = problem.run.settings.schedules
     asked: Sequence[int] = range(len(rival.hypothesis.terms))
     if whole_robot(problem, rival.hypothesis):  # what both have the leader has earned
         theirs = leader.hypothesis.claims
         asked = [i for i in asked if rival.hypothesis.terms[i].identity not in theirs]
     parts = [rival.hypothesis.without(i) for i in asked]
-    orders = [Order(part, rival.starts, steps.refit, steps.close) for part in parts]
+    orders = [Order(part, rival.starts, schedules.REFIT, schedules.CLOSE) for part in parts]
     return all(pays(problem, rival, less) for less in fit_all(problem, orders))

@@ -27,6 +27,12 @@ from gpsim.diagnosis.report import Doubt, Share, StepErrors, Verdict
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.effects import Term
 
+WORSE_ONE_STEP = 1.2
+"""Times the base's error one step ahead: an account that surely makes more of it is not told."""
+ALIKE = 0.2
+"""Of what a headline effect does, by which rivals may differ in its size and claim the same (as far as a law may
+depart from its curve; a Limo's delay is 0.27 s, or 0.13 s beside a lag)."""
+
 
 def verdict_of(
     judgement: Judgement, attribution: Attribution, doubts: Collection[Doubt], settings: Settings
@@ -39,7 +45,7 @@ def verdict_of(
         return "unknown"
     if any(doubt != "odds" for doubt in doubts):
         return "partial"
-    return "ambiguous" if doubts or contested(judgement, attribution, thresholds.alike) else "named"
+    return "ambiguous" if doubts or contested(judgement, attribution, ALIKE) else "named"
 
 
 def as_far_as_asked(verdict: Verdict, attribution: Attribution, known: Known) -> Verdict:
@@ -72,7 +78,7 @@ def _as_large(leader: Hypothesis, index: int, other: Term | None, alike: float) 
     return all(abs(other.values[p.name] - own[p.name]) <= alike * abs(own[p.name] - p.none) for p in sizes)
 
 
-def beats_the_base(attribution: Attribution, one_step: Iterable[StepErrors], settings: Settings) -> bool:
+def beats_the_base(attribution: Attribution, one_step: Iterable[StepErrors]) -> bool:
     """Whether an account is worth telling: better on rollouts, and in no rate much worse one step ahead.
 
     A wrong law may take off what windows show and make every single step worse.
@@ -80,7 +86,7 @@ def beats_the_base(attribution: Attribution, one_step: Iterable[StepErrors], set
     share = attribution.share
     if share.share <= 0.0 or (share.low is not None and share.low <= 0.0):
         return False
-    return not any(_worse(errors, settings.attribution.better) for errors in one_step)
+    return not any(_worse(errors, WORSE_ONE_STEP) for errors in one_step)
 
 
 def _worse(errors: StepErrors, times: float) -> bool:

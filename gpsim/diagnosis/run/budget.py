@@ -5,9 +5,21 @@ A search that has used up what it may spend stops at its best so far: seconds wo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from gpsim.diagnosis.settings import CostSettings
+SUBSTEP_OVERHEAD = 300.0
+"""Rows that a substep costs beside its own, however few these are (timings of one core, roughly)."""
+COST_PER_ROW = 0.8  # rows that one counts as, whatever its channels (timings of one core, roughly)
+COST_PER_CHANNEL = 0.3  # more for each of its channels [rows] (timings of one core, roughly)
+MOST_CHANNELS = 4
+"""Channels that are counted (laws of larger systems take more; beyond these nobody has measured)."""
+DRY_FRICTION_FACTOR = 2.5  # times as much where dry friction acts (timings of one core, roughly)
+CLOSED_STEP_FACTOR = 4.0
+"""Times as much where the simulator owns its integration (by hand: such a row takes ten to forty times as long, and a
+robot may take some minutes)."""
+COST_PER_ACTUATOR = 0.45
+"""Of a row for each actuator that its command passes (timings of one core, roughly)."""
+COST_PER_SENSOR = 0.3  # of a row for each sensor that remembers (timings of one core, roughly)
 
 
 @dataclass
@@ -15,22 +27,20 @@ class Budget:
     """What a diagnosis has spent so far, in simulated rows."""
 
     spent: float = 0.0
-    cost: CostSettings = field(default_factory=CostSettings)
 
     def spend(self, rows: int, substeps: int, *, channels: int, dry: bool, owned: bool) -> None:
         """Count `substeps` substeps of `rows` states each, of so many channels; owned: the simulator makes them."""
-        cost = self.cost
-        size = cost.per_row + cost.per_channel * min(channels, cost.most_channels)
-        size *= cost.closed_step if owned else cost.dry_friction if dry else 1.0
-        self.add(substeps * (cost.overhead + rows) * size)
+        size = COST_PER_ROW + COST_PER_CHANNEL * min(channels, MOST_CHANNELS)
+        size *= CLOSED_STEP_FACTOR if owned else DRY_FRICTION_FACTOR if dry else 1.0
+        self.add(substeps * (SUBSTEP_OVERHEAD + rows) * size)
 
     def spend_on_commands(self, rows: int, substeps: int, actuators: int) -> None:
         """Count what becomes of `rows` commands in each of `substeps` on their way through so many actuators."""
-        self.add(self.cost.per_actuator * actuators * substeps * (self.cost.overhead + rows))
+        self.add(COST_PER_ACTUATOR * actuators * substeps * (SUBSTEP_OVERHEAD + rows))
 
     def spend_on_readings(self, rows: int, substeps: int, sensors: int) -> None:
         """Count what so many sensors that remember make of `rows` states in each of `substeps`."""
-        self.add(self.cost.per_sensor * sensors * substeps * (self.cost.overhead + rows))
+        self.add(COST_PER_SENSOR * sensors * substeps * (SUBSTEP_OVERHEAD + rows))
 
     def add(self, amount: float) -> None:
         """Count what was spent elsewhere: in a worker process."""

@@ -13,6 +13,9 @@ from gpsim.diagnosis.run.pool import Workers
 from gpsim.diagnosis.run.trace import Decision, Trace
 from gpsim.diagnosis.settings import NOTHING_KNOWN, Known, Settings
 
+ANSWERS_REMEMBERED = 6
+"""Answers to a function's questions that are kept (a leader's is asked for again after a few rivals')."""
+
 Result = TypeVar("Result")
 
 
@@ -31,8 +34,8 @@ class Run:
     memo: Memo = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "budget", Budget(cost=self.settings.cost))
-        object.__setattr__(self, "memo", Memo(self.settings.sharing.remembered))
+        object.__setattr__(self, "budget", Budget())
+        object.__setattr__(self, "memo", Memo(ANSWERS_REMEMBERED))
 
     def __reduce__(self) -> tuple[Callable[[Settings, str, Known], Run], tuple[Settings, str, Known]]:
         return _begun_elsewhere, (self.settings, self.trace.step, self.known)

@@ -47,8 +47,26 @@ from gpsim.diagnosis.fitting import (
     window_costs,
 )
 from gpsim.diagnosis.run import kept
-from gpsim.diagnosis.settings import AcceptanceSettings
+from gpsim.diagnosis.settings import AcceptanceSettings, schedules
 from gpsim.effects import IN_EPISODE
+
+LEAST_PART = 1e-4
+"""Of what the base simulator leaves over there, that it must remove (a hundredth of the amplitude: with clean sensors
+the last digits of a law are mended by another one)."""
+ENOUGH_SHARE = 0.002
+"""Of the variance left over, that is enough where the gain is beyond doubt and what is left is white."""
+BETTER_LAW_GAIN = 5.0
+"""Of gain that are beyond doubt for a richer law in a simpler one's place [nats] (it is not one of dozens, so less
+than `beyond_doubt` will do)."""
+SELDOM_PART = 1e-5
+"""Of the mismatch, that a richer law which acts seldom must remove beside a good share of the rest."""
+BEYOND_ALL_DOUBT = 50.0  # of gain for so small a part of the mismatch [nats]
+MOST_OF_IT = 0.5
+"""Of the variance left over, that a richer law may remove instead: any part of the mismatch will do."""
+NO_LAST_DIGITS = 200.0  # of gain for that: the last digits of a law gain less [nats]
+LEAST_HELD = 0.03  # of the samples, that a region or an onset must hold
+MOST_HELD = 0.9  # of the samples, that it may hold: what holds more acts everywhere
+ORDINARY_COST = 1.5  # times the median of all windows' costs: below, nothing unusual is left of a window
 
 
 class Rule(StrEnum):
@@ -124,9 +142,7 @@ def weigh(problem: Problem, richer: Fit, poorer: Fit) -> Acceptance:
         return Acceptance(False, Rule.DOES_NOTHING, nats, share)
     if nats < thresholds.per_term:
         return Acceptance(False, Rule.TOO_FEW_NATS, nats, share)
-    if not all(
-        thresholds.least_held <= held <= thresholds.most_held for held in _held(problem, richer, poorer)
-    ):
+    if not all(LEAST_HELD <= held <= MOST_HELD for held in _held(problem, richer, poorer)):
         return Acceptance(False, Rule.NO_PLACE, nats, share)
     if _in_one_window(problem, richer, poorer):
         return Acceptance(False, Rule.ONE_WINDOW, nats, share)
@@ -168,14 +184,14 @@ def _rule(
         worth = (removed > part * problem.mismatch) & problem.observed
         return bool((worth & (removed > share * poorer.variance)).any())
 
-    if removes(thresholds.good_share, thresholds.least_part):
+    if removes(thresholds.good_share, LEAST_PART):
         return Rule.GOOD_SHARE
     better = _better_law(richer, poorer)
-    doubt = thresholds.better_law if better else thresholds.beyond_doubt
-    if nats > doubt and removes(thresholds.slight_share, thresholds.least_part):
+    doubt = BETTER_LAW_GAIN if better else thresholds.beyond_doubt
+    if nats > doubt and removes(ENOUGH_SHARE, LEAST_PART):
         return Rule.SLIGHT_SHARE
-    seldom = nats > thresholds.beyond_all_doubt and removes(thresholds.good_share, thresholds.seldom_part)
-    most = nats > thresholds.no_last_digits and removes(thresholds.most_of_it, 0.0)
+    seldom = nats > BEYOND_ALL_DOUBT and removes(thresholds.good_share, SELDOM_PART)
+    most = nats > NO_LAST_DIGITS and removes(MOST_OF_IT, 0.0)
     if better and (seldom or most):
         return Rule.BETTER_LAW
     return Rule.TOO_SMALL_A_SHARE
@@ -201,7 +217,7 @@ def on_its_grid(problem: Problem, poorer: Fit, richer: Fit) -> Fit:
 def _finer(problem: Problem, at: Fit) -> Fit:
     """The fit on a grid twice as fine."""
     grid = replace(problem, substeps=2 * problem.substeps)
-    return fit(grid, at.hypothesis, at.starts, iterations=problem.run.settings.schedules.glance, near=True)
+    return fit(grid, at.hypothesis, at.starts, iterations=schedules.GLANCE, near=True)
 
 
 def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
@@ -212,7 +228,7 @@ def _in_one_window(problem: Problem, richer: Fit, poorer: Fit) -> bool:
     thresholds = problem.run.settings.acceptance
     costs = [window_costs(problem, f.residuals[None], poorer.variance)[0] for f in (poorer, richer)]
     worst = int(np.argmax(costs[0] - costs[1]))
-    if costs[1][worst] < thresholds.ordinary * float(np.median(costs[1])):
+    if costs[1][worst] < ORDINARY_COST * float(np.median(costs[1])):
         return False
     others = np.arange(len(problem.windows)) != worst
     rest = problem.on(problem.windows.take(others))

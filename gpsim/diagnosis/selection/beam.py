@@ -31,8 +31,22 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.elimination import doubtful, whole_robot
 from gpsim.diagnosis.selection.required import with_required
-from gpsim.diagnosis.settings import SearchSettings
+from gpsim.diagnosis.settings import SearchSettings, schedules
 from gpsim.effects import Scheme, closed
+
+BEAM_OF_A_ROBOT = 2  # hypotheses that each depth of the search grows on (by hand: as many more are as dear)
+LEAST_LINEAR_GAIN = 1.0  # linear gain that a term must promise, for it to be fitted [nats]
+LEAST_PROMISE = 0.01
+"""Share of the most promising term's linear gain that another must promise, to be fitted."""
+SAME_SCHEME = 1.0  # difference within which rk4 steps are as good as fine ones, and are left out [nats]
+FINE_PREFERENCE = 5.0  # benefit of the doubt for the fine scheme over the base simulator's own step [nats]
+FINE_TWINS = 3  # hypotheses, the best in coarse steps, that are tried finely, too
+FRICTION_SCANS = 3
+"""Scans of the force of dry friction that chatters in coarse steps, each from where the last ended."""
+EXACT_SHARE_OF_NOISE = 2.0
+"""Times the noise floor: what leaves less in coarse steps is not searched for finely once more."""
+OUTDONE = 20.0
+"""By which the usual machine must lead for the beam to grow no deeper [nats] (odds of 5e8 to 1)."""
 
 Note = Callable[[int, int, str], None]
 
@@ -58,7 +72,7 @@ def beam_search(
     found = _grown_beam(problem, offers, ("fine", base), note, begun)
     best, seen = found.fits[0], problem.observed
     coarse = best.hypothesis.terms and best.hypothesis.scheme not in ("fine", "rk4")
-    exact = (best.variance[seen] < (problem.run.settings.search.exact * found.problem.floor[seen]) ** 2).all()
+    exact = (best.variance[seen] < (EXACT_SHARE_OF_NOISE * found.problem.floor[seen]) ** 2).all()
     if not coarse or exact:
         return found
     finely = _grown_beam(problem, offers, ("fine",), note, begun)
@@ -71,23 +85,21 @@ def beam_search(
 def _grown_beam(
     problem: Problem, offers: Sequence[Candidate], schemes: Sequence[Scheme], note: Note, begun: Sequence[Fit]
 ) -> Found:
-    settings, steps = problem.run.settings.search, problem.run.settings.schedules
+    settings = problem.run.settings.search
     nulls = [
-        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=steps.settle)
+        fit(problem, Hypothesis(scheme=s), problem.windows.measured[:, 0], iterations=schedules.SETTLE)
         for s in dict.fromkeys(schemes)
     ]
-    alike = len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < settings.same_scheme
+    alike = len(nulls) > 1 and abs(nulls[0].objective - nulls[1].objective) < SAME_SCHEME
     if "rk4" in schemes and alike:
         nulls = nulls[:1]  # but a coarse step makes friction chatter, whatever it does without friction
-    nulls.sort(
-        key=lambda f: f.objective - (settings.fine_preference if f.hypothesis.scheme == "fine" else 0.0)
-    )
+    nulls.sort(key=lambda f: f.objective - (FINE_PREFERENCE if f.hypothesis.scheme == "fine" else 0.0))
     null = nulls[0]
     seeds = [with_required(problem, f, offers) for f in nulls] if problem.run.known.require else []
     fits, beam = [*nulls, *seeds, *begun], seeds or list(nulls)
     counts = _fitted_per_depth(settings)
     dear = problem.run.settings.closed_step if closed(problem.simulator) is not None else None
-    width = settings.beam if dear is None else dear.beam
+    width = settings.beam if dear is None else BEAM_OF_A_ROBOT
     total = 2 * sum(counts[:1]) + width * sum(counts[1:])
     done, most = 0, problem.run.budget.spent + settings.budget
     if dear is not None and _outdone(problem, nulls, begun):
@@ -129,7 +141,7 @@ def _outdone(problem: Problem, children: Sequence[Fit], begun: Sequence[Fit]) ->
         return False
     nats = scores(problem, [*children, *(rescored(problem, f) for f in begun)])
     ahead = nats[len(children) :].max() - nats[: len(children)].max()
-    return bool(ahead > problem.run.settings.search.outdone)
+    return bool(ahead > OUTDONE)
 
 
 def _fitted_per_depth(settings: SearchSettings) -> list[int]:
@@ -141,10 +153,9 @@ def _fitted_per_depth(settings: SearchSettings) -> list[int]:
 def _fine_twins(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """The best of those in coarse steps once more, finely: the right law may have been met on a coarse grid only."""
     coarse = [f for f in fits if f.hypothesis.scheme != "fine"]
-    new = ranked(problem, coarse)[: problem.run.settings.search.fine_twins] if coarse else []
-    steps = problem.run.settings.schedules
+    new = ranked(problem, coarse)[:FINE_TWINS] if coarse else []
     finely = [(replace(f.hypothesis, scheme="fine"), f.starts) for f in new]
-    return fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in finely])
+    return fit_all(problem, [Order(*one, schedules.REFIT, schedules.ROUGH) for one in finely])
 
 
 def _chattering_twins(
@@ -155,15 +166,14 @@ def _chattering_twins(
     From where the motion is known, over which the force is scanned, and again as the motion becomes better known: a
     fit from nothing gets stuck.
     """
-    steps = problem.run.settings.schedules
     laws = [c for c in offers if c.dry and len(c.declared) == 1 and not c.only_gated]
     plain = [f for f in fits if f.hypothesis.scheme == "fine" and not _gated_terms(f)]
     known = [(c, f.starts) for c in laws for f in plain if c.identity in f.hypothesis.claims]
     found: list[Fit] = []
-    for _ in range(problem.run.settings.search.friction_scans):
+    for _ in range(FRICTION_SCANS):
         scans = problem.run.side_by_side(_scanned, [(problem, coarse, c, starts) for c, starts in known])
         begun = [(child, starts) for child, (_, starts) in zip(scans, known, strict=True)]
-        again = fit_all(problem, [Order(*one, steps.refit, steps.rough) for one in begun])
+        again = fit_all(problem, [Order(*one, schedules.REFIT, schedules.ROUGH) for one in begun])
         found += again
         known = [(c, f.starts) for (c, _), f in zip(known, again, strict=True)]
     return found
@@ -183,21 +193,24 @@ def most_promising(
 
     All are fitted a little, the better half to the end (successive halving).
     """
-    settings, steps = problem.run.settings.search, problem.run.settings.schedules
     parent = directions.parent
     taken = parent.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
-    least = max(settings.least_gain, settings.least_promise * found[0][0]) if found else settings.least_gain
+    least = max(LEAST_LINEAR_GAIN, LEAST_PROMISE * found[0][0]) if found else LEAST_LINEAR_GAIN
     chosen = [one for one in found[:count] if one[0] > least]
     for i, (worth, c, _) in enumerate(found):
         rule = "worth fitting" if i < len(chosen) else "promises too little"
         names = (*parent.hypothesis.names, c.name)
         problem.run.trace.note(names, parent.hypothesis.names, i < len(chosen), rule, gain=worth)
     children = [child_of(parent.hypothesis, c, start) for _, c, start in chosen]
-    begun = fit_all(problem, [Order(child, parent.starts, steps.glance, steps.rough) for child in children])
+    begun = fit_all(
+        problem, [Order(child, parent.starts, schedules.GLANCE, schedules.ROUGH) for child in children]
+    )
     begun.sort(key=lambda f: f.objective)
     better = [f for f in begun[: -(-len(begun) // 2)] if not f.converged]
-    ended = fit_all(problem, [Order(f.hypothesis, f.starts, steps.settle, steps.rough) for f in better])
+    ended = fit_all(
+        problem, [Order(f.hypothesis, f.starts, schedules.SETTLE, schedules.ROUGH) for f in better]
+    )
     return [*ended, *(f for f in begun if not any(f is b for b in better))]
 
 
@@ -245,5 +258,4 @@ def _reduced(problem: Problem, best: Fit) -> list[Fit]:
     if len(best.hypothesis.terms) < 2 or whole_robot(problem, best.hypothesis):
         return []
     parts = [best.hypothesis.without(i) for i in doubtful(problem, best)]
-    steps = problem.run.settings.schedules
-    return fit_all(problem, [Order(part, best.starts, steps.refit, steps.rough) for part in parts])
+    return fit_all(problem, [Order(part, best.starts, schedules.REFIT, schedules.ROUGH) for part in parts])

@@ -16,6 +16,9 @@ from gpsim.diagnosis.settings import GateSettings
 from gpsim.effects import EPISODE, LooksAt, closed
 from gpsim.recordings import evenly
 
+BINS_OF_A_ROBOT = 12  # bins of a channel, or of time, in one of which a term is switched on at a time
+EDGE_MARGIN = 0.05  # share of a channel's range by which the outer edges lie beyond what was visited
+
 TURN = 2.0 * np.pi  # of a circle, in radians
 
 
@@ -26,7 +29,7 @@ def bin_edges(problem: Problem, channel: LooksAt) -> FloatArray:
     """
     windows, settings = problem.windows, problem.run.settings.gates
     if closed(problem.simulator) is not None:
-        settings = replace(settings, bins=problem.run.settings.closed_step.bins)
+        settings = replace(settings, bins=BINS_OF_A_ROBOT)
     if channel is EPISODE:
         return _between_episodes(settings, windows.episode)
     if channel is None:
@@ -35,7 +38,7 @@ def bin_edges(problem: Problem, channel: LooksAt) -> FloatArray:
     if channel not in names:
         return _bins(settings, windows.actions[..., problem.simulator.action.index(channel)].ravel())
     values = windows.measured[..., names.index(channel)][windows.valid]
-    if turns(problem, channel) and (1 + 2 * settings.margin) * np.ptp(values) > TURN:
+    if turns(problem, channel) and (1 + 2 * EDGE_MARGIN) * np.ptp(values) > TURN:
         return _round_bins(settings, values)
     return _bins(settings, values)
 
@@ -84,7 +87,7 @@ def _bins(
     inner = np.unique(np.quantile(values, np.linspace(0, 1, settings.bins + 1)))
     if len(inner) < 2:
         return inner
-    margin = settings.margin * (inner[-1] - inner[0])
+    margin = EDGE_MARGIN * (inner[-1] - inner[0])
     inner[0] = max(inner[0] - margin, least)
     inner[-1] = min(inner[-1] + margin, most)
     return inner

@@ -24,7 +24,17 @@ from gpsim.diagnosis.fitting import (
     projected,
 )
 from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.selection.gates import COARSE_SPACING, NEAR_REACH, TRIAL_BUDGET
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import Gate
+
+TRIMMED = 0.1
+"""Share of the windows, at either end, in which nothing is said to begin (by hand; Andrews (1993) recommends
+0.15)."""
+LEAST_GAIN_OF_AN_ONSET = 10.0
+"""Gain that an onset must promise [nats] (by hand: it is the best of many moments, so more than a term needs)."""
+ONSETS_FITTED = 2  # onsets that are fitted, those that promise most
+ALIKE_ONSETS = 0.5  # share of the best onset's gain that another must promise, to be fitted
 
 RIDGE = 1e-9  # of a parameter's own information, so that what the windows leave open can be solved for, too
 
@@ -44,18 +54,18 @@ def begun_later(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> l
 
     Terms that no gate may limit are left alone.
     """
-    settings, edges = problem.run.settings.change_points, problem.run.settings.gate_edges
     gateable = {c.identity for c in offers if c.gateable and not c.only_gated}
     terms = enumerate(leader.hypothesis.terms)
     open_ones = [i for i, t in terms if not t.gate and not t.variant and t.identity in gateable]
-    found = [o for o in onsets(problem, leader, open_ones) if o.gain > settings.least_gain]
+    found = [o for o in onsets(problem, leader, open_ones) if o.gain > LEAST_GAIN_OF_AN_ONSET]
     most = max((o.gain for o in found), default=0.0)
-    alike = [o for o in found if o.gain > settings.alike * most]
-    best = sorted(alike, key=lambda o: -o.gain)[: settings.fitted]
+    alike = [o for o in found if o.gain > ALIKE_ONSETS * most]
+    best = sorted(alike, key=lambda o: -o.gain)[:ONSETS_FITTED]
     children = [leader.hypothesis.having(o.theta).gated(o.index, o.gate) for o in best]
-    steps = problem.run.settings.schedules
-    fits = fit_all(problem, [Order(child, leader.starts, steps.settle, steps.rough) for child in children])
-    how = (edges.near_reach, edges.coarse_spacing, edges.trial_budget)
+    fits = fit_all(
+        problem, [Order(child, leader.starts, schedules.SETTLE, schedules.ROUGH) for child in children]
+    )
+    how = (NEAR_REACH, COARSE_SPACING, TRIAL_BUDGET)
     calls = [(problem, f, o.index, *how) for f, o in zip(fits, best, strict=True)]
     return problem.run.side_by_side(placed, calls)
 
@@ -68,7 +78,7 @@ def onsets(problem: Problem, at: Fit, terms: Sequence[int]) -> list[Onset]:
     windows = problem.windows
     clocks: list[FloatArray | IntArray] = [windows.t[:, 0]]
     clocks += [windows.episode] if windows.own_clocks else []
-    trimmed = problem.run.settings.change_points.trimmed
+    trimmed = TRIMMED
     orders = [_ordered(clock, trimmed) for clock in clocks]
     if not terms or not any(moments for _, moments in orders):
         return []

@@ -33,11 +33,17 @@ from gpsim.diagnosis.fitting import (
 from gpsim.diagnosis.selection.acceptance import on_its_grid, pays
 from gpsim.diagnosis.selection.elimination import for_screening, likeliest, on_some_windows
 from gpsim.diagnosis.selection.held_out import held_out_objective
-from gpsim.diagnosis.selection.refit import Contenders
-from gpsim.diagnosis.selection.stepwise import stepwise
-from gpsim.diagnosis.selection.substitution import left_open
+from gpsim.diagnosis.selection.refit import CONTRADICTING_LOSS, Contenders
+from gpsim.diagnosis.selection.stepwise import LEAST_ADVANCE, LEAST_GAIN_OF_A_TERM, SIMPLIFIED, stepwise
+from gpsim.diagnosis.selection.substitution import AS_WELL, SUBSTITUTES_FITTED, left_open
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import Gate, base_name, owner_of
+
+DIFFERENCE_ROUNDS = 2  # times that what they share is searched again with them
+DIFFERENCES_FITTED = 9  # of those screened, that are fitted, the most promising first
+MOVED_TO_SCREEN = 0.2
+"""Of what a shared effect does, by which its values are moved in one recording, to screen it."""
 
 Promise = tuple[float, Hypothesis]
 """Nats that a hypothesis promises over the leader, and the hypothesis."""
@@ -56,7 +62,7 @@ def told_apart_to_the_end(
     question: Question, contenders: Contenders, offers: Sequence[Candidate], tell: Callable[[str], None]
 ) -> Contenders:
     """The same, and what recordings share searched on with that, until nothing changes."""
-    for _ in range(question.run.settings.differences.rounds):
+    for _ in range(DIFFERENCE_ROUNDS):
         tell("what differs between the recordings?")
         found = told_apart(question, contenders, offers)
         if found.leader is contenders.leader:
@@ -69,7 +75,7 @@ def _with_differences(
     question: Question, leader: Fit, offers: Sequence[Candidate], count: int
 ) -> tuple[Fit, list[Fit]]:
     """The leader with values of recordings' own as long as these pay, and all that was tried."""
-    problem, steps = question.everything, question.run.settings.schedules
+    problem = question.everything
     settings, tried = problem.run.settings.differences, [leader]
     most = problem.run.budget.spent + settings.budget
     best = _as_own(problem, leader, count)
@@ -82,7 +88,7 @@ def _with_differences(
         if not better:
             break
         found = likeliest(problem, better)
-        order = Order(found.hypothesis, found.starts, steps.finish, steps.final, near=True)
+        order = Order(found.hypothesis, found.starts, schedules.FINISH, schedules.FINAL, near=True)
         best = _alike_again(problem, fit_order(problem, order))
         best = _exchanged(problem, best, offers)
     return best, tried[1:]
@@ -97,7 +103,7 @@ def _stands(question: Question, child: Fit, leader: Fit) -> bool:
         return True
     before, after = (held_out_objective(held_out, f.hypothesis) for f in (leader, child))
     won = gain(problem, child, on_its_grid(problem, leader, child))
-    if after - before < problem.run.settings.pruning.contradicts * won:
+    if after - before < CONTRADICTING_LOSS * won:
         return True
     names = child.hypothesis.names, leader.hypothesis.names
     problem.run.trace.note(*names, False, "held-out windows contradict", gain=before - after)
@@ -106,15 +112,14 @@ def _stands(question: Question, child: Fit, leader: Fit) -> bool:
 
 def _children(problem: Problem, leader: Fit, offers: Sequence[Candidate], count: int) -> list[Fit]:
     """The leader with a value of one recording's own more, of those that promise most, fitted."""
-    settings, steps = problem.run.settings.differences, problem.run.settings.schedules
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, seen)
     promises = [*_of_the_account(directions, count), *_of_one_recording(directions, offers, count)]
-    more, least = len(problem.windows) / len(part.windows), problem.run.settings.stepwise.least_gain
+    more, least = len(problem.windows) / len(part.windows), LEAST_GAIN_OF_A_TERM
     promises = sorted((p for p in promises if more * p[0] > least), key=lambda p: -p[0])
-    chosen = [hypothesis for _, hypothesis in promises[: settings.fitted]]
-    orders = [Order(hypothesis, leader.starts, steps.glance, steps.rough) for hypothesis in chosen]
-    return fit_near(problem, orders, steps.settle, steps.rough)
+    chosen = [hypothesis for _, hypothesis in promises[:DIFFERENCES_FITTED]]
+    orders = [Order(hypothesis, leader.starts, schedules.GLANCE, schedules.ROUGH) for hypothesis in chosen]
+    return fit_near(problem, orders, schedules.SETTLE, schedules.ROUGH)
 
 
 def _of_the_account(directions: Directions, count: int) -> list[Promise]:
@@ -131,7 +136,7 @@ def _of_the_account(directions: Directions, count: int) -> list[Promise]:
         alone = not shared and len(free) == 1  # what nobody else has as its own is shared
         for owner in [None] if alone else free:
             child = _where_it_is_not(leader, index) if owner is None else leader.with_own(index, owner)
-            thetas = _moved(directions.problem, child, index, owner)
+            thetas = _moved(child, index, owner)
             out.append((float(directions.gains(child, thetas).max()), child.having(thetas[0])))
     return out
 
@@ -142,9 +147,9 @@ def _where_it_is_not(leader: Hypothesis, index: int) -> Hypothesis:
     return leader.with_shared(index, list(declared.values()))
 
 
-def _moved(problem: Problem, child: Hypothesis, index: int, owner: int | None) -> FloatArray:
+def _moved(child: Hypothesis, index: int, owner: int | None) -> FloatArray:
     """(C, P) the child's values, one of those that are new moved by a part of what it does in each."""
-    share, out = problem.run.settings.differences.moved, []
+    share, out = MOVED_TO_SCREEN, []
     before = sum(len(group) for group in child.declared[:index])
     for place, p in enumerate(child.declared[index]):
         if owner_of(p.name) != owner:
@@ -169,7 +174,6 @@ def _of_one_recording(directions: Directions, offers: Sequence[Candidate], count
 
 def _as_own(problem: Problem, leader: Fit, count: int) -> Fit:
     """The leader, in which what acts since the last recording, or about since then, is that recording's own."""
-    steps = problem.run.settings.schedules
     for index, term in enumerate(leader.hypothesis.terms):
         since = term.gate.since_episode
         if since is None or term.gate != Gate(since_episode=since) or not _may_do_nothing(leader, index):
@@ -180,7 +184,7 @@ def _as_own(problem: Problem, leader: Fit, count: int) -> Fit:
         if whole != [count - 1]:
             continue
         own = leader.hypothesis.gated(index, Gate()).with_own(index, count - 1).without_shared(index)
-        order = Order(own, leader.starts, steps.refit, steps.close, near=True)
+        order = Order(own, leader.starts, schedules.REFIT, schedules.CLOSE, near=True)
         leader = likeliest(problem, [leader, fit_order(problem, order)])
     return leader
 
@@ -193,10 +197,11 @@ def _may_do_nothing(leader: Fit, index: int) -> bool:
 
 def _alike_again(problem: Problem, leader: Fit) -> Fit:
     """The leader without values of a recording's own that no longer pay: another one has taken their place."""
-    steps = problem.run.settings.schedules
     while True:
         parts = [part for i in range(len(leader.hypothesis.terms)) for part in _less(leader.hypothesis, i)]
-        fits = fit_all(problem, [Order(part, leader.starts, steps.refit, steps.close) for part in parts])
+        fits = fit_all(
+            problem, [Order(part, leader.starts, schedules.REFIT, schedules.CLOSE) for part in parts]
+        )
         spare = [f for f in fits if not pays(problem, leader, f)]
         if not spare:
             return leader
@@ -218,16 +223,14 @@ def _exchanged(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fi
 
     A gain and a damping of one day may be its mass; what two laws say of one place in two recordings may be one law.
     """
-    settings = problem.run.settings.substitution
     children = [h for i in range(len(leader.hypothesis.terms)) for h in _instead(problem, leader, i, offers)]
-    steps = problem.run.settings.schedules
-    orders = [Order(child, leader.starts, steps.glance, steps.rough) for child in children]
-    fits = fit_near(problem, orders, steps.settle, steps.rough)
-    near = sorted((f for f in fits if f.objective < leader.objective + settings.as_well), key=_objective)
-    leaned = [_alike_again(problem, f) for f in near[: problem.run.settings.stepwise.simplified]]
+    orders = [Order(child, leader.starts, schedules.GLANCE, schedules.ROUGH) for child in children]
+    fits = fit_near(problem, orders, schedules.SETTLE, schedules.ROUGH)
+    near = sorted((f for f in fits if f.objective < leader.objective + AS_WELL), key=_objective)
+    leaned = [_alike_again(problem, f) for f in near[:SIMPLIFIED]]
     best = likeliest(problem, [leader, *leaned])
     nats = scores(problem, [best, leader])
-    return best if nats[0] > nats[1] + problem.run.settings.stepwise.least_advance else leader
+    return best if nats[0] > nats[1] + LEAST_ADVANCE else leader
 
 
 def _objective(fit: Fit) -> float:
@@ -244,7 +247,7 @@ def _instead(problem: Problem, leader: Fit, index: int, offers: Sequence[Candida
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, left_open(part, seen, index))
     asked = [c for c in _asked(offers, hypothesis) if c.identity != term.identity]
-    found = screened(directions, asked, owner=owner)[: problem.run.settings.substitution.fitted]
+    found = screened(directions, asked, owner=owner)[:SUBSTITUTES_FITTED]
     rest = hypothesis.without(index)
     same = [c for c in offers if (c.identity, c.variant) == (term.identity, term.variant)]
     return [child_of(rest, c, start, owner) for _, c, start in found] + [

@@ -20,10 +20,33 @@ from gpsim.diagnosis.fitting import (
     scores,
 )
 from gpsim.diagnosis.run import kept
-from gpsim.diagnosis.selection.acceptance import pays
+from gpsim.diagnosis.selection.acceptance import LEAST_PART, pays
 from gpsim.diagnosis.selection.gate_edges import placed
+from gpsim.diagnosis.selection.gates import NEAR_REACH
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import Effect, Gate, closed
 from gpsim.recordings import evenly
+
+SCREENING_WINDOWS_OF_A_ROBOT = 48
+"""Windows of the usual length, on which terms to add or to put in another's place are screened."""
+FINE_SPACING = 2e-4  # least spacing of a scan for what is compared with the leader
+SCREENING_WINDOWS = 120
+"""Windows, of the usual length, on which terms to add or to put in another's place are screened."""
+FIRST_LOOK_WINDOWS = 80  # windows, of the usual length, on which a first look shows what may not be needed
+MANY_WINDOWS = 1.5  # times as many as these: where there are no more than that, there is no first look
+CLEAR_LOSS = 30.0  # loss on those windows that settles that something is needed [nats]
+CLEAR_SHARE = 0.2  # share of the variance left over without it that it must remove besides
+SMALL_ACCOUNT = 5  # terms of an account of which each is left out by a fit of its own
+SURELY_NEEDED = 60.0
+"""That leaving a smooth term out of a larger account costs at least where it is needed for sure [nats]."""
+SURELY_NEEDED_SHARE = 0.05
+"""Of all that is left over, that it must explain besides (more than twice a good share)."""
+HOPELESS_LOSS = 600.0  # loss after a few iterations that no further ones make good [nats]
+HOPELESS_SHARE = 0.5  # share of the variance left over that what was taken out must have removed besides
+EDGE_WORTH = 100.0  # loss that edges which are a little off may make good, moved [nats]
+EDGE_BUDGET = 2e7
+"""Effort for the edges of one gate where a term is taken out [simulated rows] (by hand, for a minute of one core at
+most; 2e8 rows take about twenty seconds)."""
 
 
 def lean(problem: Problem, leader: Fit) -> Fit:
@@ -62,12 +85,12 @@ def doubtful(problem: Problem, leader: Fit) -> list[int]:
     What costs far more than a term must bring, by the quadratic around the fit, is needed without a fit that says so.
     The cheapest come first.
     """
-    settings, count = problem.run.settings.elimination, len(leader.hypothesis.terms)
-    if count <= settings.small:
+    count = len(leader.hypothesis.terms)
+    if count <= SMALL_ACCOUNT:
         return list(range(count))
     around = quadratic(problem, leader)
     tau = float(np.maximum(correlation_time(problem, leader.residuals)[problem.observed], 1.0).max())
-    needed = max(settings.surely * tau, settings.surely_share * float(problem.counts.sum()) / 2)
+    needed = max(SURELY_NEEDED * tau, SURELY_NEEDED_SHARE * float(problem.counts.sum()) / 2)
     costs = around.costs()
     order = [int(i) for i in np.argsort(costs)]
     return [i for i in order if not (around.smooth[i] and costs[i] > needed)]
@@ -109,7 +132,7 @@ def whole_robot(problem: Problem, hypothesis: Hypothesis) -> bool:
     if closed(problem.simulator) is None:
         return False
     rows = [is_row(term.effect) and not term.gate for term in hypothesis.terms]
-    return len(rows) > problem.run.settings.elimination.small or (len(rows) >= ROWS and all(rows))
+    return len(rows) > SMALL_ACCOUNT or (len(rows) >= ROWS and all(rows))
 
 
 STARTS = 3  # steps of a fit of start states by slopes that are known
@@ -123,10 +146,9 @@ def is_row(effect: Effect) -> bool:
 
 def for_screening(problem: Problem) -> int:
     """On how many windows of the usual length every term is screened: fewer where steps are dear."""
-    settings = problem.run.settings
     if closed(problem.simulator) is None:
-        return settings.stepwise.screening_windows
-    return settings.closed_step.screened
+        return SCREENING_WINDOWS
+    return SCREENING_WINDOWS_OF_A_ROBOT
 
 
 def _windows(problem: Problem, usual: int) -> int:
@@ -136,23 +158,22 @@ def _windows(problem: Problem, usual: int) -> int:
 
 def _fitted_unless_needed(problem: Problem, leader: Fit, parts: Sequence[Hypothesis]) -> list[Fit]:
     """The parts fitted on all windows, but for those that a first look at some of them rules out."""
-    settings, steps = problem.run.settings.elimination, problem.run.settings.schedules
-    if len(problem.windows) > settings.many_windows * _windows(problem, settings.windows):
-        some, seen = on_some_windows(problem, leader, settings.windows)
+    if len(problem.windows) > MANY_WINDOWS * _windows(problem, FIRST_LOOK_WINDOWS):
+        some, seen = on_some_windows(problem, leader, FIRST_LOOK_WINDOWS)
         seen = rescored(some, seen)
-        orders = [Order(part, seen.starts, steps.refit, steps.rough) for part in parts]
+        orders = [Order(part, seen.starts, schedules.REFIT, schedules.ROUGH) for part in parts]
         looks = _all_as_finely(some, leader, orders)
         grids = [some.as_finely(look.hypothesis, leader.hypothesis) for look in looks]
         looks = _all_with_moved_edges([(grid, look, seen) for grid, look in zip(grids, looks, strict=True)])
-        needed = [_worse(some, look, seen, settings.clear, settings.clear_share) for look in looks]
+        needed = [_worse(some, look, seen, CLEAR_LOSS, CLEAR_SHARE) for look in looks]
         parts = [look.hypothesis for look, is_needed in zip(looks, needed, strict=True) if not is_needed]
-        orders = [Order(part, leader.starts, steps.refit, steps.close, near=True) for part in parts]
+        orders = [Order(part, leader.starts, schedules.REFIT, schedules.CLOSE, near=True) for part in parts]
         return fit_all(problem, orders)
-    orders = [Order(part, leader.starts, steps.trial, steps.close) for part in parts]
+    orders = [Order(part, leader.starts, schedules.TRIAL, schedules.CLOSE) for part in parts]
     begun = _all_as_finely(problem, leader, orders)
     begun = [f for f in begun if not _hopeless(problem, f, leader)]
     unfinished = [f for f in begun if not f.converged or _finer(problem, f, leader)]
-    more = [Order(f.hypothesis, f.starts, steps.settle, steps.close, near=True) for f in unfinished]
+    more = [Order(f.hypothesis, f.starts, schedules.SETTLE, schedules.CLOSE, near=True) for f in unfinished]
     fits = fit_all(problem, more)
     ended = [*fits, *(f for f in begun if not any(f is u for u in unfinished))]
     return _all_with_moved_edges([(problem, f, leader) for f in ended])
@@ -184,10 +205,10 @@ def _with_moved_edges(problem: Problem, less: Fit, leader: Fit) -> Fit:
     An edge that is a little off makes other terms look needed: a region moved by a millimetre is a sensor's bias, or
     something slight.
     """
-    edges, budget = problem.run.settings.gate_edges, problem.run.settings.elimination.edge_budget
+    budget = EDGE_BUDGET
     for index, term in enumerate(less.hypothesis.terms):
         if term.gate and _edges_may_help(problem, less, leader):
-            less = placed(problem, less, index, edges.near_reach, edges.fine_spacing, budget)
+            less = placed(problem, less, index, NEAR_REACH, FINE_SPACING, budget)
     return less
 
 
@@ -197,20 +218,19 @@ def _edges_may_help(problem: Problem, less: Fit, leader: Fit) -> bool:
         return False
     gone = leader.hypothesis.claims - less.hypothesis.claims
     shifting = any(t.effect.site == "sensor" for t in leader.hypothesis.terms if t.identity in gone)
-    near = shifting or less.objective < leader.objective + problem.run.settings.elimination.edge_worth
+    near = shifting or less.objective < leader.objective + EDGE_WORTH
     return near and pays(problem, leader, less)
 
 
 def _hopeless(problem: Problem, begun: Fit, leader: Fit) -> bool:
     """Whether no further iterations make it good; of one with a gate, whose edges will move, nobody knows."""
-    settings = problem.run.settings.elimination
     gated = any(term.gate for term in begun.hypothesis.terms)
-    return not gated and _worse(problem, begun, leader, settings.hopeless, settings.hopeless_share)
+    return not gated and _worse(problem, begun, leader, HOPELESS_LOSS, HOPELESS_SHARE)
 
 
 def _worse(problem: Problem, look: Fit, leader: Fit, nats: float, least_share: float) -> bool:
     """Whether it is worse by so many nats, and by a share of what is left and of the mismatch in some channel."""
     removed = look.variance - leader.variance
-    least_part = problem.run.settings.acceptance.least_part * problem.mismatch
+    least_part = LEAST_PART * problem.mismatch
     large = (removed > least_share * look.variance) & (removed > least_part)
     return bool(large[problem.observed].any()) and look.objective > leader.objective + nats

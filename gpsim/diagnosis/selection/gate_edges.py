@@ -14,7 +14,14 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Directions, Fit, Hypothesis, Order, Problem, fit, fit_order
 from gpsim.diagnosis.selection.bins import range_around
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import EPISODE, FROM, TO, EffectParameter, Gate, LooksAt
+
+PLACES_OF_A_SCAN = 8  # places on each side of an edge that a scan looks at
+SCAN_NARROWING = 5.0  # times shorter than the last is the next scan's reach
+SCAN_REPEATS = 2  # scans with the same reach that may follow one which moved an edge
+INDISTINCT = 0.2  # difference that does not tell two places of an edge apart [nats]
+TYPICAL_SHIFT = 0.1  # share of a channel's range that a joint fit takes for the typical size of an edge
 
 EDGES = tuple(  # open on both sides: where they may lie is known to a joint fit only
     EffectParameter(name, "", -np.inf, np.inf, (0.0,), 1.0) for name in (FROM, TO)
@@ -67,7 +74,7 @@ def placed(
     reach, stays = share * spread, 0
     sides, most = {0, 1}, problem.run.budget.spent + (settings.budget if budget is None else budget)
     around: Directions | None = None
-    while sides and reach / settings.places > finest * spread and problem.run.budget.spent < most:
+    while sides and reach / PLACES_OF_A_SCAN > finest * spread and problem.run.budget.spent < most:
         moved, before = False, at
         for side in sorted(sides):
             if _Span.of(at, index, outer).stays(side):
@@ -76,16 +83,16 @@ def placed(
             if around is None or around.parent is not at:
                 around = Directions(problem, at)
             at, step, tells = _scanned(around, index, outer, side, reach)
-            moved |= step > reach / settings.places
+            moved |= step > reach / PLACES_OF_A_SCAN
             if not tells:
                 sides.discard(side)
         if at is not before:
             at = _joint(problem, at, index, outer)
         stays = 0 if not moved else stays + 1
         if (
-            not moved or stays > settings.repeats
+            not moved or stays > SCAN_REPEATS
         ):  # a move changes the other edge and the parameters: look as far once more
-            reach, stays = reach / settings.narrowing, 0
+            reach, stays = reach / SCAN_NARROWING, 0
     return at
 
 
@@ -94,14 +101,14 @@ def _first_episode(problem: Problem, at: Fit, index: int) -> Fit:
 
     These windows need not hold any of the one that it is said to have begun with.
     """
-    known, steps = np.unique(problem.windows.episode), problem.run.settings.schedules
-    indistinct = problem.run.settings.gate_edges.indistinct
+    known = np.unique(problem.windows.episode)
+    indistinct = INDISTINCT
     for side in (1, -1):
         began = at.hypothesis.terms[index].gate.since_episode
         place = int(np.searchsorted(known, 0 if began is None else began)) + side
         while 0 < place < len(known):
             gated = at.hypothesis.gated(index, Gate(since_episode=int(known[place])))
-            tried = fit(problem, gated, at.starts, iterations=steps.settle, tolerance=steps.edge)
+            tried = fit(problem, gated, at.starts, iterations=schedules.SETTLE, tolerance=schedules.EDGE)
             if tried.objective > at.objective - indistinct:
                 break
             at, place = tried, place + side
@@ -155,13 +162,12 @@ def _scanned(
     With how far that is, and whether the likelihood tells these places apart.
     """
     problem, at = around.problem, around.parent
-    settings = problem.run.settings.gate_edges
     span = _Span.of(at, index, outer)
     edges = np.array([span.low, span.high])
-    places = edges[side] + reach * np.linspace(-1, 1, 2 * settings.places + 1)
+    places = edges[side] + reach * np.linspace(-1, 1, 2 * PLACES_OF_A_SCAN + 1)
     kept = (places > outer[0]) & (places < outer[1])
     kept &= (places < edges[1]) if side == 0 else (places > edges[0])
-    kept[settings.places] = True
+    kept[PLACES_OF_A_SCAN] = True
     places = places[kept]
     both = np.tile(edges, (len(places), 1))
     both[:, side] = places
@@ -169,28 +175,26 @@ def _scanned(
     theta = np.tile(at.hypothesis.theta, (len(places), 1))
     thetas = np.hstack([theta[:, :split], both, theta[:, split:]])
     costs = around.objectives(span.declared(at.hypothesis, index), thetas)
-    place = _middle(places, costs, settings.indistinct)
+    place = _middle(places, costs, INDISTINCT)
     here = float(costs[np.argmin(np.abs(places - edges[side]))])
-    tells = bool(costs.max() > costs.min() + settings.indistinct)
-    if costs.min() > here - settings.indistinct:
+    tells = bool(costs.max() > costs.min() + INDISTINCT)
+    if costs.min() > here - INDISTINCT:
         return at, 0.0, tells
     moved = replace(span, low=place) if side == 0 else replace(span, high=place)
     hypothesis = at.hypothesis.gated(index, moved.gate)
-    steps = problem.run.settings.schedules
-    tried = fit_order(problem, Order(hypothesis, at.starts, steps.glance, steps.edge, near=True))
+    tried = fit_order(problem, Order(hypothesis, at.starts, schedules.GLANCE, schedules.EDGE, near=True))
     better = tried.objective < at.objective
     return (tried, abs(place - float(edges[side])), tells) if better else (at, 0.0, tells)
 
 
 def _joint(problem: Problem, at: Fit, index: int, outer: tuple[float, float]) -> Fit:
     """The fit with the edges that lie inside the range and all parameters fitted together."""
-    settings, steps = problem.run.settings.gate_edges, problem.run.settings.schedules
     span = _Span.of(at, index, outer)
     first, last = span.outer
     movable = [e for e, place in zip(EDGES, (span.low, span.high), strict=True) if span.inside(place)]
-    free = [replace(e, low=first, high=last, scale=settings.typical_shift * (last - first)) for e in movable]
+    free = [replace(e, low=first, high=last, scale=TYPICAL_SHIFT * (last - first)) for e in movable]
     loose = span.declared(at.hypothesis, index, free)
-    found = fit_order(problem, Order(loose, at.starts, steps.settle, steps.edge, near=True))
+    found = fit_order(problem, Order(loose, at.starts, schedules.SETTLE, schedules.EDGE, near=True))
     values = dict(found.hypothesis.terms[index].values)
     span = replace(span, low=values.pop(FROM), high=values.pop(TO))
     if span.low >= span.high or found.objective >= at.objective:

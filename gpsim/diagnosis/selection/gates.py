@@ -28,7 +28,23 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.bins import TURN, bin_edges, goes_round, nearest_turn, turns
 from gpsim.diagnosis.selection.gate_edges import declared_edges, gate_between, placed
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import EPISODE, LooksAt, effect_of, has_patch
+
+LEAST_BINS = 3  # bins that a channel must fill, for gates to be looked for there
+LEAST_GAIN_OF_A_GATE = 5.0  # linear gain that a gate must promise over the term acting everywhere [nats]
+PROMISING_GATES = 6  # terms, the best that act everywhere, which are looked at behind gates
+GATES_FITTED = 4  # terms behind a gate that are fitted
+GATES_PLACED = 2  # terms of those of which the edges are placed
+FAR_REACH = 1 / 5  # how far to both sides the first scan looks where an edge is in doubt
+NEAR_REACH = 1 / 12  # the same where the edge is known to a bin or two
+COARSE_SPACING = 1e-2  # least spacing of a scan where gates are only tried
+FINEST_SPACING = 2e-5  # least spacing of a scan for what is answered in the end
+THRESHOLD_GAIN = 1.0
+"""Gain of thresholds of jumping laws, fitted anew, after which edges are placed once more [nats]."""
+TRIAL_BUDGET = 2.5e7
+"""The same where gates are only tried [simulated rows] (by hand: 1e7 rows take about a second of one core, and gates
+are many)."""
 
 MOMENTS: tuple[LooksAt, ...] = (None, EPISODE)
 """What an onset is one of: it lasts to the end."""
@@ -65,9 +81,8 @@ def gated_children(
     windows, thresholds are looked at from all their starting values and limits from the lowest, too: acting everywhere
     dilutes one that began late.
     """
-    settings = problem.run.settings.gates
     looked_at = region_channels(problem) if channels is None else channels
-    promising = sorted(plain, key=lambda f: f.objective)[: settings.promising]
+    promising = sorted(plain, key=lambda f: f.objective)[:PROMISING_GATES]
     best = {f.hypothesis.terms[-1].identity: f for f in reversed(promising)}
     claims = directions.parent.hypothesis.claims
     looks: list[tuple[Directions, Candidate, tuple[float, ...], LooksAt, int]] = []
@@ -94,24 +109,23 @@ def gated_children(
         looks += [(seen, candidate, v, c, len(problem.windows)) for c in channels_of for v in begun]
     proposals = _best_starts([p for p in problem.run.side_by_side(_best_gate, looks) if p is not None])
     # A patch that stops a body gains far more when fitted than its direction promises.
-    chosen, others = proposals[: settings.fitted], proposals[settings.fitted :]
+    chosen, others = proposals[:GATES_FITTED], proposals[GATES_FITTED:]
     chosen += [p for p in others if p.candidate.only_gated][:1]
     children = [_child(problem, directions.parent.hypothesis, p) for p in chosen]
-    starts, steps = directions.parent.starts, problem.run.settings.schedules
-    fits = fit_all(problem, [Order(child, starts, steps.trial, steps.rough) for child in children])
+    starts = directions.parent.starts
+    fits = fit_all(problem, [Order(child, starts, schedules.TRIAL, schedules.ROUGH) for child in children])
     return sorted(fits, key=lambda f: f.objective)
 
 
 def with_edges(problem: Problem, children: Sequence[Fit], count: int | None = None) -> list[Fit]:
     """The gated children, of which the best `count` have their edges placed, and the best one's closely."""
-    edges = problem.run.settings.gate_edges
-    count = problem.run.settings.gates.placed if count is None else count
-    how = (edges.near_reach, edges.coarse_spacing, edges.trial_budget)
+    count = GATES_PLACED if count is None else count
+    how = (NEAR_REACH, COARSE_SPACING, TRIAL_BUDGET)
     fits = sorted(children, key=lambda f: f.objective)
     calls = [(problem, f, len(f.hypothesis.terms) - 1, *how) for f in fits[:count]]
     coarse = sorted(problem.run.side_by_side(placed, calls), key=lambda f: f.objective)
     # What an edge that is a little off leaves over would soon pass for another effect.
-    closely = (edges.near_reach, edges.finest_spacing)
+    closely = (NEAR_REACH, FINEST_SPACING)
     best = [placed(problem, f, len(f.hypothesis.terms) - 1, *closely) for f in coarse[:1]]
     return best + coarse[1:] + fits[count:]
 
@@ -126,18 +140,17 @@ def _best_starts(proposals: Sequence[Proposal]) -> list[Proposal]:
 
 def with_refined_edges(problem: Problem, at: Fit, finest: float) -> Fit:
     """A fit with the edges of its gates where the likelihood is highest, to a share of their channels' ranges."""
-    edges = problem.run.settings.gate_edges
     gated = [i for i, term in enumerate(at.hypothesis.terms) if term.gate]
     for index in gated:
-        at = placed(problem, at, index, edges.far_reach, finest)
+        at = placed(problem, at, index, FAR_REACH, finest)
     if gated and any(p.step for p in at.hypothesis.parameters):  # thresholds were held where they stood
-        steps = problem.run.settings.schedules.thresholds
+        steps = schedules.THRESHOLDS
         again = fit(problem, at.hypothesis, at.starts, iterations=steps)
-        moved = again.objective < at.objective - edges.step_gain
+        moved = again.objective < at.objective - THRESHOLD_GAIN
         at = min(at, again, key=lambda f: f.objective)
         if moved:
             for index in gated:
-                at = placed(problem, at, index, edges.near_reach, finest)
+                at = placed(problem, at, index, NEAR_REACH, finest)
     return at
 
 
@@ -166,8 +179,8 @@ def _best_gate(
     count_windows: int,
 ) -> Proposal | None:
     """The run of bins that promises most over acting everywhere; its gain is that on so many windows."""
-    settings, edges = directions.problem.run.settings.gates, bin_edges(directions.problem, channel)
-    if len(edges) <= settings.least_bins:
+    edges = bin_edges(directions.problem, channel)
+    if len(edges) <= LEAST_BINS:
         return None
     count = len(edges) - 1
     changes = _by_bin(directions, candidate, values, channel, edges)
@@ -175,7 +188,7 @@ def _best_gate(
     circle = goes_round(directions.problem, channel, edges)
     first, last, gain, whole = _best_run(pull, size, suffix=channel in MOMENTS, circle=circle)
     more = count_windows / len(directions.problem.windows)
-    if more * (gain - whole) < settings.least_gain:
+    if more * (gain - whole) < LEAST_GAIN_OF_A_GATE:
         return None
     if len(values) == 1:  # acting everywhere diluted it
         bins = np.arange(first, last + 1) % count
@@ -209,7 +222,7 @@ def _spares(
     channel: LooksAt,
 ) -> bool:
     edges = bin_edges(without.problem, channel)
-    if len(edges) <= without.problem.run.settings.gates.least_bins:
+    if len(edges) <= LEAST_BINS:
         return False
     changes = _by_bin(without, candidate, values, channel, edges)
     pull, size = changes @ around.rest.ravel(), changes @ changes.T

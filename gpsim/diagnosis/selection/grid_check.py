@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Order, Problem, fit_all, rescored
+from gpsim.diagnosis.fitting import FINER_GAIN, Fit, Hypothesis, Order, Problem, fit_all, rescored
 from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.selection.elimination import lean, simplest
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question, settled_question
 from gpsim.effects import closed
+
+TRIED_FINELY = 3  # hypotheses, simpler than the best, that are tried on the finest grid
 
 
 def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
@@ -31,20 +34,19 @@ def refine_grid(question: Question, found: Found) -> tuple[Question, Found]:
 
 def simplest_on_fine_grid(problem: Problem, best: Fit, fits: Sequence[Fit]) -> tuple[Fit, Fit]:
     """The best, or one of `fits` with fewer parameters that a fine grid makes as good: as it is, and on that grid."""
-    fewer = _best_of_each(best, fits)[: problem.run.settings.grid_check.tried]
+    fewer = _best_of_each(best, fits)[:TRIED_FINELY]
     if not fewer or not _grid_matters(problem, [best, *fewer]):
         return best, best
-    settings = problem.run.settings.discretisation
     grid = replace(problem, substeps=problem.most_finer * problem.substeps)
-    finely = fit_all(grid, [_order(problem, f) for f in fewer])
+    finely = fit_all(grid, [_order(f) for f in fewer])
     gained = [
         (before, after)
         for before, after in zip(fewer, finely, strict=True)
-        if after.objective < rescored(problem, before).objective - settings.finer_gain
+        if after.objective < rescored(problem, before).objective - FINER_GAIN
     ]
     if not gained:
         return best, best
-    leader = fit_all(grid, [_order(problem, best)])[0]
+    leader = fit_all(grid, [_order(best)])[0]
     chosen = simplest(grid, [leader, *(after for _, after in gained)])
     return next(((before, after) for before, after in gained if after is chosen), (best, best))
 
@@ -63,10 +65,9 @@ def _remembers(problem: Problem, hypothesis: Hypothesis) -> bool:
     return chain.remembers(hypothesis.spread(hypothesis.theta[None], 1)) > 0.0
 
 
-def _order(problem: Problem, found: Fit) -> Order:
+def _order(found: Fit) -> Order:
     """To fit it once more on a finer grid."""
-    steps = problem.run.settings.schedules
-    return Order(found.hypothesis, found.starts, steps.settle, steps.rough, near=True)
+    return Order(found.hypothesis, found.starts, schedules.SETTLE, schedules.ROUGH, near=True)
 
 
 def _best_of_each(best: Fit, fits: Sequence[Fit]) -> list[Fit]:

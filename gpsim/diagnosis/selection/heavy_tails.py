@@ -31,6 +31,20 @@ from gpsim.diagnosis.selection.beam import Found
 from gpsim.diagnosis.setup import Question
 from gpsim.recordings import Episode
 
+CORE = 3.0
+"""Of the core: a sample farther out counts as one there [standard deviations] (0.3 % of a Gaussian's samples lie
+beyond, their squares are 3 % of all)."""
+FAR_OUT = 5.0  # of the core, beyond which a Gaussian has no samples [standard deviations]
+FEWEST_FAR_OUT = 10  # samples so far out, that make a tail (with fewer nobody can tell on what they depend)
+ABOVE_SIMULATION_ERROR = 2.0
+"""Times the simulation's error, that a core must be to be a sensor's noise, where none is stated."""
+LEAST_SHARE_FAR_OUT = 0.001  # of the samples so far out, that make a tail
+MOST_SHARE_BEYOND_CORE = 0.05
+"""Of the samples beyond the core: where more lie there it is no tail, but what the model lacks."""
+BY_CHANCE = 0.005
+"""P-value below which samples far out depend on a state or a command, and are physics (Kolmogorov and Smirnov's test,
+two for each input)."""
+
 NORMAL_MEDIAN = 0.6745  # median of a standard normal's absolute value
 FEWEST_OF_A_SIGN = 3  # samples: of fewer no test says anything
 HALF = 3  # samples on either side through which a line is drawn: a sensor's accidents are shorter
@@ -51,7 +65,7 @@ class _Judge:
 
     def weighed(self, windows: Windows) -> Windows:
         """The windows with their samples' weights."""
-        core = self.problem.run.settings.heavy_tails.core
+        core = CORE
         weights = np.ones(windows.measured.shape) if windows.weights is None else np.array(windows.weights)
         for i, z in self.distances(windows).items() if len(windows) else ():
             weights[..., i] *= (core / np.maximum(z, core)) ** 2
@@ -87,18 +101,18 @@ def _under(problem: Problem, found: Fit) -> Fit:
 
 def _tails(problem: Problem, hypothesis: Hypothesis) -> dict[int, float]:
     """Column -> standard deviation of the core, of every observed channel that has a heavy tail."""
-    settings, windows = problem.run.settings.heavy_tails, problem.windows
+    windows = problem.windows
     off, scales = _off(problem, windows, hypothesis), dict[int, float]()
     for i in np.flatnonzero(problem.observed).tolist():
         counted, own = problem.counted[:, :, i], np.abs(off[..., i])
         core = float(np.median(own[counted])) / NORMAL_MEDIAN
-        if not problem.stated[i] and core < settings.above_floor * problem.floor[i]:
+        if not problem.stated[i] and core < ABOVE_SIMULATION_ERROR * problem.floor[i]:
             continue  # the simulation's error is all there is
         scale = max(core, float(problem.floor[i]))
-        far = counted & (own > settings.far * scale)
+        far = counted & (own > FAR_OUT * scale)
         share = float(far.sum()) / max(int(counted.sum()), 1)
-        outside = float((own[counted] > settings.core * scale).mean()) if counted.any() else 0.0
-        if int(far.sum()) < settings.fewest or share < settings.least_share or outside > settings.most_share:
+        outside = float((own[counted] > CORE * scale).mean()) if counted.any() else 0.0
+        if int(far.sum()) < FEWEST_FAR_OUT or share < LEAST_SHARE_FAR_OUT or outside > MOST_SHARE_BEYOND_CORE:
             continue
         if _by_chance(problem, off[..., i] > 0, far, counted & ~far):
             scales[i] = scale
@@ -110,8 +124,8 @@ def _of_the_recording(question: Question, judge: _Judge) -> tuple[tuple[Episode,
     settings, names = judge.problem.run.settings, judge.problem.simulator.state.names
     given = question.recording.episodes
     weights = [np.ones(e.states.shape) if e.weights is None else np.array(e.weights) for e in given]
-    far, tails = {names[i]: 0 for i in judge.scales}, settings.heavy_tails
-    least = (tails.core / tails.far) ** 2  # what is far out weighs less
+    far = {names[i]: 0 for i in judge.scales}
+    least = (CORE / FAR_OUT) ** 2  # what is far out weighs less
     for windows in cut_in_parts(question.recording, settings.windows):
         weighed = np.asarray(judge.weighed(windows).weights)
         for i in judge.scales:
@@ -171,7 +185,7 @@ def _by_chance(problem: Problem, above: BoolArray, far: BoolArray, usual: BoolAr
     """
     from scipy.stats import ks_2samp  # here: half a second that most diagnoses need not wait for
 
-    windows, chance = problem.windows, problem.run.settings.heavy_tails.chance
+    windows, chance = problem.windows, BY_CHANCE
     smooth = median_filter(windows.measured, size=(1, 2 * HALF + 1, 1), mode="nearest")
     states = difference(smooth, np.zeros_like(smooth), problem.simulator.state)
     given = np.concatenate([windows.before_actions[:, -2:], windows.actions], axis=1)

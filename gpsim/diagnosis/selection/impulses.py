@@ -11,6 +11,9 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Directions, Fit, Problem, Pushes
 
+FUNCTIONS_AT_ONCE = 24
+"""Functions that are simulated in one batch (by hand, for the memory that a process takes)."""
+
 
 def impulses(problem: Problem, at: Fit, directions: Directions, rate: int, push: float) -> FloatArray:
     """(L, W, M): what `push` on a rate throughout each transition takes off the residual, divided by it.
@@ -20,7 +23,7 @@ def impulses(problem: Problem, at: Fit, directions: Directions, rate: int, push:
     rough, length, count = problem.slopes, problem.windows.length, len(problem.windows)
     chain = at.hypothesis.chain(rough.simulator, rough.parameters, rough.dt)
     theta, spread = at.hypothesis.theta, at.hypothesis.spread
-    at_once = problem.run.settings.lack_of_fit.functions_at_once
+    at_once = FUNCTIONS_AT_ONCE
     rates, out = len(problem.simulator.rate), []
     for first in range(0, length, at_once):
         which = np.arange(first, min(first + at_once, length))

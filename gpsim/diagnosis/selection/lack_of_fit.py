@@ -25,9 +25,14 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.run import kept
 from gpsim.diagnosis.selection.chi_square import beyond
-from gpsim.diagnosis.selection.elimination import on_some_windows
+from gpsim.diagnosis.selection.elimination import SCREENING_WINDOWS_OF_A_ROBOT, on_some_windows
 from gpsim.diagnosis.selection.impulses import impulses, visited
 from gpsim.effects import closed
+
+KNOTS_OF_ONE = 7  # knots of a function of one input, at quantiles of it
+KNOTS_OF_TWO = 4  # knots along each input of a function of two
+COMMAND_MEMORIES = (2.0, 8.0)  # time constants of the averages over what was commanded before [samples]
+PROBE = 1e-3  # share of a rate's typical size that is added to see how the residual changes
 
 LEAST = 1e-6  # nats, of a simulation without an error: what rounding leaves is none
 NEGLIGIBLE = (
@@ -91,9 +96,7 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 def _looked_at(problem: Problem, at: Fit) -> tuple[Problem, Fit, Directions]:
     """The windows that are looked at, fewer where every step is dear, and what changes around the fit there."""
     settings = problem.run.settings
-    most = (
-        settings.lack_of_fit.windows if closed(problem.simulator) is None else settings.closed_step.screened
-    )
+    most = settings.lack_of_fit.windows if closed(problem.simulator) is None else SCREENING_WINDOWS_OF_A_ROBOT
     some, part = on_some_windows(problem, at, most)
     return some, part, Directions(some, part)
 
@@ -181,7 +184,7 @@ def _numerical(problem: Problem, at: Fit) -> float:
 
 def _single(problem: Problem) -> list[_Group]:
     """Every rate as a function of every input that moves."""
-    flat, knots = _visited(problem), problem.run.settings.lack_of_fit.knots_of_one
+    flat, knots = _visited(problem), KNOTS_OF_ONE
     moving = [i for i in range(flat.shape[1]) if np.ptp(flat[:, i]) > 0]
     rates = range(len(problem.simulator.rate))
     return [_group(flat, rate, (i,), knots) for rate in rates for i in moving]
@@ -194,20 +197,20 @@ def _double(problem: Problem, single: Sequence[_Group], nats: Sequence[float]) -
         of_rate = [(n, group.inputs[0]) for group, n in zip(single, nats, strict=True) if group.rate == rate]
         most = sorted(of_rate, key=lambda one: -one[0])[: settings.paired_inputs]
         chosen = combinations(sorted(i for _, i in most), 2)
-        out += [_group(flat, rate, inputs, settings.knots_of_two) for inputs in chosen]
+        out += [_group(flat, rate, inputs, KNOTS_OF_TWO) for inputs in chosen]
     return out
 
 
 def _remembering(problem: Problem) -> list[_Group]:
     """Every rate as a function of each command that moves and of each average of what it was before."""
     flat, first = _visited(problem), len(problem.simulator.state)
-    settings, out = problem.run.settings.lack_of_fit, []
+    out = []
     for i in range(first, first + len(problem.simulator.action)):
-        for memory in settings.memories:
+        for memory in COMMAND_MEMORIES:
             past = _past(problem, i - first, memory)[problem.windows.valid[:, 1:]]
             both = np.stack([flat[:, i], past], axis=1)
             if (np.ptp(both, axis=0) > 0).all():
-                shares = np.linspace(0, 1, settings.knots_of_two)
+                shares = np.linspace(0, 1, KNOTS_OF_TWO)
                 places = [np.quantile(values, shares) for values in both.T]
                 rates = range(len(problem.simulator.rate))
                 out += [_Group(rate, (i, i), np.array(places), memory) for rate in rates]
@@ -246,7 +249,7 @@ def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatA
 def _probe(problem: Problem, rate: int) -> float:
     """How much is added to a rate, to see how the residual changes."""
     usual = float(np.abs(_rates(problem)[:, rate]).mean())
-    return problem.run.settings.lack_of_fit.probe * max(usual, 1e-9)
+    return PROBE * max(usual, 1e-9)
 
 
 def _rates(problem: Problem) -> FloatArray:

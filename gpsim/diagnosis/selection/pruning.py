@@ -9,8 +9,9 @@ from gpsim.diagnosis.fitting import Fit, Problem, fit, gain
 from gpsim.diagnosis.selection.acceptance import on_its_grid, pays
 from gpsim.diagnosis.selection.elimination import without_a_term
 from gpsim.diagnosis.selection.held_out import contradicted, held_out_fit
-from gpsim.diagnosis.selection.refit import Contenders, null_of
+from gpsim.diagnosis.selection.refit import CONTRADICTING_LOSS, Contenders, null_of
 from gpsim.diagnosis.selection.required import does_nothing, required_in
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 
 
@@ -31,14 +32,15 @@ def prune_on_held_out(question: Question, contenders: Contenders) -> Contenders:
 
 def _without_idle_requirements(problem: Problem, leader: Fit) -> Fit:
     """The leader without what is required and does nothing: the account says so."""
-    steps = problem.run.settings.schedules
     for term in leader.hypothesis.terms:
         if not problem.run.known.requires(term.identity):
             continue
         at = next(i for i, t in enumerate(leader.hypothesis.terms) if t.identity == term.identity)
         rest = leader.hypothesis.without(at)
-        part = fit(problem.as_finely(rest, leader.hypothesis), rest, leader.starts, iterations=steps.settle)
-        if does_nothing(problem, leader, part):
+        part = fit(
+            problem.as_finely(rest, leader.hypothesis), rest, leader.starts, iterations=schedules.SETTLE
+        )
+        if does_nothing(leader, part):
             problem.run.trace.note(leader.hypothesis.names, rest.names, False, "required, and does nothing")
             leader = part
     return leader
@@ -58,7 +60,7 @@ def _needed(question: Question, leader: Fit, parts: Sequence[Fit]) -> list[bool]
     calls = [(grid, part.hypothesis) for grid, part in zip(grids, asked, strict=True)]
     own, *others = problem.run.side_by_side(held_out_fit, [(held_out, leader.hypothesis), *calls])
     won = [gain(problem, leader, on_its_grid(problem, part, leader)) for part in asked]
-    least = problem.run.settings.pruning.contradicts
+    least = CONTRADICTING_LOSS
     kept = [
         not contradicted(held_out, own, other, by, least * by) for other, by in zip(others, won, strict=True)
     ]

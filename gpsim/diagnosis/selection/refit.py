@@ -23,10 +23,18 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.selection.acceptance import pays
 from gpsim.diagnosis.selection.beam import Found
-from gpsim.diagnosis.selection.elimination import simplest, whole_robot
+from gpsim.diagnosis.selection.elimination import SMALL_ACCOUNT, simplest, whole_robot
 from gpsim.diagnosis.selection.held_out import contradicted, held_out_fit
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import Scheme, closed
+
+MOST_REFITTED = 8  # hypotheses that are fitted again, the best of the search
+MOST_REFITTED_OF_A_ROBOT = 3  # the same where every step is dear [hypotheses]
+REFITTED_WITHIN = 12.0  # behind the best of the search, that a hypothesis may be [nats]
+CONTRADICTING_LOSS = 0.05
+"""Of what a term gains on training windows: what it loses on held-out ones beyond that speaks against it (a delay
+that gained 219 nats on a sweep must not go for 2.5 nats on nine held-out windows)."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +59,9 @@ def refit(question: Question, found: Found) -> Contenders:
 def _without_idlers(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
     """What is left of fits of which a term came to do nothing on all windows: no account that holds one can lead."""
     idle = [f for f in fits if f.hypothesis.idle and f.hypothesis.working.terms]
-    steps = problem.run.settings.schedules
-    orders = [Order(f.hypothesis.working, f.starts, steps.finish, steps.final, near=True) for f in idle]
+    orders = [
+        Order(f.hypothesis.working, f.starts, schedules.FINISH, schedules.FINAL, near=True) for f in idle
+    ]
     found = fit_all(problem, orders)
     known = [f.hypothesis for f in fits]
     return [f for f in found if not any(f.hypothesis.says_the_same_as(h) for h in known)]
@@ -60,15 +69,15 @@ def _without_idlers(problem: Problem, fits: Sequence[Fit]) -> list[Fit]:
 
 def null_of(problem: Problem, scheme: Scheme) -> Fit:
     """The base simulator alone, integrated by a scheme."""
-    steps = problem.run.settings.schedules.refit
+    steps = schedules.REFIT
     return fit(problem, Hypothesis(scheme=scheme), problem.windows.measured[:, 0], iterations=steps)
 
 
 def _near(problem: Problem, found: Found) -> list[Fit]:
-    settings, nats = problem.run.settings.refit, scores(problem, found.fits)
-    order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < settings.within]
+    nats = scores(problem, found.fits)
+    order = [i for i in np.argsort(-nats) if nats.max() - nats[i] < REFITTED_WITHIN]
     dear = closed(problem.simulator) is not None
-    return [found.fits[i] for i in order[: settings.most_of_a_robot if dear else settings.most]]
+    return [found.fits[i] for i in order[: MOST_REFITTED_OF_A_ROBOT if dear else MOST_REFITTED]]
 
 
 def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
@@ -82,14 +91,14 @@ def _working(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
 
 def _again(problem: Problem, hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """All fitted a little, those that are not far behind the best to the end."""
-    steps, measured = problem.run.settings.schedules, problem.windows.measured[:, 0]
+    measured = problem.windows.measured[:, 0]
     begun = _begun(problem, hypotheses, measured)
-    small = problem.run.settings.elimination.small
+    small = SMALL_ACCOUNT
     starts = [measured if len(h.terms) <= small else begun for h in hypotheses]
-    orders = [Order(*one, steps.trial, steps.rough) for one in zip(hypotheses, starts, strict=True)]
+    orders = [Order(*one, schedules.TRIAL, schedules.ROUGH) for one in zip(hypotheses, starts, strict=True)]
     if any(whole_robot(problem, h) for h in hypotheses):  # the one that leads is followed to its end later
         return fit_all(problem, orders)
-    return fit_near(problem, orders, steps.finish, steps.final)
+    return fit_near(problem, orders, schedules.FINISH, schedules.FINAL)
 
 
 def _begun(problem: Problem, hypotheses: Sequence[Hypothesis], measured: FloatArray) -> FloatArray:
@@ -97,11 +106,13 @@ def _begun(problem: Problem, hypotheses: Sequence[Hypothesis], measured: FloatAr
 
     Speeds that nobody measured are off at first, and many parameters would make good for them.
     """
-    small, steps = problem.run.settings.elimination.small, problem.run.settings.schedules
+    small = SMALL_ACCOUNT
     large = next((h for h in hypotheses if len(h.terms) > small), None)
     if large is None:
         return measured
-    return fit(problem, large.frozen(), measured, iterations=steps.settle, tolerance=steps.rough).starts
+    return fit(
+        problem, large.frozen(), measured, iterations=schedules.SETTLE, tolerance=schedules.ROUGH
+    ).starts
 
 
 def _leader(question: Question, fits: Sequence[Fit], null: Fit) -> Fit:
@@ -158,4 +169,4 @@ def _pardoned(problem: Problem, found: Fit, null: Fit) -> float:
     """
     if not whole_robot(problem, found.hypothesis):
         return 0.0
-    return problem.run.settings.pruning.contradicts * max(null.objective - found.objective, 0.0)
+    return CONTRADICTING_LOSS * max(null.objective - found.objective, 0.0)

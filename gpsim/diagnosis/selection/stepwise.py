@@ -30,6 +30,7 @@ from gpsim.diagnosis.selection.acceptance import may_pay, pays
 from gpsim.diagnosis.selection.beam import most_promising
 from gpsim.diagnosis.selection.change_points import begun_later
 from gpsim.diagnosis.selection.elimination import (
+    FINE_SPACING,
     doubtful,
     for_screening,
     is_row,
@@ -40,6 +41,8 @@ from gpsim.diagnosis.selection.elimination import (
     whole_robot,
 )
 from gpsim.diagnosis.selection.gates import (
+    FINEST_SPACING,
+    PROMISING_GATES,
     gated_children,
     may_be_limited,
     moments,
@@ -49,9 +52,28 @@ from gpsim.diagnosis.selection.gates import (
 )
 from gpsim.diagnosis.selection.lack_of_fit import lack_of_fit
 from gpsim.diagnosis.selection.refit import Contenders
-from gpsim.diagnosis.selection.substitution import left_open, specialised, substitutes
+from gpsim.diagnosis.selection.substitution import AS_WELL, left_open, specialised, substitutes
+from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.effects import LooksAt, closed
+
+AGAIN_BUDGET = 4e7
+"""Effort of searching on without a term that support took out, each time [simulated rows] (by hand, for a minute of
+one core at most; 2e8 rows take about twenty seconds)."""
+GATE_WINDOWS = 40  # windows, of the usual length, on which every term is looked at behind gates
+ADDED = 3  # terms that are fitted on all windows to be added
+GATED = 3  # terms behind a gate that are fitted on all windows to be added
+SIMPLIFIED = 3  # rivals of a round of which what they do not need is taken out
+LEAST_GAIN_OF_A_TERM = 3.0
+"""Linear gain, on all windows, that a term must promise, for it to be fitted [nats]."""
+GATED_BELOW = 1e-3
+"""P-value of whiteness below which every term is looked at behind gates, not only the leader's own."""
+LOCAL_RATIO = 3.0
+"""Times the gain of the best term that acts everywhere: a smooth law that promises more asks for gates."""
+LEAST_ADVANCE = 0.1  # gain by which another leader must be better [nats]
+FINE_PREFERENCE_OF_A_LEADER = 15.0
+"""Loss at which a leader is still integrated finely rather than in coarse steps [nats]."""
+TERMS_ON_TRIAL = 2  # terms in a row that are taken though they do not pay until the next one does
 
 ROBOT_GAIN = (
     20.0  # nats that a term promises beside all of a robot's rows, or it is not fitted: each fit is dear
@@ -81,16 +103,16 @@ def improved(
     gates: bool = True,
 ) -> tuple[Fit, list[Fit]]:
     """The leader with terms added, gated and replaced while that pays, and every fit that was tried on the way."""
-    settings, edges = problem.run.settings.stepwise, problem.run.settings.gate_edges
-    as_well = problem.run.settings.substitution.as_well
+    settings = problem.run.settings.stepwise
+    as_well = AS_WELL
     leader = _finished(problem, _finely(problem, leader))
-    leader = lean(problem, with_refined_edges(problem, leader, edges.fine_spacing))
+    leader = lean(problem, with_refined_edges(problem, leader, FINE_SPACING))
     tried: list[Fit] = []
     spent = problem.run.budget.spent
     most = max(min(spent + settings.budget, settings.total_budget), spent + settings.least_budget)
     enough = max(min(most + settings.substitution_budget, settings.total_budget), most)
     if not gates:
-        most = enough = spent + settings.again_budget
+        most = enough = spent + AGAIN_BUDGET
     while True:
         tell(f"{leader.hypothesis.label}: is one more missing?")
         leader, children = _extended(problem, leader, offers, most, gates=False)
@@ -100,7 +122,7 @@ def improved(
         near = sorted(
             (f for f in others if f.objective < leader.objective + as_well), key=lambda f: f.objective
         )
-        leaned = [lean(problem, f) for f in near[: settings.simplified] if problem.run.budget.spent < enough]
+        leaned = [lean(problem, f) for f in near[:SIMPLIFIED] if problem.run.budget.spent < enough]
         others += _new(leaned, near)
         tried += others
         best = simplest(problem, [leader, *others])
@@ -119,9 +141,9 @@ def improved(
         if extended is leader:
             break
         leader = extended
-    if leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
+    if leader.hypothesis.is_patchwork():
         return leader, tried  # it will not be named
-    return with_refined_edges(problem, specialised(problem, leader, offers), edges.finest_spacing), tried
+    return with_refined_edges(problem, specialised(problem, leader, offers), FINEST_SPACING), tried
 
 
 def _new(fits: Sequence[Fit], known: Sequence[Fit]) -> list[Fit]:
@@ -151,7 +173,7 @@ def _advances(problem: Problem, best: Fit, leader: Fit) -> bool:
     if len(best.hypothesis.parameters) < len(leader.hypothesis.parameters):
         return True
     nats = scores(problem, [best, leader])
-    return bool(nats[0] > nats[1] + problem.run.settings.stepwise.least_advance)
+    return bool(nats[0] > nats[1] + LEAST_ADVANCE)
 
 
 def _extended(
@@ -161,10 +183,10 @@ def _extended(
 
     gates: also such that act behind a gate, and terms on trial.
     """
-    settings, finest = problem.run.settings.stepwise, problem.run.settings.gate_edges.fine_spacing
+    finest = FINE_SPACING
     tried: list[Fit] = []
     firm, steps = leader, 0
-    while not leader.hypothesis.is_patchwork(problem.run.settings.patchwork):
+    while not leader.hypothesis.is_patchwork():
         over = problem.run.budget.spent >= most  # to ask when what there is began costs next to nothing
         if over and (gates or whole_robot(problem, leader.hypothesis)):
             break
@@ -173,7 +195,7 @@ def _extended(
         )
         tried += children
         better = [child for child in children if pays(problem, child, leader)]
-        if not better and gates and steps < settings.on_trial:
+        if not better and gates and steps < TERMS_ON_TRIAL:
             # a slight term may pay once another one has left nothing but noise
             better = [child for child in children if may_pay(problem, child, leader)]
             steps += 1
@@ -198,9 +220,7 @@ def _finely(problem: Problem, leader: Fit) -> Fit:
     if leader.hypothesis.scheme == "fine":
         return leader
     fine = fit(problem, replace(leader.hypothesis, scheme="fine"), leader.starts)
-    return (
-        fine if fine.objective < leader.objective + problem.run.settings.stepwise.fine_preference else leader
-    )
+    return fine if fine.objective < leader.objective + FINE_PREFERENCE_OF_A_LEADER else leader
 
 
 def _finished(problem: Problem, leader: Fit) -> Fit:
@@ -208,13 +228,12 @@ def _finished(problem: Problem, leader: Fit) -> Fit:
 
     It was fitted a little, from where another hypothesis had left the windows: what is right may stand far off there.
     """
-    steps = problem.run.settings.schedules
     starts = [leader.starts, problem.windows.measured[:, 0]]
-    longest, least = steps.finish, steps.final
+    longest, least = schedules.FINISH, schedules.FINAL
     if whole_robot(problem, leader.hypothesis):
         starts.pop()  # from which speeds that nobody measured would have to be found again
-        longest, least = steps.settle, steps.rough  # where joints stick a fit creeps on without end
-    tried = fit_all(problem, [Order(leader.hypothesis, s, steps.glance, least) for s in starts])
+        longest, least = schedules.SETTLE, schedules.ROUGH  # where joints stick a fit creeps on without end
+    tried = fit_all(problem, [Order(leader.hypothesis, s, schedules.GLANCE, least) for s in starts])
     best = min(tried, key=lambda f: f.objective)
     if not best.converged:
         more = Order(best.hypothesis, best.starts, longest, least, near=True)
@@ -230,7 +249,7 @@ def _children(
     That is where `gates` are asked for and nothing else pays, or where far more is missing than what else pays gains.
     most: the effort after which nothing more is begun.
     """
-    settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
+    settings = problem.run.settings.stepwise
     directions, plain = _plain(problem, leader, offers)
     part, seen = directions.problem, directions.parent
     better = [f for f in plain if pays(problem, f, leader)]
@@ -238,7 +257,7 @@ def _children(
         return plain
     if not (_shows_in_a_place_only(problem, leader, better) if better else gates):  # other gates are dear
         return plain
-    structured = whiteness(problem, leader)[0] < settings.gated_below
+    structured = whiteness(problem, leader)[0] < GATED_BELOW
     if not structured:
         lack = lack_of_fit(problem, leader)
         structured = lack is not None and lack.significant
@@ -246,15 +265,15 @@ def _children(
     calls = [(part, seen, i, offers, around) for i in range(len(leader.hypothesis.terms))]
     gated = [f for found in problem.run.side_by_side(_gated, calls) for f in found]
     if structured and problem.run.budget.spent < most and leader.hypothesis.unusual < settings.most_terms:
-        everywhere = most_promising(part, directions, offers, problem.run.settings.gates.promising)
-        few = Directions(*on_some_windows(part, seen, settings.gate_windows))
+        everywhere = most_promising(part, directions, offers, PROMISING_GATES)
+        few = Directions(*on_some_windows(part, seen, GATE_WINDOWS))
         gated += gated_children(part, directions, everywhere, offers, few=few)
     elif (
         not leader.hypothesis.terms and closed(problem.simulator) is None
     ):  # what began late and is slight leaves the recording white as a whole
         gated += gated_children(part, directions, plain, offers, moments(part), few=directions)
-    gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[: settings.gated], settings.gated)
-    orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in gated]
+    gated = with_edges(part, sorted(gated, key=lambda f: f.objective)[:GATED], GATED)
+    orders = [Order(f.hypothesis, leader.starts, schedules.REFIT, schedules.ROUGH) for f in gated]
     return plain + fit_all(problem, orders)
 
 
@@ -265,7 +284,7 @@ def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit])
         return False
     lack = lack_of_fit(problem, leader)
     gained = leader.objective - best.objective
-    if lack is None or not lack.significant or lack.nats < problem.run.settings.stepwise.local_ratio * gained:
+    if lack is None or not lack.significant or lack.nats < LOCAL_RATIO * gained:
         return False
     return any(channel in lack.on for channel in region_channels(problem))
 
@@ -273,7 +292,7 @@ def _shows_in_a_place_only(problem: Problem, leader: Fit, better: Sequence[Fit])
 @kept
 def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[Directions, list[Fit]]:
     """What one term more changes on a few windows, and the leader with one that acts everywhere or since a moment."""
-    settings, steps = problem.run.settings.stepwise, problem.run.settings.schedules
+    settings = problem.run.settings.stepwise
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     directions = Directions(part, seen)
     later = [] if whole_robot(problem, leader.hypothesis) else begun_later(problem, leader, offers)
@@ -282,14 +301,14 @@ def _plain(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> tuple[
     taken = leader.hypothesis.claims
     found = screened(directions, [c for c in offers if c.identity not in taken and not c.only_gated])
     more = len(problem.windows) / len(part.windows)
-    least = ROBOT_GAIN if whole_robot(problem, leader.hypothesis) else settings.least_gain
-    chosen = [(c, start) for worth, c, start in found[: settings.added] if more * worth > least]
+    least = ROBOT_GAIN if whole_robot(problem, leader.hypothesis) else LEAST_GAIN_OF_A_TERM
+    chosen = [(c, start) for worth, c, start in found[:ADDED] if more * worth > least]
     promised = more * found[0][0] if found else 0.0
     if any(leader.objective - f.objective > promised and pays(problem, f, leader) for f in later):
         return directions, later
     children = [child_of(leader.hypothesis, c, start) for c, start in chosen]
-    orders = [Order(child, leader.starts, steps.glance, steps.rough) for child in children]
-    return directions, fit_near(problem, orders, steps.settle, steps.rough) + later
+    orders = [Order(child, leader.starts, schedules.GLANCE, schedules.ROUGH) for child in children]
+    return directions, fit_near(problem, orders, schedules.SETTLE, schedules.ROUGH) + later
 
 
 def _gated(
@@ -314,8 +333,7 @@ def _gated(
         channels = [c for c in region_channels(part) if c in found]
         if not channels:
             return []
-    steps = part.run.settings.schedules
-    less = Order(seen.hypothesis.without(index), seen.starts, steps.settle, steps.rough)
+    less = Order(seen.hypothesis.without(index), seen.starts, schedules.SETTLE, schedules.ROUGH)
     parent = fit_order(part, less)
     whole = child_of(parent.hypothesis, itself[0], values)
     return gated_children(part, Directions(part, parent), [replace(seen, hypothesis=whole)], itself, channels)

@@ -20,11 +20,20 @@ from gpsim.diagnosis.fitting import (
     stretched,
 )
 from gpsim.diagnosis.selection.acceptance import pays
-from gpsim.diagnosis.selection.beam import most_promising
-from gpsim.diagnosis.selection.elimination import for_screening, on_some_windows
+from gpsim.diagnosis.selection.beam import LEAST_LINEAR_GAIN, most_promising
+from gpsim.diagnosis.selection.elimination import CLEAR_LOSS, FINE_SPACING, for_screening, on_some_windows
 from gpsim.diagnosis.selection.gate_edges import placed
-from gpsim.diagnosis.selection.gates import gated_children, makes_sense, moments, with_edges
+from gpsim.diagnosis.selection.gates import NEAR_REACH, gated_children, makes_sense, moments, with_edges
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import Gate, Term
+
+SUBSTITUTES_FITTED = 3  # terms that are fitted in the place of one, beside its special cases
+LEAST_SHARE_OF_BEST = 0.5
+"""Share of the linear gain of the best in a term's place that another must promise."""
+TWIN_SHARE = 0.9  # share of it that one must promise which can hardly be told from the best
+AS_WELL = 5.0  # loss against the leader within which a hypothesis does as well [nats]
+JUMPS = 3  # terms that are fitted as what jumped, in the place of a drift or of a slight term
+SLIGHT_GAIN = 200.0  # gain of a term so slight that it may stand for one that began late [nats]
 
 
 def substitutes(
@@ -34,45 +43,42 @@ def substitutes(
 
     twins: only by those that promise nearly as much as the one that promises most.
     """
-    settings, edges = problem.run.settings.substitution, problem.run.settings.gate_edges
-    steps = problem.run.settings.schedules
     old = leader.hypothesis.terms[index]
     part, seen = on_some_windows(problem, leader, for_screening(problem))
     parent = left_open(part, seen, index)
     open_offers = [c for c in offers if _fits_gate(c, old.gate)]
     directions = Directions(part, parent)
     found = screened(directions, open_offers, old.gate)
-    share = settings.twin_share if twins else settings.least_share
+    share = TWIN_SHARE if twins else LEAST_SHARE_OF_BEST
     promising = [
         (candidate, start)
         for worth, candidate, start in found
-        if worth > max(problem.run.settings.search.least_gain, share * found[0][0])
-        and candidate.identity != old.identity
+        if worth > max(LEAST_LINEAR_GAIN, share * found[0][0]) and candidate.identity != old.identity
     ]
     special = _special_cases(old, open_offers) + _other_words(directions, old, offers)
     names = {candidate.identity for candidate, _ in special}
     others = [(c, start) for c, start in promising if c.identity not in names]
     children = [
         child
-        for candidate, start in [*special, *others[: settings.fitted]]
+        for candidate, start in [*special, *others[:SUBSTITUTES_FITTED]]
         if (child := _in_place(parent.hypothesis, candidate, start, old.gate))
     ]
-    most = rescored(part, seen).objective + problem.run.settings.elimination.clear
-    looks = fit_all(part, [Order(child, seen.starts, steps.refit, steps.rough) for child in children])
+    most = rescored(part, seen).objective + CLEAR_LOSS
+    looks = fit_all(part, [Order(child, seen.starts, schedules.REFIT, schedules.ROUGH) for child in children])
     near = [f for f in looks if f.objective < most or f.hypothesis.terms[-1].identity in names]
-    orders = [Order(f.hypothesis, leader.starts, steps.refit, steps.rough) for f in near]
+    orders = [Order(f.hypothesis, leader.starts, schedules.REFIT, schedules.ROUGH) for f in near]
     fits = fit_all(problem, orders)
     if not old.gate and not twins:
         if old.effect.drifts:
             return fits + _jumps(problem, part, parent, old.on, offers)
         lost = rescored(part, parent).objective - rescored(part, seen).objective
-        slight = lost * len(problem.windows) / len(part.windows) < settings.slight
+        slight = lost * len(problem.windows) / len(part.windows) < SLIGHT_GAIN
         return fits + (_later(problem, part, directions, open_offers) if slight else [])
     if not old.gate:
         return fits
-    worth_it = leader.objective + 2 * settings.as_well  # its own edges may make the difference
+    worth_it = leader.objective + 2 * AS_WELL  # its own edges may make the difference
     near = [f for f in fits if f.objective < worth_it]
-    how = (edges.near_reach, edges.fine_spacing)
+    how = (NEAR_REACH, FINE_SPACING)
     sharper = problem.run.side_by_side(
         placed, [(problem, f, len(f.hypothesis.terms) - 1, *how) for f in near]
     )
@@ -100,7 +106,6 @@ def _other_words(
 
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
     """The leader with special cases of its laws, where the laws do not pay over them."""
-    steps = problem.run.settings.schedules
     while True:
         size = len(leader.hypothesis.parameters)
         children = []
@@ -110,7 +115,7 @@ def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> F
                 child = _in_place(rest, candidate, start, old.gate)
                 if child is not None and len(child.parameters) < size:
                     children.append(child)
-        orders = [Order(child, leader.starts, steps.refit, steps.rough) for child in children]
+        orders = [Order(child, leader.starts, schedules.REFIT, schedules.ROUGH) for child in children]
         fits = fit_all(problem, orders)
         simpler = [f for f in fits if not pays(problem, leader, f)]
         if not simpler:
@@ -152,7 +157,7 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
     """In place of a drift: what changed at one moment."""
     there = [c for c in offers if c.place.on == on and c.identity not in parent.hypothesis.claims]
     directions = Directions(part, parent)
-    everywhere = most_promising(part, directions, there, problem.run.settings.substitution.jumps)
+    everywhere = most_promising(part, directions, there, JUMPS)
     found = with_edges(part, gated_children(part, directions, everywhere, there, moments(part)))
     return _from_measured(problem, found)
 
@@ -160,14 +165,14 @@ def _jumps(problem: Problem, part: Problem, parent: Fit, on: str, offers: Sequen
 def _later(problem: Problem, part: Problem, directions: Directions, offers: Sequence[Candidate]) -> list[Fit]:
     """In place of a slight term: what began at one moment."""
     found = with_edges(part, gated_children(part, directions, [], offers, moments(part), few=directions))
-    found = found[: problem.run.settings.substitution.jumps]
+    found = found[:JUMPS]
     return _from_measured(problem, found)
 
 
 def _from_measured(problem: Problem, found: Sequence[Fit]) -> list[Fit]:
     """All fitted anew to these windows, from the start states that were measured there."""
-    steps, starts = problem.run.settings.schedules, problem.windows.measured[:, 0]
-    return fit_all(problem, [Order(f.hypothesis, starts, steps.refit, steps.rough) for f in found])
+    starts = problem.windows.measured[:, 0]
+    return fit_all(problem, [Order(f.hypothesis, starts, schedules.REFIT, schedules.ROUGH) for f in found])
 
 
 def _fits_gate(candidate: Candidate, gate: Gate) -> bool:

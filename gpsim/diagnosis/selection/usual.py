@@ -30,6 +30,7 @@ from gpsim.diagnosis.fitting import (
     scores,
 )
 from gpsim.diagnosis.selection.elimination import is_row
+from gpsim.diagnosis.settings import schedules
 from gpsim.effects import closed, effect_of
 
 FREE = 0.5  # nats that terms may cost together and still go at once, without a fit between them
@@ -75,14 +76,14 @@ def _is_usual(problem: Problem, candidate: Candidate) -> bool:
 
 def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
     """The best fit of all terms at once: from the usual starts, each start varied alone, and the best ones together."""
-    steps, starts = problem.run.settings.schedules, problem.windows.measured[:, 0]
+    starts = problem.windows.measured[:, 0]
     scanned = [i for i, c in enumerate(usual) if len(c.declared) == 1 and len(c.declared[0].starts) > 1]
     first = dict.fromkeys(scanned, 0)
     tried = [first]
     tried += [first | {i: k} for i in scanned for k in range(1, len(usual[i].declared[0].starts))]
 
     def ordered(which: dict[int, int]) -> Order:
-        return Order(_begun(usual, which), starts, steps.glance, steps.rough)
+        return Order(_begun(usual, which), starts, schedules.GLANCE, schedules.ROUGH)
 
     fits = fit_all(problem, [ordered(which) for which in tried])
     best = dict(first)
@@ -93,7 +94,7 @@ def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
         best[i] = min(alike)[1]
     fits += fit_all(problem, [ordered(best)] if best not in tried else [])
     fits.sort(key=lambda f: f.objective)
-    more = [Order(f.hypothesis, f.starts, steps.refit, steps.rough, near=True) for f in fits[:NEXT]]
+    more = [Order(f.hypothesis, f.starts, schedules.REFIT, schedules.ROUGH, near=True) for f in fits[:NEXT]]
     return min(fit_all(problem, more), key=lambda f: f.objective)
 
 
@@ -121,7 +122,7 @@ def _spare(problem: Problem, around: Quadratic, gone: Sequence[int], index: int)
 
 def _fewer_terms(problem: Problem, found: Fit) -> Fit:
     """The best account with less: all terms that cost nothing together, or else one of the cheapest."""
-    around, steps = quadratic(problem, found), problem.run.settings.schedules
+    around = quadratic(problem, found)
     ranks = [effect_of(t.family).usual for t in found.hypothesis.terms]
 
     def cheapest(gone: list[int]) -> list[int]:
@@ -129,7 +130,7 @@ def _fewer_terms(problem: Problem, found: Fit) -> Fit:
         return sorted(left, key=lambda i: (round(around.cost([*gone, i]), 1), ranks[i]))
 
     def order(gone: Sequence[int]) -> Order:
-        return Order(around.without(gone), found.starts, steps.trial, steps.rough, near=True)
+        return Order(around.without(gone), found.starts, schedules.TRIAL, schedules.ROUGH, near=True)
 
     gone: list[int] = []
     while len(gone) < len(ranks) - 1 and _spare(problem, around, gone, (i := cheapest(gone)[0])):

@@ -1,48 +1,39 @@
-"""Settings: every threshold of the diagnosis, step by step, with unit, meaning, default and origin."""
+"""Settings: what a user may turn, step by step, with unit, meaning, default and origin; the rest are constants."""
 
-from gpsim.diagnosis.settings.assessment import (
-    BootstrapSettings,
-    CombinationSettings,
+from gpsim.diagnosis.settings import schedules
+from gpsim.diagnosis.settings.account import (
+    AttributionSettings,
+    BlackBoxSettings,
     ComparisonSettings,
-    ConcentrationSettings,
     ExperimentDesignSettings,
+    FormSettings,
     IntervalSettings,
-    LocationSettings,
     RemainderGPSettings,
+    RivalSettings,
     RolloutSettings,
-    TraceSettings,
-)
-from gpsim.diagnosis.settings.attribution import AttributionSettings, SupportSettings
-from gpsim.diagnosis.settings.data import (
-    DecimationSettings,
-    HeavyTailSettings,
-    LogFactSettings,
-    WindowSettings,
+    SupportSettings,
+    VerdictSettings,
 )
 from gpsim.diagnosis.settings.declare import described
-from gpsim.diagnosis.settings.fitting import (
-    DiscretisationSettings,
-    EvidenceSettings,
-    PatchworkSettings,
-    ScoreTestSettings,
-    SensorInversionSettings,
-    ShootingSettings,
-)
-from gpsim.diagnosis.settings.form import FormSettings
-from gpsim.diagnosis.settings.gates import GateSettings
-from gpsim.diagnosis.settings.judgement import BlackBoxSettings, RivalSettings, VerdictSettings
 from gpsim.diagnosis.settings.known import NAMES, NOTHING_KNOWN, Known, read_known
-from gpsim.diagnosis.settings.reference import as_page, as_yaml
-from gpsim.diagnosis.settings.run import CostSettings, SharingSettings
-from gpsim.diagnosis.settings.selection import AcceptanceSettings, LackOfFitSettings, SearchSettings
-from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
-from gpsim.diagnosis.settings.setup import (
+from gpsim.diagnosis.settings.recording import (
     AngleSettings,
     CandidateSettings,
-    LatentStateSettings,
+    DecimationSettings,
+    DiscretisationSettings,
+    LogFactSettings,
     PrepareSettings,
-    VelocityFilterSettings,
+    SharingSettings,
+    WindowSettings,
 )
+from gpsim.diagnosis.settings.reference import as_page, as_yaml
+from gpsim.diagnosis.settings.selection import (
+    AcceptanceSettings,
+    GateSettings,
+    LackOfFitSettings,
+    SearchSettings,
+)
+from gpsim.diagnosis.settings.settings import Settings, as_mapping, read_settings
 
 __all__ = [
     "NAMES",
@@ -51,39 +42,25 @@ __all__ = [
     "AngleSettings",
     "AttributionSettings",
     "BlackBoxSettings",
-    "BootstrapSettings",
     "CandidateSettings",
-    "CombinationSettings",
     "ComparisonSettings",
-    "ConcentrationSettings",
-    "CostSettings",
     "DecimationSettings",
     "DiscretisationSettings",
-    "EvidenceSettings",
     "ExperimentDesignSettings",
     "FormSettings",
     "GateSettings",
-    "HeavyTailSettings",
     "IntervalSettings",
     "Known",
     "LackOfFitSettings",
-    "LatentStateSettings",
-    "LocationSettings",
     "LogFactSettings",
-    "PatchworkSettings",
     "PrepareSettings",
     "RemainderGPSettings",
     "RivalSettings",
     "RolloutSettings",
-    "ScoreTestSettings",
     "SearchSettings",
-    "SensorInversionSettings",
     "Settings",
     "SharingSettings",
-    "ShootingSettings",
     "SupportSettings",
-    "TraceSettings",
-    "VelocityFilterSettings",
     "VerdictSettings",
     "WindowSettings",
     "as_mapping",
@@ -92,4 +69,5 @@ __all__ = [
     "described",
     "read_known",
     "read_settings",
+    "schedules",
 ]

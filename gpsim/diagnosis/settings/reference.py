@@ -37,7 +37,8 @@ def as_page(settings: Settings) -> str:
         "# Settings of the diagnosis",
         "",
         "Made by `python docs/generate.py` from `gpsim/diagnosis/settings`; a test holds it current. Any of them",
-        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.search.beam=5`.",
+        f"is a word on the command line: `gpsim diagnose RECORDING {WHERE}.search.beam=5`. Other thresholds are",
+        "constants, each with its reason beside the code that it decides in.",
         "",
     ]
     for name, step in steps(settings):

@@ -7,9 +7,11 @@ from gpsim.diagnosis.setup.log_facts import LogLook, flagged, look_at, mended
 from gpsim.diagnosis.setup.not_asked import not_asked
 from gpsim.diagnosis.setup.prepare import Question, prepare, settled_question, spread_out
 from gpsim.diagnosis.setup.sight import Sight, check_moves, look
+from gpsim.diagnosis.setup.sizes import FEWEST_WITHOUT_CONTACT
 from gpsim.diagnosis.setup.velocity_filter import filters, undone
 
 __all__ = [
+    "FEWEST_WITHOUT_CONTACT",
     "Completions",
     "LogLook",
     "Question",

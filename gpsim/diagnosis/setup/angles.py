@@ -19,6 +19,15 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Recording, Transitions, evenly
 from gpsim.simulators import Coordinate, Parameters, Simulator
 
+FEWEST_ROWS = 20  # transitions with fewer nothing is asked
+MOST_ROWS = 2000  # transitions that the base is compared at, at most
+MOST_SCATTER = 0.1
+"""Of the ratio of a position's speed and its velocity: a unit is a matter of 57.3, noise of less."""
+HARDLY_FORESEEN = 0.6
+"""Of a rate, that the base leaves at least as the angle is said to be (a missing effect may do that, and none of them
+is mended by another unit)."""
+WELL_FORESEEN = 0.25  # of the same rate, that it leaves at most with the angle read otherwise
+
 DEGREES = math.degrees(1.0)  # of a radian: the factor between the two units
 REMEDY = "multiply by pi/180, or import the log with NAME=deg*COLUMN"
 SURE = "if it is right, say diagnose.angles.asked=false"
@@ -54,19 +63,17 @@ def check_angles(
     hidden: states that nobody measured, at a guess in the recording: rates are not compared then.
     """
     rows = recording.transitions()
-    if not settings.asked or len(rows) < settings.rows:
+    if not settings.asked or len(rows) < FEWEST_ROWS:
         return
     for coordinate in simulator.coordinates:
         if not {coordinate.name, coordinate.velocity} & set(hidden):
-            _check_speed(recording, rows, coordinate, settings)
+            _check_speed(recording, rows, coordinate)
     if closed(simulator) is None and not hidden:
-        some = rows.take(evenly(len(rows), settings.looked_at))
-        _check_rates(some, simulator, parameters, settings)
+        some = rows.take(evenly(len(rows), MOST_ROWS))
+        _check_rates(some, simulator, parameters)
 
 
-def _check_speed(
-    recording: Recording, rows: Transitions, coordinate: Coordinate, settings: AngleSettings
-) -> None:
+def _check_speed(recording: Recording, rows: Transitions, coordinate: Coordinate) -> None:
     """A position that moves 57.3 times as fast as its velocity says, or as slowly."""
     names, pair = recording.state.names, (coordinate.name, coordinate.velocity)
     if recording.velocities == "differentiated" or not set(pair) <= set(names):
@@ -81,27 +88,25 @@ def _check_speed(
     moved = (rows.next_states[:, position] - rows.states[:, position]) / rows.dt
     ratios = moved[fast] / speed[fast]
     ratio = float(np.median(ratios))
-    if float(np.median(np.abs(ratios - ratio))) > settings.scatter * abs(ratio):
+    if float(np.median(np.abs(ratios - ratio))) > MOST_SCATTER * abs(ratio):
         return
     for wrong, factor in ((pair[0], DEGREES), (pair[1], 1.0 / DEGREES)):
-        if abs(ratio / factor - 1.0) < settings.scatter:
+        if abs(ratio / factor - 1.0) < MOST_SCATTER:
             raise UsageError(
                 f"{pair[0]} moves {ratio:.3g} times as fast as {pair[1]} says: {wrong} is in degrees, while the "
                 f"simulator's angles are radians; {REMEDY}; {SURE}"
             )
 
 
-def _check_rates(
-    rows: Transitions, simulator: Simulator, parameters: Parameters, settings: AngleSettings
-) -> None:
+def _check_rates(rows: Transitions, simulator: Simulator, parameters: Parameters) -> None:
     """Rates that the base explains hardly as the angles are said to be, and well as they might be."""
     usual = _unexplained(rows, simulator, parameters, Reading("", {}, {}, ""))
-    if usual.max(initial=0.0) < settings.hardly:
+    if usual.max(initial=0.0) < HARDLY_FORESEEN:
         return
     for reading in _readings(simulator):
         left = _unexplained(rows, simulator, parameters, reading)
-        better = (usual >= settings.hardly) & (left <= settings.well)
-        if better.any() and not (left > usual + settings.well).any():
+        better = (usual >= HARDLY_FORESEEN) & (left <= WELL_FORESEEN)
+        if better.any() and not (left > usual + WELL_FORESEEN).any():
             worst = int(np.argmax(np.where(better, usual - left, -np.inf)))
             raise UsageError(
                 f"{reading.said}: read so, the simulator explains {_percent(left[worst])} of "

@@ -20,6 +20,8 @@ from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.settings import LogFactSettings
 from gpsim.recordings import Episode, Recording, gaps, pieces, steps_to_next
 
+CLOCK_JITTER = 0.01  # of the clock's step, by which steps must scatter to be uneven
+
 QUANTISED = 1.0 / np.sqrt(12.0)  # standard deviation of what rounding to a grid of 1 leaves over
 
 
@@ -60,7 +62,7 @@ def flagged(recording: Recording, settings: LogFactSettings | None = None) -> li
 def look_at(recording: Recording, settings: LogFactSettings) -> LogLook:
     """Everything that is peculiar to a recording, channel by channel."""
     stretches = list(_stretches(recording))
-    grids = [_grid(stretches, i, settings) for i in range(len(recording.state))]
+    grids = [_grid(stretches, i) for i in range(len(recording.state))]
     stale, wild = _samples(recording, stretches, grids, settings)
     facts: list[LogFact] = []
     for i, channel in enumerate(recording.state):
@@ -72,7 +74,7 @@ def look_at(recording: Recording, settings: LogFactSettings) -> LogLook:
     for s, old, out in zip(stretches, stale, wild, strict=True):
         left_out[s.episode][s.rows] = old | out
     quantised = {name: step for name, step in zip(recording.state.names, grids, strict=True) if step}
-    return LogLook((*facts, *_of_the_clock(recording, settings)), tuple(left_out), quantised)
+    return LogLook((*facts, *_of_the_clock(recording)), tuple(left_out), quantised)
 
 
 def _samples(
@@ -92,7 +94,7 @@ def _samples(
     for s, old, out in zip(stretches, stale, wild, strict=True):
         together = old.any(axis=1) | whole_packets(s.t, s.states, settings)
         for i in range(len(grids)):
-            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0, settings)
+            old[:, i] |= held_with(together, s.states[:, i], grids[i] or 0.0)
         out &= ~old  # in a steady motion what stands still leaps away, too
     return stale, wild
 
@@ -131,8 +133,8 @@ def _stretches(recording: Recording) -> Iterator[_Stretch]:
             yield _Stretch(index, first, episode.t[first : last + 1], states, episode.actions[first:last])
 
 
-def _grid(stretches: list[_Stretch], channel: int, settings: LogFactSettings) -> float | None:
-    return quantum([s.states[:, channel] for s in stretches], [s.actions for s in stretches], settings)
+def _grid(stretches: list[_Stretch], channel: int) -> float | None:
+    return quantum([s.states[:, channel] for s in stretches], [s.actions for s in stretches])
 
 
 def _angle(channel: Channel) -> bool:
@@ -140,7 +142,7 @@ def _angle(channel: Channel) -> bool:
     return channel.wraps or channel.unit == "rad"
 
 
-def _of_the_clock(recording: Recording, settings: LogFactSettings) -> list[LogFact]:
+def _of_the_clock(recording: Recording) -> list[LogFact]:
     """Rows that are missing, and an uneven clock."""
     facts, dt = [], recording.dt
     lost, longest = 0, 0.0
@@ -152,6 +154,6 @@ def _of_the_clock(recording: Recording, settings: LogFactSettings) -> list[LogFa
         facts.append(LogFact("missing", count=lost, value=longest, unit="s"))
     steps = np.concatenate([np.diff(e.t)[~gaps(e.t, dt)] for e in recording.episodes])
     scatter = float(steps.std()) if len(steps) else 0.0
-    if scatter > settings.jitter * dt:
+    if scatter > CLOCK_JITTER * dt:
         facts.append(LogFact("jitter", value=scatter, unit="s"))
     return facts

@@ -9,6 +9,9 @@ from gpsim.diagnosis.setup.sizes import Sizes
 from gpsim.effects import Term, effect_of
 from gpsim.recordings import Recording, evenly
 
+DRY_WINDOWS = 12  # windows on which that is asked, of every joint
+SHORTEST_UNSTABLE = 5  # transitions that such a window keeps
+
 RUBS = "coulomb_friction"
 
 
@@ -21,7 +24,7 @@ def steps_with_friction(problem: Problem, recording: Recording) -> dict[str, int
     if len(simulator.coordinates) > settings.closed_step.dry_joints:
         return {}
     sizes, effect = Sizes(recording, simulator, problem.parameters, settings.candidates), effect_of(RUBS)
-    rows = evenly(len(problem.windows), settings.closed_step.dry_windows)
+    rows = evenly(len(problem.windows), DRY_WINDOWS)
     some, found = problem.on(problem.windows.take(rows)), {}
     for on in effect.places(simulator):
         declared = effect.parameters(sizes.place(effect, on))
@@ -36,4 +39,4 @@ def steady_length(problem: Problem) -> int:
     """Transitions of a window within which the base does not drive apart what began alike: fits get lost there."""
     settings, longest = problem.run.settings.closed_step, problem.windows.length
     (beyond,) = np.nonzero(growth(problem) > settings.unstable)
-    return min(max(int(beyond[0]) - 1, settings.shortest), longest) if len(beyond) else longest
+    return min(max(int(beyond[0]) - 1, SHORTEST_UNSTABLE), longest) if len(beyond) else longest

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gpsim.channels import BoolArray
-from gpsim.diagnosis.data import Windows, cut, held_out_mask, rebased, thinned
+from gpsim.diagnosis.data import FEWEST_TRANSITIONS_OF_A_WINDOW, Windows, cut, held_out_mask, rebased, thinned
 from gpsim.diagnosis.fitting import (
+    TOLERATED_NOISE,
+    USUAL_SUBSTEP,
     Fit,
     Hypothesis,
     Problem,
@@ -22,7 +24,7 @@ from gpsim.diagnosis.fitting import (
 )
 from gpsim.diagnosis.report import LogFact
 from gpsim.diagnosis.run import Run
-from gpsim.diagnosis.settings import PrepareSettings, Settings
+from gpsim.diagnosis.settings import Settings
 from gpsim.diagnosis.setup.angles import check_angles
 from gpsim.diagnosis.setup.contacts import contacts
 from gpsim.diagnosis.setup.known import with_known
@@ -35,6 +37,22 @@ from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.recordings import Recording, evenly
 from gpsim.residuals import check_clock, either_wraps
 from gpsim.simulators import INTEGRATORS, Simulator, wrapping
+
+SEARCHED_LONGER = 50  # windows that it looks at where they are longer than usual
+FEWEST_TRANSITIONS = 12  # transitions below, there are not even that many short windows
+LONGER_WINDOWS = 2
+"""Times the usual length, that windows have where noise hides what happens within one (unstable systems forbid
+more)."""
+NOISY_SHARE = 0.02  # noise that does, in parts of what moves within a window
+ENOUGH_LONGER = 40  # windows of such a length that there must be to learn from
+LEAST_FILLED = 0.9  # of such windows, that samples must fill, not what pads short episodes
+LEAST_NOISE = 1e-8  # of a channel's typical size: no sensor that states no noise is better
+HIDDEN_SCALE = 0.1  # of the guess of a channel that nobody measured: its typical size at the least
+MOST_USUAL_SUBSTEPS = 6  # substeps that this may ask for
+SLOW_STEP = 0.5  # transitions longer than this belong to systems for which seconds are no guide [s]
+TOLERATED_CHANGE = 3e-3  # of a channel's spread: what halving the substep may change
+SAMPLED_WINDOWS = 40  # windows on which the base simulator's numerical error and mismatch are measured
+MISMATCH_ITERATIONS = 8  # of the base simulator's fit that says how far it is off
 
 STILL = 1e-9  # size of a channel that never changes, in whatever unit: it has none of its own
 
@@ -86,7 +104,7 @@ def prepare(
     settings, parameters = run.settings, with_known(run.known, simulator, parameters)
     sight = look(recording, simulator)
     hidden = sight.hidden
-    _check_length(recording, settings.prepare)
+    _check_length(recording)
     check_clock(recording)
     check_moves(recording, simulator, sight)
     if recording.integrator not in INTEGRATORS:
@@ -117,7 +135,7 @@ def prepare(
         problem = _problem(seen, simulator, parameters, training, hidden, log, run, like=problem)
         problem = replace(problem, dry_steps=steps_with_friction(_sample(problem), seen))
     usual = training.length == _length(seen, settings)
-    searched = settings.prepare.searched if usual else settings.prepare.searched_longer
+    searched = settings.prepare.searched if usual else SEARCHED_LONGER
     fitted, fewest = settings.prepare.fitted, settings.prepare.fewest
     if system is not None:
         searched, fitted = settings.closed_step.searched, settings.closed_step.fitted
@@ -136,9 +154,9 @@ def prepare(
     )
 
 
-def _check_length(recording: Recording, settings: PrepareSettings) -> None:
+def _check_length(recording: Recording) -> None:
     """Of what is far too short nothing else is worth saying."""
-    count, fewest = recording.transition_count, settings.fewest_transitions
+    count, fewest = recording.transition_count, FEWEST_TRANSITIONS
     if count >= fewest:
         return
     short = f"too short to judge: {count} transitions, {fewest} at the least"
@@ -164,11 +182,11 @@ def _split(recording: Recording, observed: BoolArray, settings: Settings) -> tup
             f"too short to judge: {recording.transition_count} transitions make {len(training)} windows of "
             f"{training.length} to learn from, {prepared.fewest} are needed; record more, or hold out less"
         )
-    twice = prepared.longer * length
-    if twice <= settings.windows.longest and _noisy(recording, training, observed, prepared.noisy):
+    twice = LONGER_WINDOWS * length
+    if twice <= settings.windows.longest and _noisy(recording, training, observed, NOISY_SHARE):
         longer, later = _parted(recording, twice, settings)
-        enough = len(longer) >= prepared.enough_longer and bool(len(later)) == bool(len(held))
-        if enough and float(longer.valid.mean()) > prepared.filled:  # samples, not what pads short episodes
+        enough = len(longer) >= ENOUGH_LONGER and bool(len(later)) == bool(len(held))
+        if enough and float(longer.valid.mean()) > LEAST_FILLED:  # samples, not what pads short episodes
             return longer, later
     return training, held
 
@@ -206,15 +224,15 @@ def _problem(
     """
     names, grid = simulator.state.names, run.settings.discretisation
     observed = _observed(recording, simulator, hidden)
-    share, spread = run.settings.prepare.hidden_scale, training.measured[training.valid].std(axis=0)
+    share, spread = HIDDEN_SCALE, training.measured[training.valid].std(axis=0)
     unsized = [n in hidden and (n in simulator.start or not s) for n, s in zip(names, spread, strict=True)]
     sizes = [abs(simulator.start.get(n, 0.0)) or 1.0 for n in names]
     guess = np.where(unsized, sizes, 0.0)
     scale = np.maximum(np.where(spread > 0.0, spread, STILL), share * guess)
     known = np.array([recording.noise.get(name, 0.0) for name in names])
     rounded = np.array([QUANTISED * log.quantised.get(name, 0.0) for name in names])
-    floor = np.sqrt(np.maximum(known, rounded) ** 2 + (run.settings.prepare.least_noise * scale) ** 2)
-    usual = int(np.clip(np.ceil(recording.dt / grid.usual_substep), grid.substeps[0], grid.most_usual))
+    floor = np.sqrt(np.maximum(known, rounded) ** 2 + (LEAST_NOISE * scale) ** 2)
+    usual = int(np.clip(np.ceil(recording.dt / USUAL_SUBSTEP), grid.substeps[0], MOST_USUAL_SUBSTEPS))
     nothing = np.zeros(len(names))
     problem = Problem(
         simulator,
@@ -250,10 +268,10 @@ def _fine_enough(problem: Problem) -> Problem:
     if closed(problem.simulator) is not None:  # its steps are chosen, what they are off by is noise
         return replace(problem, floor=np.hypot(problem.floor, numerical_error(sample)))
     stands = (
-        any(problem.simulator.coordinates) and problem.dt <= settings.slow
+        any(problem.simulator.coordinates) and problem.dt <= SLOW_STEP
     )  # friction may hold something at rest
     fewest = problem.substeps if stands else settings.substeps[0]
-    tolerated = np.maximum(settings.tolerated * problem.scale, problem.floor / settings.tolerated_noise)
+    tolerated = np.maximum(TOLERATED_CHANGE * problem.scale, problem.floor / TOLERATED_NOISE)
     tolerated = tolerated[problem.observed]
     for substeps in (n for n in settings.substeps if n >= fewest):
         error = numerical_error(replace(sample, substeps=substeps))
@@ -266,13 +284,13 @@ def _fine_enough(problem: Problem) -> Problem:
 def _sample(problem: Problem) -> Problem:
     """The problem on a few windows, which show the base simulator's errors."""
     settings = problem.run.settings
-    some = spread_out(problem.windows, settings.discretisation.sampled_windows, settings.prepare.fewest)
+    some = spread_out(problem.windows, SAMPLED_WINDOWS, settings.prepare.fewest)
     return problem.on(some)
 
 
 def _with_mismatch(problem: Problem) -> Problem:
     """The problem with how far the base simulator is off."""
-    sample, iterations = _sample(problem), problem.run.settings.discretisation.mismatch_iterations
+    sample, iterations = _sample(problem), MISMATCH_ITERATIONS
     null = fit(sample, Hypothesis(), sample.windows.measured[:, 0], iterations=iterations)
     return replace(problem, mismatch=null.variance)
 
@@ -305,7 +323,7 @@ def _length(recording: Recording, settings: Settings) -> int:
     windows, pace = settings.windows, settings.decimation.pace
     usual = round(windows.length * pace / recording.dt)
     usual = int(np.clip(usual, windows.length, windows.longest))
-    return min(usual, max(longest, windows.fewest))
+    return min(usual, max(longest, FEWEST_TRANSITIONS_OF_A_WINDOW))
 
 
 def _noisy(recording: Recording, windows: Windows, observed: BoolArray, share: float) -> bool:

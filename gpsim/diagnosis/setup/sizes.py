@@ -14,6 +14,12 @@ from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
 
+ROWS_OF_SIZES = 4000  # transitions that sizes are taken from, at most
+TYPICAL_QUANTILE = 0.95  # quantile of a channel's sizes that is its typical one
+UNFORCED = 1e-6  # of the measured rates: a base simulator whose own are smaller tells no size of forces
+FEWEST_WITHOUT_CONTACT = 100
+"""Transitions without contact that must be left where accelerations leave out those that touch."""
+
 TINY = 1e-150  # guards divisions, whatever the units: no size is 0, nor its square
 MEDIAN = 0.5  # quantile
 
@@ -29,12 +35,12 @@ class Sizes:
         settings: CandidateSettings,
     ) -> None:
         rows = recording.transitions()
-        rows = rows.take(evenly(len(rows), settings.rows))
-        rows = rows.take(apart(simulator, settings.apart, rows.states, rows.next_states))
+        rows = rows.take(evenly(len(rows), ROWS_OF_SIZES))
+        rows = rows.take(apart(simulator, FEWEST_WITHOUT_CONTACT, rows.states, rows.next_states))
         self._reach = settings.reach
         self._simulator, self._dt, self._parameters = simulator, recording.dt, parameters
         self._spans = {
-            name: _typical(np.abs(values), settings.typical)
+            name: _typical(np.abs(values), TYPICAL_QUANTILE)
             for name, values in zip(
                 (*simulator.state.names, *simulator.action.names),
                 np.hstack([rows.states, rows.actions]).T,
@@ -63,7 +69,7 @@ class Sizes:
                 simulator.rates(rows.states, rows.actions, parameters, unit)[:, column] - rates[:, column]
             )
             usual = float(np.sqrt(np.mean(rates[:, column] ** 2)))
-            if usual < settings.unforced * (measured := _typical(np.abs(rows_rates[:, column]), MEDIAN)):
+            if usual < UNFORCED * (measured := _typical(np.abs(rows_rates[:, column]), MEDIAN)):
                 usual = measured  # nobody pushes: what it does is all that tells how large forces are
             easily = max(float(np.median(np.abs(mobility))), TINY)
             self._forces[coordinate.name] = max(usual / easily, TINY)

@@ -17,10 +17,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis.data import Windows, at, stretches
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit, traced
-from gpsim.diagnosis.settings import VelocityFilterSettings
 from gpsim.effects import even
 from gpsim.recordings import Recording
 from gpsim.simulators import Simulator
+
+WIDEST_FILTER = 5  # samples to either side of a filter
+EXACT_MISFIT = 1e-3  # of a velocity's typical size: how closely a filter has to say what was written down
+AS_GOOD = 2.0  # times the misfit of the widest filter, that a narrower one may have
+MOST_ROWS = 20_000  # samples that a filter is fitted to
+ROWS_PER_WEIGHT = 4  # samples for each weight of the widest filter, that there must be
+FIT_ITERATIONS = 5  # of the fit of the motion around a sample, to which the filter is applied
 
 
 @dataclass(frozen=True)
@@ -37,15 +43,12 @@ class Filter:
         return len(self.weights) // 2
 
 
-def filters(recording: Recording, simulator: Simulator, settings: VelocityFilterSettings) -> list[Filter]:
+def filters(recording: Recording, simulator: Simulator) -> list[Filter]:
     """How every velocity was made of its position; none where one was not, or not by such a filter."""
     if recording.velocities != "differentiated" or not _even(recording):
         return []
     names = simulator.state.names
-    found = [
-        _filter(recording, names.index(c.name), names.index(c.velocity), settings)
-        for c in simulator.coordinates
-    ]
+    found = [_filter(recording, names.index(c.name), names.index(c.velocity)) for c in simulator.coordinates]
     known = [f for f in found if f is not None]
     return known if len(known) == len(found) else []
 
@@ -65,9 +68,8 @@ def undone(
     rows, places = _inside(recording, windows, reach)
     if not places:
         return windows
-    settings = problem.run.settings
     around = problem.on(at(recording, places, 2 * reach + 1))
-    iterations = settings.velocity_filter.iterations
+    iterations = FIT_ITERATIONS
     found = fit(around, hypothesis.frozen(), around.windows.measured[:, 0], iterations=iterations)
     said = traced(around, found)
     windows = windows.take(rows)
@@ -87,31 +89,27 @@ def _even(recording: Recording) -> bool:
     return even(together, np.median(together, keepdims=True))  # dt may be rounded
 
 
-def _filter(
-    recording: Recording, position: int, velocity: int, settings: VelocityFilterSettings
-) -> Filter | None:
+def _filter(recording: Recording, position: int, velocity: int) -> Filter | None:
     """The narrowest filter that says the velocity about as well as the widest does."""
-    widest = settings.widest
-    q, v = _samples(recording, position, velocity, settings)
-    if len(v) < settings.per_weight * (2 * widest + 1):
+    widest = WIDEST_FILTER
+    q, v = _samples(recording, position, velocity)
+    if len(v) < ROWS_PER_WEIGHT * (2 * widest + 1):
         return None
     narrower = [q[:, widest - j : widest + j + 1] for j in range(1, widest + 1)]
     weights = [np.asarray(np.linalg.lstsq(part, v, rcond=None)[0]) for part in narrower]
     misfit = [float(np.sqrt(np.mean((part @ w - v) ** 2))) for part, w in zip(narrower, weights, strict=True)]
     rounding = 1e-9 * float(np.abs(v).mean())
-    if misfit[-1] > settings.exact * float(np.abs(v).mean()):
+    if misfit[-1] > EXACT_MISFIT * float(np.abs(v).mean()):
         return None
-    best = next(i for i, error in enumerate(misfit) if error <= settings.as_good * misfit[-1] + rounding)
+    best = next(i for i, error in enumerate(misfit) if error <= AS_GOOD * misfit[-1] + rounding)
     chosen = weights[best]
     chosen[len(chosen) // 2] -= chosen.sum()  # no velocity depends on where it is
     return Filter(position, velocity, chosen)
 
 
-def _samples(
-    recording: Recording, position: int, velocity: int, settings: VelocityFilterSettings
-) -> tuple[FloatArray, FloatArray]:
+def _samples(recording: Recording, position: int, velocity: int) -> tuple[FloatArray, FloatArray]:
     """Positions (N, 2 J + 1) around samples, from the middle one, and velocities (N,) there."""
-    widest = settings.widest
+    widest = WIDEST_FILTER
     around, there = [np.empty((0, 2 * widest + 1))], [np.empty(0)]
     angle = list(recording.state)[position].unit == "rad"
     for index, low, high in stretches(recording):
@@ -122,7 +120,7 @@ def _samples(
         near = sliding_window_view(q, 2 * widest + 1)
         around.append(near - near[:, widest : widest + 1])  # a filter of velocities does not see where it is
         there.append(states[widest : len(states) - widest, velocity])
-        if sum(map(len, there)) > settings.rows:
+        if sum(map(len, there)) > MOST_ROWS:
             break
     return np.concatenate(around), np.concatenate(there)
 
