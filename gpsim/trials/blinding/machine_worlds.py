@@ -188,8 +188,7 @@ def _as_kept(world: World, recording: Recording) -> Recording:
         Episode(e.name, np.round(e.t + own.clock, 9), (e.states + zeros)[:, columns], e.actions)
         for e in recording.episodes
     )
-    out = replace(recording, episodes=episodes, velocities=None if bare else world.velocities)
     if not bare:
-        return out
-    state = {name: SYSTEMS[world.system].state[name] for name in names[0::2]}
-    return replace(out, state=Channels.of(state))
+        return replace(recording, episodes=episodes, velocities=world.velocities)
+    state = Channels.of({name: SYSTEMS[world.system].state[name] for name in names[0::2]})
+    return replace(recording, state=state, episodes=episodes, velocities=None)
