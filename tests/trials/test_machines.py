@@ -20,6 +20,7 @@ from gpsim.trials.blinding import (
     recording_folders,
     write_trial,
 )
+from gpsim.trials.blinding.machine_worlds import conceal_machine
 from gpsim.trials.drawing import ARM, KINDS, MACHINES_FROM, draw_machine, kind_of, machine_rank
 from gpsim.trials.drawing.machine_draws import _sessions
 from gpsim.trials.drawing.machine_parts import FEWEST, MOST, PARTS, Sizes, parts_of
@@ -312,3 +313,11 @@ def test_an_arm_is_published_with_its_model(tmp_path):
     answer = json.loads((tmp_path / PRIVATE / name / ANSWER).read_text())
     assert sum(e["beyond"] >= 4.0 for e in answer["effects"]) >= 4
     assert read_recording(folder).model == "robot.xml"
+
+
+def test_of_a_machine_that_logs_positions_alone_nobody_reads_velocities():
+    number = MACHINES_FROM + 10
+    world = draw_machine(7, number, 0)
+    assert world.machine.positions_only
+    (kept,) = {r.state.names for r in conceal_machine(7, number).recordings}
+    assert kept == ("q",)
