@@ -142,7 +142,7 @@ def _supported(
     left = list(offers)
     for _ in range(question.run.settings.support.rounds):
         before = judgement.leader
-        leader = supported(question, before, judgement.null, judgement.structured)
+        leader = supported(question, before, judgement.null, judgement.structured, left)
         if leader is before:
             return judgement
         gone = before.hypothesis.claims - leader.hypothesis.claims
@@ -152,7 +152,7 @@ def _supported(
             contenders = stepwise(question, contenders, left, lambda text: None, gates=False)
             contenders = prune_on_held_out(question, contenders)
         judgement = judge(question, contenders, found, settled=True)
-    leader = supported(question, judgement.leader, judgement.null, judgement.structured)
+    leader = supported(question, judgement.leader, judgement.null, judgement.structured, left)
     return judge(question, replace(contenders, leader=leader), found, settled=True)
 
 

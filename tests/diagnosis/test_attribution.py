@@ -9,7 +9,7 @@ import pytest
 from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, supported
 from gpsim.diagnosis.attribution.rollout_windows import rollout_windows
 from gpsim.diagnosis.attribution.support import _hidden, _spare, holds_in_halves
-from gpsim.diagnosis.attribution.ungated import ungated
+from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import Settings
@@ -171,7 +171,7 @@ def test_a_push_in_a_region_holds_in_both_halves():
 
 def test_a_push_in_a_region_needs_its_gate():
     question, leader = pushed(lambda t: 0.8)
-    assert ungated(question.everything, leader, attribute(question, leader, null_of(question))) is None
+    assert plainer(question.everything, leader, attribute(question, leader, null_of(question)), ()) is None
 
 
 def test_a_region_that_hides_nothing_is_no_part_of_a_law():
@@ -180,7 +180,7 @@ def test_a_region_that_hides_nothing_is_no_part_of_a_law():
     question, leader = laws.explained_by(
         world, *LAWS, ("constant_force", "q"), gates=(None, None, nearly_all)
     )
-    wider = ungated(question.everything, leader, attribute(question, leader, null_of(question)))
+    wider = plainer(question.everything, leader, attribute(question, leader, null_of(question)), ())
     assert not any(term.gate for term in wider.hypothesis.terms)
     assert supported(question, leader, null_of(question), structured=True).hypothesis.terms[-1].gate == Gate()
 
@@ -192,7 +192,7 @@ def test_a_gate_beside_the_same_law_everywhere_is_kept():
         ("constant_force", "q"),
         gates=(None, REGION),
     )
-    assert ungated(question.everything, leader, attribute(question, leader, null_of(question))) is None
+    assert plainer(question.everything, leader, attribute(question, leader, null_of(question)), ()) is None
 
 
 def test_a_push_of_one_half_alone_does_not_hold():

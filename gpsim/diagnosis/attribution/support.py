@@ -15,10 +15,10 @@ import numpy as np
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.attribution.attribution import Attribution, attribute
 from gpsim.diagnosis.attribution.less import fits_without, without_all
+from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.attribution.roles import matters
 from gpsim.diagnosis.attribution.twins import unsure_twins
-from gpsim.diagnosis.attribution.ungated import ungated
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, curvature, fit
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Problem, curvature, fit
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.selection import is_row, required_in, whole_robot
 from gpsim.diagnosis.settings import Settings, schedules
@@ -42,20 +42,22 @@ APART = 3.0  # of both halves together, by which their estimates may differ [sta
 TINY = 1e-300  # guards a division by what windows do not know
 
 
-def supported(question: Question, leader: Fit, null: Fit, structured: bool) -> Fit:
+def supported(
+    question: Question, leader: Fit, null: Fit, structured: bool, offers: Sequence[Candidate] = ()
+) -> Fit:
     """The leader without terms that do harm, or that a part of the recording alone supports, or gates without need.
 
-    structured: whether the leader leaves something that chance would not; then a region or an onset is easily found
-    that mends some of it.
+    structured: whether the leader leaves something that chance would not; then a region, an onset or a law's further
+    parameter is easily found that mends some of it. offers: what a law may be a plainer form of.
     """
     problem = question.everything
     while leader.hypothesis.terms:
         found = attribute(question, leader, null)
-        wider = ungated(problem, leader, found) if structured else None
-        if wider is not None:
-            names = (leader.hypothesis.names, wider.hypothesis.names)
-            problem.run.trace.note(*names, False, "its gate does not matter")
-            leader = wider
+        plain = plainer(problem, leader, found, offers) if structured else None
+        if plain is not None:
+            names = (leader.hypothesis.names, plain.hypothesis.names)
+            problem.run.trace.note(*names, False, "a plainer law does as well")
+            leader = plain
             continue
         less = fits_without(problem, leader, null)
         free = [i for i, part in enumerate(less) if not required_in(problem, leader, part)]

@@ -12,7 +12,7 @@ from gpsim.diagnosis.selection.pruning import prune_on_held_out
 from gpsim.diagnosis.selection.refit import Contenders, null_of, refit
 from gpsim.diagnosis.selection.required import required_in, without_idle
 from gpsim.diagnosis.selection.stepwise import stepwise
-from gpsim.diagnosis.selection.substitution import left_open
+from gpsim.diagnosis.selection.substitution import left_open, plain_forms
 from gpsim.diagnosis.selection.usual import usual_machine
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "null_of",
     "on_its_grid",
     "pays",
+    "plain_forms",
     "prune_on_held_out",
     "refine_grid",
     "refit",

@@ -107,20 +107,25 @@ def _other_words(
 def specialised(problem: Problem, leader: Fit, offers: Sequence[Candidate]) -> Fit:
     """The leader with special cases of its laws, where the laws do not pay over them."""
     while True:
-        size = len(leader.hypothesis.parameters)
-        children = []
-        for i, old in enumerate(leader.hypothesis.terms):
-            rest = leader.hypothesis.without(i)
-            for candidate, start in _special_cases(old, [c for c in offers if _fits_gate(c, old.gate)]):
-                child = _in_place(rest, candidate, start, old.gate)
-                if child is not None and len(child.parameters) < size:
-                    children.append(child)
+        children = plain_forms(leader.hypothesis, offers)
         orders = [Order(child, leader.starts, schedules.REFIT, schedules.ROUGH) for child in children]
         fits = fit_all(problem, orders)
         simpler = [f for f in fits if not pays(problem, leader, f)]
         if not simpler:
             return leader
         leader = min(simpler, key=lambda f: f.objective)
+
+
+def plain_forms(hypothesis: Hypothesis, offers: Sequence[Candidate]) -> list[Hypothesis]:
+    """The hypothesis with one of its laws in the form of a special case with fewer parameters."""
+    out = []
+    for i, old in enumerate(hypothesis.terms):
+        rest = hypothesis.without(i)
+        for candidate, start in _special_cases(old, [c for c in offers if _fits_gate(c, old.gate)]):
+            child = _in_place(rest, candidate, start, old.gate)
+            if child is not None and len(child.parameters) < len(hypothesis.parameters):
+                out.append(child)
+    return out
 
 
 def left_open(problem: Problem, at: Fit, index: int) -> Fit:

@@ -33,6 +33,9 @@ class StribeckFriction(ForceEffect):
             "size",
             "at rest at most twice the sliding force (Armstrong-Helouvry et al. 1994)",
         ),
+        "stribeck_velocity": Plausible(
+            0.0, 0.5, "speed", "lubricated steel: some mm/s, a small part of the usual speed (the same)"
+        ),
     }
 
     def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:

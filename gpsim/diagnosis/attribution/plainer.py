@@ -1,4 +1,9 @@
-"""The account with one gate less: a region or an onset must matter as an effect must."""
+"""The account with one law plainer: a gate, or what a law says beyond its special case, must matter as an effect must.
+
+Beside physics that nobody names a region is easily found that mends some of it, and a law with one more parameter is
+nearer to it than its special case: Stribeck friction that falls over twice the usual speed stands for dry friction and
+something else.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +11,21 @@ from collections.abc import Sequence
 
 from gpsim.diagnosis.attribution.attribution import Attribution
 from gpsim.diagnosis.attribution.roles import matters
-from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
+from gpsim.diagnosis.fitting import Candidate, Fit, Hypothesis, Order, Problem, fit, fit_all
+from gpsim.diagnosis.selection import plain_forms
 from gpsim.diagnosis.settings import schedules
 from gpsim.effects import Gate
 
 
-def ungated(problem: Problem, leader: Fit, found: Attribution) -> Fit | None:
-    """The account without the gate that matters least, all fitted anew; None where every gate matters.
+def plainer(problem: Problem, leader: Fit, found: Attribution, offers: Sequence[Candidate]) -> Fit | None:
+    """The account in which what matters least is plainer, all fitted anew; None where all of it matters.
 
-    Beside physics that nobody names a region is easily found that mends some of it.
+    offers: the laws that may stand in the place of those of which they are special cases.
     """
     which = _gates(leader.hypothesis)
-    fits: Sequence[Fit] = problem.run.side_by_side(_open, [(problem, leader, i) for i in which])
+    fits: list[Fit] = list(problem.run.side_by_side(_open, [(problem, leader, i) for i in which]))
+    forms = plain_forms(leader.hypothesis, offers)
+    fits += fit_all(problem, [Order(f, leader.starts, schedules.REFIT, schedules.ROUGH) for f in forms])
     if not fits:
         return None
     judge, settings = found.judge, problem.run.settings.attribution
