@@ -43,6 +43,14 @@ Machines = Annotated[
         help="How many whole machines to add: axes, rigs, servos, cars, arms.",
     ),
 ]
+Robots = Annotated[
+    int,
+    typer.Option(
+        "--robots",
+        min=0,
+        help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
@@ -77,6 +85,7 @@ def prove_command(
     long: Long = True,
     rough: Rough = 0,
     machines: Machines = 0,
+    robots: Robots = 0,
     system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -87,7 +96,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, system)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, robots, system)
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -118,6 +127,7 @@ def conceal_command(
     long: Long = True,
     rough: Rough = 0,
     machines: Machines = 0,
+    robots: Robots = 0,
     system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
@@ -132,8 +142,10 @@ def conceal_command(
             "--system mjcf: its worlds are neither rough nor long nor machines; "
             "leave --rough, --machines and --no-long out"
         )
+    if robots and not system:
+        raise UsageError("--robots: whole robots are worlds of --system mjcf; say that, too")
     if system:
-        numbers = prove.robots_numbers(trials, stratum or ())
+        numbers = prove.robots_numbers(trials, stratum or (), robots)
     else:
         numbers = prove.numbers_of(trials, stratum or (), long, rough, machines)
     launcher = _launcher(context, jobs)
@@ -178,6 +190,9 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
             f"{len(content['machines']['misses'])} of {content['machines']['n']} machines not right in all, "
             "listed in the page"
         )
+    if "whole" in content:
+        misses, worlds = len(content["whole"]["misses"]), content["whole"]["n"]
+        say(f"{misses} of {worlds} whole robots not right in all, listed in the page")
     if "mjcf" in content:
         say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):

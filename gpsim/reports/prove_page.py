@@ -35,7 +35,7 @@ def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
 
 
 def _unmeasured(score: Json) -> str:
-    return "positions only" if "robot" in score else "pose only"
+    return "positions only" if "robot" in score or score["stratum"] == "whole" else "pose only"
 
 
 def _true_share(score: Json) -> str:
@@ -131,6 +131,7 @@ WORDS = {
     "rough": "rough ones",
     "machines": "whole machines",
     "mjcf": "robots by their MuJoCo models",
+    "whole": "whole robots",
 }
 """The groups of special worlds, as a page counts them."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gpsim.reports.prove_groups import brief_sheets, group_sheets
+from gpsim.reports.prove_groups import GROUPS, brief_sheets, group_sheets
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
 from gpsim.trials.statistics import EQUIVALENT, GOALS, bounds_of
 
@@ -69,7 +69,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
 def beside(content: Json) -> list[str]:
     """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
     missing, unscored = content["undiagnosed"], content["not_scored"]
-    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf", "machines"))
+    others = sum(content.get(part, {}).get("n", 0) for part in GROUPS)
     published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
     lines = []
     if missing:
@@ -102,7 +102,8 @@ def goals_sheet(content: Json) -> Sheet:
         ("", "wanted", "got", "95 %", "count"),
         tuple(rows),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
-        "on rough worlds; machines: whole ones; !: missed, also by the interval of a share or of a mean",
+        "on rough worlds; machines: whole ones; whole robots: all joints at once; "
+        "!: missed, also by the interval of a share or of a mean",
     )
 
 
@@ -111,6 +112,8 @@ def _number(part: str, key: str, block: Json) -> str:
     if part == "mjcf" and key in ROBOTS_COUNTED:
         some, every = ROBOTS_COUNTED[key]
         return f"{block[some]}/{block[every]}"
+    if part == "whole" and key != "spurious":
+        return f"{block[f'{key}_count']}/{block[f'{key}_of']}"
     if part == "machines" and key != "spurious":
         every = block[MACHINES_COUNTED.get(key, "n")]
         return f"{round(block[key] * every)}/{every}"

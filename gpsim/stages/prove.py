@@ -31,7 +31,7 @@ from gpsim.trials.blinding import (
     write_trial,
 )
 from gpsim.trials.drawing import ARM, MACHINES_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
-from gpsim.trials.robots import ROBOTS_FROM
+from gpsim.trials.robots import ROBOTS_FROM, WHOLE_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
 from gpsim.trials.statistics import summarise
@@ -56,6 +56,8 @@ def numbers_of(
     strange = sorted(set(strata) - set(STRATA))
     if "machines" in strange:
         raise UsageError("machines are counted by themselves: --machines 20, with --trials 0 no others")
+    if "whole" in strange:
+        raise UsageError("whole robots are counted by themselves: --system mjcf --robots 20, with --trials 0")
     if "rough" in strange:
         raise UsageError("rough worlds are counted by themselves: --rough 20, with --trials 0 no others")
     if strange:
@@ -84,18 +86,21 @@ def machines_numbers(machines: int) -> list[int]:
     return list(islice(able, machines))
 
 
-def robots_numbers(trials: int, strata: Sequence[str] = ()) -> list[int]:
-    """The first `trials` numbers of worlds whose simulator is a MuJoCo model, of one of `strata` (all when empty).
+def robots_numbers(trials: int, strata: Sequence[str] = (), whole: int = 0) -> list[int]:
+    """The first `trials` numbers of worlds whose simulator is a MuJoCo model, of one of `strata`, and of whole robots.
 
-    Raises UsageError.
+    All strata when empty. Raises UsageError.
     """
     strange = sorted(set(strata) - set(ROBOT_STRATA))
+    if "whole" in strange:
+        raise UsageError("whole robots are counted by themselves: --robots 20, with --trials 0 no others")
     if strange:
         raise UsageError(f"no stratum '{strange[0]}' of --system mjcf; there are: {', '.join(ROBOT_STRATA)}")
-    if trials < 1:
-        raise UsageError("no worlds: say how many with --trials")
+    if trials + whole < 1:
+        raise UsageError("no worlds: say how many with --trials, --robots for whole robots")
     wanted = (rank for rank in count(1) if not strata or robots_stratum(rank)[0] in strata)
-    return [ROBOTS_FROM + rank for rank in islice(wanted, trials)]
+    few = [ROBOTS_FROM + rank for rank in islice(wanted, trials)]
+    return [*few, *range(WHOLE_FROM + 1, WHOLE_FROM + whole + 1)]
 
 
 def conceal(out: Path, seed: int, numbers: Sequence[int], launcher: Launcher, progress: Progress) -> Path:

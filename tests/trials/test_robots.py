@@ -28,10 +28,11 @@ from gpsim.trials.robots import (
     sound,
     spec_of,
     stratum_of,
+    texts,
     tilted,
 )
 from gpsim.trials.robots.draws import ALIKE
-from gpsim.trials.robots.models import Robot
+from gpsim.trials.robots.models import Drives, Robot
 from gpsim.trials.robots.plant import QUARTER
 from gpsim.trials.worlds import TrueEffect
 
@@ -63,6 +64,7 @@ def small(monkeypatch):
             (),
             (),
             (),
+            Drives((5.0,)),
         )
 
     made = {"block": robot("block", BLOCK, "swing"), "rod": robot("rod", ROD, "servo")}
@@ -287,7 +289,7 @@ def test_an_effect_that_is_absent_shows_and_one_of_no_size_does_not():
 
 
 def test_a_package_that_is_missing_is_one_line(monkeypatch):
-    monkeypatch.setattr(models.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(texts.importlib.util, "find_spec", lambda name: None)
     models.files_of.cache_clear()
     with pytest.raises(UsageError, match=r"no package dm_control.*gpsim\[prove\]"):
         files_of("dm_acrobot")

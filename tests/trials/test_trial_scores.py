@@ -22,7 +22,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.rivals import Rival, cache, sindy
+from gpsim.trials.rivals import Rival, cache, kept, sindy
 from gpsim.trials.scoring import score_trial
 
 SEED, NUMBERS = 5, (10, 2)
@@ -236,7 +236,7 @@ def test_a_file_in_place_of_the_proofs_folder_is_one_line(tmp_path):
 def test_a_full_disk_is_one_line_and_nobodys_wrong_answer(proof, fits, monkeypatch, written):
     monkeypatch.setattr(prove, "run_trials", run_here)
     with monkeypatch.context() as during:
-        during.setattr(prove if written == "prove.json" else cache, "write_json", full_disk)
+        during.setattr(prove if written == "prove.json" else kept, "write_json", full_disk)
         with pytest.raises(UsageError, match="proof: no space left on the device"):
             prove.reveal(proof, None, Local(1), lambda *_: None)
     assert not list(proof.glob("*prove.json*"))

@@ -1,4 +1,4 @@
-"""Concealing a plain, rough or robot world: the recording that a user would have of it, and the answer."""
+"""Concealing a plain or rough world: the recording that a user would have of it, and the answer."""
 
 from __future__ import annotations
 
@@ -13,9 +13,6 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.trials.blinding.logs import even_recording, logged
 from gpsim.trials.drawing import draw, draw_rough, rank_of, within
-from gpsim.trials.robots import SHOWS, Files, draw_robot, files_of, recorded, shown
-from gpsim.trials.robots import run as run_robot
-from gpsim.trials.robots import sound as robot_sound
 from gpsim.trials.truth import MainShare, OneStep, Shares, Visibility, one_step, run, visibilities
 from gpsim.trials.worlds import SYSTEMS, Run, World, effect_json, sound, world_json
 
@@ -218,50 +215,3 @@ def _shortened(truth: Run, kept: FloatArray) -> Run:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
-
-
-ROBOT_FEWEST, ROBOT_ATTEMPTS = 2000, 24
-ROBOT_SHORTEST = 60  # samples: what an operator would keep of an episode that went wrong
-
-
-@dataclass(frozen=True)
-class RobotConcealed:
-    """A robot's world that was run. clean: as perfect sensors would have recorded it; shown: of every effect, in noise.
-
-    files: the model as it is believed, published beside the recording.
-    """
-
-    world: World
-    recording: Recording
-    clean: Recording
-    shown: list[float]
-    files: Files
-
-
-def conceal_robot(seed: int, number: int) -> RobotConcealed:
-    """Draw and run trial `number` of a seed; anew where too little survives or an effect does not show."""
-    for attempt in range(ROBOT_ATTEMPTS):
-        world = draw_robot(seed, number, attempt)
-        truth, free = run_robot(world, world.effects)
-        kept = long_enough(robot_sound(world, truth.sampled, free), ROBOT_SHORTEST - 1, ROBOT_FEWEST)
-        if kept is None:
-            continue
-        seen = shown(world, truth, kept)
-        if min(seen, default=SHOWS) >= SHOWS:
-            recording, clean = (recorded(world, r, truth, kept) for r in (truth.measured, truth.clean))
-            return RobotConcealed(world, recording, clean, seen, files_of(world.system))
-    raise UsageError(
-        f"seed {seed}, trial {number}: no world could be run in {ROBOT_ATTEMPTS} attempts; take another seed"
-    )
-
-
-def robot_answer(concealed: RobotConcealed, truth_digest: str) -> dict[str, Any]:
-    """What answer.json says."""
-    effects = [
-        effect_json(effect) | {"rollout": round(min(seen, 1e6), 3), "visible": True}
-        for effect, seen in zip(concealed.world.effects, concealed.shown, strict=True)
-    ]
-    recording = concealed.recording
-    return answer_json(
-        concealed.world, effects, recording.transition_count, truth_digest, {"robot": recording.model}
-    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -74,16 +74,16 @@ class Logged(NamedTuple):
 
 def logged(world: World, rough: Rough, even: Recording) -> Logged:
     """The log of a recording that is `even`, with measured velocities and without a defect."""
-    rng = world.generator(5)
+    rng, names = world.generator(5), even.state.names
     counts = dict.fromkeys(("dropped", "repeated", "swapped"), 0)
     episodes = []
     for i, episode in enumerate(even.episodes):
-        states = _read(episode.states, world, rough)
+        states = _read(episode.states, names, rough)
         stale = _scattered(len(states), rough.repeated, 1.0, 1, rng)
         for k in np.flatnonzero(stale):
             states[k] = states[k - 1]
         swapped = _scattered(len(states), rough.swapped, 0.5 * SWAP, SWAP, rng)
-        for j, name in enumerate(SYSTEMS[world.system].names):
+        for j, name in enumerate(names):
             states[swapped, j] += rough.leap.get(name, 0.0)
         lost = _scattered(len(states), rough.dropped, BURST, LONGEST_BURST, rng)
         there = np.flatnonzero(~lost)
@@ -91,7 +91,7 @@ def logged(world: World, rough: Rough, even: Recording) -> Logged:
         states = states[there]
         if world.velocities == "differentiated":
             states[:, 1::2] = _differentiated_by_stamps(states[:, 0::2], t, world)
-        if SYSTEMS[world.system].vehicle and world.wrapped:
+        if "yaw" in names and world.wrapped:
             states[:, 2] = wrap_angle(states[:, 2])
         counts["repeated"] += int(stale[there].sum())
         counts["swapped"] += int(swapped[there].sum())
@@ -100,10 +100,10 @@ def logged(world: World, rough: Rough, even: Recording) -> Logged:
     return Logged(replace(even, episodes=tuple(episodes)), counts)
 
 
-def _read(states: FloatArray, world: World, rough: Rough) -> FloatArray:
+def _read(states: FloatArray, names: Sequence[str], rough: Rough) -> FloatArray:
     """To the nearest of an encoder's steps."""
     out = states.copy()
-    for i, name in enumerate(SYSTEMS[world.system].names):
+    for i, name in enumerate(names):
         if step := rough.quantum.get(name, 0.0):
             out[:, i] = step * np.round(out[:, i] / step)
     return out

@@ -13,10 +13,9 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Episode, Recording
 from gpsim.trials.blinding.concealment import SHORTEST, answer_json, as_measured, long_enough
 from gpsim.trials.blinding.logs import even_recording, logged
+from gpsim.trials.blinding.robot_worlds import kept_run, with_effects
 from gpsim.trials.drawing import ARM, counts, draw_machine, kind_of, within
-from gpsim.trials.robots import SHOWS, Files, draw_arm, files_of, recorded, shown
-from gpsim.trials.robots import run as run_robot
-from gpsim.trials.robots import sound as robot_sound
+from gpsim.trials.robots import SHOWS, Files, draw_arm, files_of, shown
 from gpsim.trials.truth import OneStep, Shares, one_step, run
 from gpsim.trials.worlds import SYSTEMS, Rough, Run, World, effect_json, sound
 
@@ -140,17 +139,15 @@ def _run(world: World) -> _Ran | None:
 
 def _concealed_arm(world: World) -> MachineConcealed | None:
     """None where too little survives, or fewer effects show than have to."""
-    truth, free = run_robot(world, world.effects)
-    kept = long_enough(robot_sound(world, truth.sampled, free), SHORTEST, FEWEST)
+    kept = kept_run(world, FEWEST, with_effects, SHORTEST)
     if kept is None:
         return None
-    seen = shown(world, truth, kept)
+    seen = shown(world, kept.truth, kept.samples)
     if sum(beyond >= SHOWS for beyond in seen) < ARMS_FEWEST:
         return None
-    recording, clean = (recorded(world, read, truth, kept) for read in (truth.measured, truth.clean))
     # Nothing but its own effects is missing.
     facts = MachineTruth(1.0, (None,) * len(seen), tuple(seen), (), {}, {})
-    return MachineConcealed(world, (recording,), (clean,), None, facts, files_of(world.system))
+    return MachineConcealed(world, (kept.recording,), (kept.clean,), None, facts, files_of(world.system))
 
 
 def _truth(world: World, shares: Shares) -> MachineTruth | None:

@@ -13,17 +13,11 @@ import numpy as np
 from gpsim.errors import UsageError
 from gpsim.files import file_digest, written_whole
 from gpsim.recordings import write_recording
-from gpsim.trials.blinding.concealment import (
-    Concealed,
-    RobotConcealed,
-    answer_of,
-    conceal,
-    conceal_robot,
-    robot_answer,
-)
+from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
 from gpsim.trials.blinding.machine_worlds import MachineConcealed, conceal_machine, machine_answer
+from gpsim.trials.blinding.robot_worlds import RobotConcealed, conceal_robot, robot_answer
 from gpsim.trials.drawing import machine_rank
-from gpsim.trials.robots import Files, robot_rank
+from gpsim.trials.robots import Files, robot_rank, whole_rank
 
 RECORDING_FILE = "recording.yaml"
 
@@ -111,7 +105,7 @@ def _hashes(path: Path) -> dict[str, str]:
 
 
 def _concealed(seed: int, number: int) -> AnyConcealed:
-    if machine_rank(number) is not None:
+    if machine_rank(number) is not None and whole_rank(number) is None:
         return conceal_machine(seed, number)
     return conceal(seed, number) if robot_rank(number) is None else conceal_robot(seed, number)
 

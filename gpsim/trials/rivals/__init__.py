@@ -8,6 +8,7 @@ from gpsim.trials.rivals.cache import Listing, cached_listing
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
 from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
 from gpsim.trials.rivals.robot_rivals import robot_rivals
+from gpsim.trials.rivals.whole_rivals import WholeListing, whole_listing
 
 __all__ = [
     "EQUIVALENTS_VERSION",
@@ -16,9 +17,11 @@ __all__ = [
     "MachineListing",
     "Rival",
     "Seen",
+    "WholeListing",
     "as_hypothesis",
     "cached_listing",
     "machine_listing",
     "rivals",
     "robot_rivals",
+    "whole_listing",
 ]

@@ -6,7 +6,6 @@ and for every way of scoring it. Another answer, another recording or another ve
 
 from __future__ import annotations
 
-import json
 import math
 import time
 import warnings
@@ -15,13 +14,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gpsim.files import plain, write_json, written_whole
 from gpsim.recordings import read_recording
 from gpsim.trials.blinding import PUBLIC, Answer
 from gpsim.trials.rivals import sindy
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, rivals, rough_rivals
-
-EQUIVALENTS = "equivalents"
+from gpsim.trials.rivals.kept import EQUIVALENTS, read_kept, write_kept
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, A
         "answer_sha256": outcome["answer_sha256"],
         "recording": outcome["recording"],
     }
-    found = _read(path)
+    found = read_kept(path)
     kept = found if all(found.get(key) == value for key, value in identity.items()) else identity
     new: dict[str, Any] = {}
     if "rivals" not in kept:
@@ -52,9 +49,7 @@ def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, A
         new["sindy"] = _sindy(answer, out / PUBLIC / name)
     kept = kept | new
     if kept != found:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(path) as made:
-            write_json(made, plain(kept))
+        write_kept(path, kept)
     said = kept["sindy"]
     return Listing(
         [
@@ -63,15 +58,6 @@ def cached_listing(out: Path, name: str, answer: Answer, outcome: Mapping[str, A
         ],
         None if said is None else _claims(said),
     )
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """What is kept; nothing where it is missing or damaged."""
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return {}
-    return content
 
 
 def _rivals(answer: Answer, public: Path) -> dict[str, Any]:

@@ -8,7 +8,6 @@ the one in the other's place, fitted anew, loses less; one after the other, so t
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -21,15 +20,14 @@ import numpy as np
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.setup import candidates, prepare, spread_out
-from gpsim.files import plain, write_json, written_whole
 from gpsim.mjcf import in_its_columns
 from gpsim.recordings import Recording, read_recording
 from gpsim.simulators import Simulator, make_simulator
 from gpsim.trials.blinding import PUBLIC, Answer, even_recording, recording_folders
-from gpsim.trials.rivals.cache import EQUIVALENTS
 from gpsim.trials.rivals.equivalents import LOST, as_hypothesis, main_world
 from gpsim.trials.rivals.held_out_rollouts import rollouts_over_truth
-from gpsim.trials.rivals.robot_rivals import clean_recording, said_of
+from gpsim.trials.rivals.kept import as_true, in_short, kept_or_made, said_of
+from gpsim.trials.rivals.robot_rivals import clean_recording
 from gpsim.trials.truth import run
 from gpsim.trials.worlds import TrueEffect, World, effect_json, sound
 
@@ -185,24 +183,13 @@ def machine_listing(
 ) -> MachineListing:
     """The listing of a revealed diagnosis, from OUT/equivalents or made now and kept there."""
     said = said_of(report)
-    path = out / EQUIVALENTS / f"{name}.json"
-    identity: dict[str, Any] = plain(
-        {
-            "machine_version": VERSION,
-            "answer_sha256": outcome["answer_sha256"],
-            "recording": outcome["recording"],
-            "said": [[_plain(e) for e in effects] for effects in said],
-        }
-    )
-    kept = _read(path)
-    if any(kept.get(key) != value for key, value in identity.items()):
-        started = time.monotonic()
-        kept = identity | _made(out / PUBLIC / name, answer, report, said)
-        kept["seconds"] = round(time.monotonic() - started, 2)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(path) as made:
-            write_json(made, plain(kept))
-        kept = _read(path)
+    follows_from = {
+        "machine_version": VERSION,
+        "answer_sha256": outcome["answer_sha256"],
+        "recording": outcome["recording"],
+        "said": [list(map(in_short, effects)) for effects in said],
+    }
+    kept = kept_or_made(out, name, follows_from, lambda: _made(out / PUBLIC / name, answer, report, said))
     return MachineListing(
         tuple(Seen(**s) for s in kept["seen"]),
         {(a, b): (c, d) for (a, b), (c, d) in kept["stands"]},
@@ -215,10 +202,10 @@ def machine_listing(
 def _made(
     public: Path, answer: Answer, report: Json | None, said: Sequence[Sequence[Json]]
 ) -> dict[str, Any]:
-    world, folder = answer.world, recording_folders(public)[0]
+    started, world, folder = time.monotonic(), answer.world, recording_folders(public)[0]
     clean, recording, simulator = _opened(answer, folder)
     judge = MachineJudge(clean, simulator, world.main, _sensors(world))
-    explanations = [list(map(_as_true, effects)) for effects in said]
+    explanations = [list(map(as_true, effects)) for effects in said]
     leader = explanations[0] if explanations else []
     standing = judge.standing(leader)
     rollouts: dict[str, float] = {}
@@ -231,6 +218,7 @@ def _made(
         "values": [effect_json(e) for e in standing.effects],
         "equivalent": [judge.equivalent(effects) for effects in explanations],
         "rollouts": rollouts,
+        "seconds": round(time.monotonic() - started, 2),
     }
 
 
@@ -255,23 +243,3 @@ def _sensors(world: World) -> dict[str, float]:
     """Channel -> noise of its sensor, and of the steps in which it counts."""
     steps = world.rough.quantum if world.rough else {}
     return {n: float(np.hypot(sd, steps.get(n, 0.0) / np.sqrt(12.0))) for n, sd in world.noise.items()}
-
-
-def _as_true(effect: Json) -> TrueEffect:
-    on = effect["on"] if isinstance(effect["on"], str) else ",".join(map(str, effect["on"]))
-    region = {k: (float(low), float(high)) for k, (low, high) in effect["region"].items()}
-    values = {n: float(p["value"]) for n, p in effect["parameters"].items()}
-    return TrueEffect(str(effect["family"]), on, values, region, effect["since"])
-
-
-def _plain(effect: Json) -> list[Any]:
-    return [effect["family"], effect["on"], {n: p["value"] for n, p in effect["parameters"].items()}]
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """What is kept; nothing where it is missing or damaged."""
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return {}
-    return content

@@ -8,7 +8,6 @@ leader and its alternatives, from its own values.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -18,25 +17,17 @@ from typing import Any
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, fit
 from gpsim.diagnosis.setup import candidates, prepare, spread_out
-from gpsim.files import plain, write_json, written_whole
 from gpsim.mjcf import in_its_columns, open_simulator
 from gpsim.recordings import Recording, read_recording
 from gpsim.simulators import Simulator
 from gpsim.trials.blinding import PUBLIC, Answer
-from gpsim.trials.rivals.cache import EQUIVALENTS
 from gpsim.trials.rivals.equivalents import NUMERICAL, UNEXPLAINED, Claims, Rival, as_hypothesis
+from gpsim.trials.rivals.kept import as_true, in_short, kept_or_made, place_of, said_of
 from gpsim.trials.worlds import TrueEffect
 
 VERSION = 1  # of the rule: raise it whenever another list may come of it
 WINDOWS, ITERATIONS, TOLERANCE = 80, 30, 0.01
 Json = Mapping[str, Any]
-
-
-def said_of(report: Json | None) -> list[list[Json]]:
-    """The effects of the leader and of every alternative."""
-    if report is None:
-        return []
-    return [list(report["effects"]), *(list(a["effects"]) for a in report["alternatives"])]
 
 
 def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Json | None) -> list[Rival]:
@@ -46,31 +37,23 @@ def robot_rivals(out: Path, name: str, answer: Answer, outcome: Json, report: Js
     others = [effects for claims, effects in said.items() if claims and claims != truth]
     if not others or not answer.world.effects:
         return []
-    path = out / EQUIVALENTS / f"{name}.json"
-    identity = plain(
-        {
-            "robot_version": VERSION,
-            "answer_sha256": outcome["answer_sha256"],
-            "recording": outcome["recording"],
-            "said": [
-                [e["family"], e["on"], {n: p["value"] for n, p in e["parameters"].items()}]
-                for effects in others
-                for e in effects
-            ],
-        }
-    )
-    kept = _read(path)
-    if any(kept.get(key) != value for key, value in identity.items()):
+    follows_from = {
+        "robot_version": VERSION,
+        "answer_sha256": outcome["answer_sha256"],
+        "recording": outcome["recording"],
+        "said": [in_short(e) for effects in others for e in effects],
+    }
+
+    def make() -> dict[str, Any]:
         judge = Judge(answer, out / PUBLIC / name)
-        kept = identity | {
+        return {
             "rivals": [
                 {"claims": list(map(list, r.claims)), "nats_lost": r.loss, "richer": r.richer}
-                for r in (judge.judged(effects) for effects in others)
+                for r in map(judge.judged, others)
             ]
         }
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(path) as made:
-            write_json(made, plain(kept))
+
+    kept = kept_or_made(out, name, follows_from, make)
     return sorted(map(_rival, kept["rivals"]), key=lambda r: r.loss)
 
 
@@ -106,7 +89,7 @@ class Judge:
 
     def judged(self, effects: Sequence[Json]) -> Rival:
         """An explanation as a report has it. Where the engine cannot explain the truth itself it loses everything."""
-        claims, said = claims_of(effects), [_as_true(e) for e in effects]
+        claims, said = claims_of(effects), [as_true(e) for e in effects]
         richer = sum(len(e.values) for e in said) > self._size
         own = self._misfit_of_truth()
         hypothesis = self._hypothesis(said)
@@ -142,28 +125,9 @@ class Judge:
 
 def claims_of(effects: Sequence[Json]) -> Claims:
     """Families and places; several places are joined."""
-    return tuple(sorted((str(e["family"]), _place(e["on"])) for e in effects))
-
-
-def _place(on: Any) -> str:
-    return on if isinstance(on, str) else ",".join(map(str, on))
-
-
-def _as_true(effect: Json) -> TrueEffect:
-    region = {k: (float(low), float(high)) for k, (low, high) in effect["region"].items()}
-    values = {n: float(p["value"]) for n, p in effect["parameters"].items()}
-    return TrueEffect(str(effect["family"]), _place(effect["on"]), values, region, effect["since"])
+    return tuple(sorted((str(e["family"]), place_of(e["on"])) for e in effects))
 
 
 def _rival(kept: Json) -> Rival:
     loss = math.inf if kept["nats_lost"] is None else float(kept["nats_lost"])
     return Rival(tuple((f, on) for f, on in kept["claims"]), loss, bool(kept["richer"]))
-
-
-def _read(path: Path) -> dict[str, Any]:
-    """What is kept; nothing where it is missing or damaged."""
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return {}
-    return content

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from gpsim.channels import FloatArray
-from gpsim.trials.robots.models import ROBOTS, Layout, Way, layout_of, mujoco, spec_of
+from gpsim.trials.robots.models import Layout, Way, layout_of, mujoco, robot_of, spec_of
 from gpsim.trials.robots.plant import Plant
 from gpsim.trials.worlds import World
 
@@ -56,13 +56,13 @@ class Driving:
 
 def way_of(world: World) -> Way:
     """How a world is driven; it stands in its posture."""
-    ways: dict[str, Way] = {way: way for way in ROBOTS[world.system].ways}
+    ways: dict[str, Way] = {way: way for way in robot_of(world.system).ways}
     return ways[world.posture]
 
 
 def starts(world: World) -> FloatArray:
     """(E, S) true states at the episodes' starts, at rest near the robot's own place."""
-    rng, robot = world.generator(2), ROBOTS[world.system]
+    rng, robot = world.generator(2), robot_of(world.system)
     out = np.zeros((world.episodes, 2 * len(robot.spread)))
     spread = np.array(robot.spread)
     out[:, 0::2] = robot.rest[way_of(world)] + spread * rng.uniform(-1, 1, (world.episodes, len(spread)))
@@ -71,7 +71,14 @@ def starts(world: World) -> FloatArray:
 
 def drive(world: World) -> Driving:
     """The world's excitation."""
-    rng, robot, way, layout = world.generator(1), ROBOTS[world.system], way_of(world), layout_of(world.system)
+    rng, robot, way, layout = (
+        world.generator(1),
+        robot_of(world.system),
+        way_of(world),
+        layout_of(world.system),
+    )
+    if world.excitation == "fourier":
+        return _fourier(world, rng)
     model = spec_of(world.system).compile()
     shape = (world.steps + 1, world.episodes)
     rest, reach = np.array(robot.rest[way]), np.array(robot.reach)
@@ -100,12 +107,81 @@ def drive(world: World) -> Driving:
     return Driving(reference, base, gains, low, high, weighed)
 
 
+HARMONICS, FADE = 5, 1.0  # of a Fourier series; s until it has begun
+SLOWEST_WAVE, ORDINARY = (0.08, 0.2), 3.14  # Hz of a joint that turns at so many rad/s at most
+OWN_SPEED, OWN_ROOM = 0.6, 0.9  # of a joint's speed, and of its way to its limits, that are used
+STIFF, CRITICAL = 8.0, 0.8  # rad/s and damping of the controller that tracks
+
+
+def _fourier(world: World, rng: np.random.Generator) -> Driving:
+    """Fourier series in every joint (Swevers et al. 1997), within its limits: a servo's commands or what is tracked.
+
+    Tracked by the torques of the model as it is believed, and a proportional and derivative controller.
+    """
+    robot, layout = robot_of(world.system), layout_of(world.system)
+    model, way = spec_of(world.system).compile(), way_of(world)
+    q = _series(world, model, rng)
+    joints = [layout.joints.index(layout.driven[a]) for a in layout.action]
+    reference = np.zeros((*q.shape[:2], 2 * q.shape[2]))
+    reference[..., 0::2], reference[..., 1::2] = q, np.gradient(q, world.dt, axis=0)
+    gains = np.zeros((len(joints), reference.shape[2]))
+    low, high = np.array(model.actuator_ctrlrange, dtype=np.float64).T
+    if way == "servo":
+        return Driving(reference, q[:, :, joints], gains, low, high)
+    low, high = -np.array(robot.drives.torque)[joints], np.array(robot.drives.torque)[joints]
+    rates = np.gradient(reference[..., 1::2], world.dt, axis=0)
+    base = bare_torques(model, q, reference[..., 1::2], rates)[:, :, joints]
+    moved = np.array(model.dof_M0)[joints] + high / robot.drives.spin[1]
+    for i, j in enumerate(joints):
+        gains[i, 2 * j : 2 * j + 2] = moved[i] * STIFF**2, 2.0 * CRITICAL * moved[i] * STIFF
+    return Driving(reference, base, gains, low, high)
+
+
+def _series(world: World, model: Any, rng: np.random.Generator) -> FloatArray:
+    """(K + 1, E, C) the places that are wanted, from where each episode begins."""
+    robot, first = robot_of(world.system), starts(world)[:, 0::2]
+    rest = np.array(robot.rest[way_of(world)])
+    t = world.dt * np.arange(world.steps + 1)[:, None, None]
+    shape = (HARMONICS, 1, world.episodes, len(rest))
+    turns = 2.0 * np.pi * rng.uniform(*SLOWEST_WAVE, shape[1:]) * robot.drives.speed / ORDINARY
+    order = np.arange(1, HARMONICS + 1).reshape(-1, 1, 1, 1)
+    size, phase = rng.normal(size=shape) / order, rng.uniform(0, 2 * np.pi, shape)
+    wave = (size * np.sin(order * turns * t + phase)).sum(axis=0)
+    wave /= np.abs(wave).max(axis=0)
+    fastest = np.abs(np.gradient(wave, world.dt, axis=0)).max(axis=0)
+    room = np.array(robot.reach)
+    limited = np.asarray(model.jnt_limited, dtype=bool)
+    ways = OWN_ROOM * np.abs(np.asarray(model.jnt_range) - rest[:, None]).min(axis=1)
+    room = np.where(limited, np.minimum(room, ways), room)
+    reach = np.minimum(room * rng.uniform(0.7, 1.0, wave.shape[1:]), OWN_SPEED * robot.drives.speed / fastest)
+    begun = np.clip(t / FADE, 0.0, 1.0)
+    begun = begun**2 * (3.0 - 2.0 * begun)
+    return np.asarray(first + begun * (rest + reach * wave - first))
+
+
+def bare_torques(model: Any, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """(..., C) the torques that inertia and gravity ask for along a motion (..., C); neither limits nor friction."""
+    mj = mujoco()
+    data, flags = mj.MjData(model), int(model.opt.disableflags)
+    loss, damping = np.array(model.dof_frictionloss), np.array(model.dof_damping)
+    model.opt.disableflags |= int(mj.mjtDisableBit.mjDSBL_CONSTRAINT)
+    model.dof_frictionloss[:] = model.dof_damping[:] = 0.0
+    out = np.empty((q[..., 0].size, q.shape[-1]))
+    for row, *at in zip(out, *(x.reshape(out.shape) for x in (q, v, a)), strict=True):
+        data.qpos[:], data.qvel[:], data.qacc[:] = at
+        mj.mj_inverse(model, data)
+        row[:] = data.qfrc_inverse
+    model.opt.disableflags = flags
+    model.dof_frictionloss[:], model.dof_damping[:] = loss, damping
+    return out.reshape(q.shape)
+
+
 def sound(world: World, true: FloatArray, free: FloatArray) -> FloatArray:
     """(E,) samples that an operator would keep: until a joint ran away, met its limit, or something touched.
 
     true: (K + 1, E, S), free: (K + 1, E) 0 from where something touched.
     """
-    robot, way = ROBOTS[world.system], way_of(world)
+    robot, way = robot_of(world.system), way_of(world)
     away = np.abs(true[..., 0::2] - np.array(robot.rest[way]))
     bad = ~np.isfinite(true).all(axis=2) | (np.abs(true[..., 1::2]) > WILD).any(axis=2) | (free == 0)
     if way == "balance":
@@ -140,7 +216,7 @@ def balancing(robot: str, dt: float) -> FloatArray:
     """(A, S) gains that keep the poles up: a linear quadratic regulator about the robot's rest."""
     plant, layout = Plant(robot, ()), layout_of(robot)
     rest = np.zeros(len(layout.state))
-    rest[0::2] = ROBOTS[robot].rest["balance"]
+    rest[0::2] = robot_of(robot).rest["balance"]
     width, actions, nudge = len(rest), len(layout.action), 1e-4
 
     def after(state: FloatArray, action: FloatArray) -> FloatArray:

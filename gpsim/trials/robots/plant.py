@@ -31,7 +31,7 @@ class Plant:
 
     def __init__(self, robot: str, effects: Sequence[TrueEffect], h: float | None = None) -> None:
         self._mj, layout = mujoco(), layout_of(robot)
-        self.model, self._joints = _model(robot, effects), layout.joints
+        self.model, self._joints = changed_model(robot, effects), layout.joints
         self._smooth = [
             (self._joints.index(e.on), catalogue.SMOOTH[e.family], e.values)
             for e in effects
@@ -108,7 +108,7 @@ def _at(
     return float(law(values, q, v)[0])
 
 
-def _model(robot: str, effects: Sequence[TrueEffect]) -> Any:
+def changed_model(robot: str, effects: Sequence[TrueEffect]) -> Any:
     """The compiled model with every effect in it that is one of its bodies, its gravity or its servos."""
     mj, spec, layout = mujoco(), spec_of(robot), layout_of(robot)
     off, flags = mj.mjtDisableBit, int(spec.option.disableflags)
@@ -130,21 +130,28 @@ def _model(robot: str, effects: Sequence[TrueEffect]) -> Any:
         elif e.family == "gravity_tilt":
             model.opt.gravity[:] = tilted(np.array(model.opt.gravity), e.values["roll"], e.values["pitch"])
         elif e.family == "parameter_offset":
-            _retune(model, layout.action, e.on, e.values["ratio"])
+            _retune(model, layout.action, e.on, e.values)
     mj.mj_setConst(model, mj.MjData(model))
     return model
 
 
-def _retune(model: Any, actions: Any, on: str, ratio: float) -> None:
-    """BODY.mass, or a servo's ACTION.kp or ACTION.kv, other than is believed."""
+def _retune(model: Any, actions: Any, on: str, values: Values) -> None:
+    """A parameter as gpsim names it, other than is believed: of a body, a servo, or gravity."""
     owner, _, what = on.rpartition(".")
-    if what == "mass":
+    ratio = values.get("ratio", 1.0)
+    if what == "gravity":
+        model.opt.gravity[:] *= ratio
+    elif what == "mass":
         model.body_mass[model.body(owner).id] *= ratio
-        return
-    i = list(actions).index(owner)
-    if what == "kp":  # the command and the joint's place are weighed alike
-        model.actuator_gainprm[i, 0] *= ratio
-    model.actuator_biasprm[i, {"kp": 1, "kv": 2}[what]] *= ratio
+    elif what == "inertia":
+        model.body_inertia[model.body(owner).id] *= ratio
+    elif what.startswith("com_"):
+        model.body_ipos[model.body(owner).id, "xyz".index(what[-1])] += values["offset"]
+    else:
+        i = list(actions).index(owner)
+        if what == "kp":  # the command and the joint's place are weighed alike
+            model.actuator_gainprm[i, 0] *= ratio
+        model.actuator_biasprm[i, {"kp": 1, "kv": 2}[what]] *= ratio
 
 
 def tilted(gravity: FloatArray, roll: float, pitch: float) -> FloatArray:

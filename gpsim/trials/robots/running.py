@@ -10,7 +10,7 @@ from gpsim.channels import Channels, FloatArray
 from gpsim.recordings import Episode, Recording, evenly
 from gpsim.trials import catalogue
 from gpsim.trials.robots.driving import drive, starts
-from gpsim.trials.robots.models import ROBOTS, layout_of
+from gpsim.trials.robots.models import layout_of, robot_of
 from gpsim.trials.robots.plant import Plant
 from gpsim.trials.worlds import Run, TrueEffect, World
 
@@ -107,7 +107,7 @@ def recorded(world: World, readings: FloatArray, truth: Run, kept: FloatArray) -
         dt=world.dt,
         velocities=world.velocities,
         noise={n: world.noise[n] for n in names} if world.noise_known else {},
-        model=ROBOTS[world.system].file,
+        model=robot_of(world.system).file,
     )
 
 

@@ -9,10 +9,11 @@ from typing import Any
 from gpsim.diagnosis.report import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
-from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals
+from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals, whole_listing
 from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
 from gpsim.trials.scoring.rules import score
+from gpsim.trials.scoring.whole_rules import WHOLE, score_whole
 
 SCORES = "scores"
 
@@ -54,6 +55,9 @@ def _judged(
         report = None if report is None else of_first(report)
         listed = machine_listing(out, name, answer, outcome, report)
         return score_machine(answer, report, listed) | {"rivals": [], "sindy": None}
+    if answer.content["stratum"] == WHOLE:
+        found = whole_listing(out, name, answer, outcome, report)
+        return score_whole(answer, report, found) | {"rivals": [], "sindy": None}
     rivals = _listing(out, name, answer, outcome, report)
     return score(answer, report, rivals.rivals) | _beside(answer, rivals)
 
@@ -62,6 +66,8 @@ def _unscored(answer: Answer) -> dict[str, Any]:
     """As a failed diagnosis scores."""
     if answer.content["stratum"] == MACHINES:
         return score_machine(answer, None, None)
+    if answer.content["stratum"] == WHOLE:
+        return score_whole(answer, None, None)
     return score(answer, None, [])
 
 
@@ -92,7 +98,7 @@ def _of_world(answer: Answer) -> dict[str, Any]:
         "strength": min((e["strength"] for e in effects if e["strength"]), key=order.index, default=""),
         "gate": ", ".join(sorted(gates)) or "everywhere",
         "effects": effects,
-        "defects": content.get("rough", content.get("machine", {})).get("defects", []),
+        "defects": next((content[k]["defects"] for k in ("rough", "machine", "whole") if k in content), []),
     }
 
 

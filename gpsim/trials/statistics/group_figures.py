@@ -6,53 +6,17 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
+from gpsim.trials.statistics.blocks import (
+    Score,
+    by_strata,
+    mean_of,
+    median_of,
+    missed,
+    rates_of,
+    seconds_of,
+    verdicts_of,
+)
 from gpsim.trials.statistics.intervals import interval, mean_interval, median_interval, rate, share_interval
-
-Score = Mapping[str, Any]
-
-Block = Callable[[Sequence[Score]], dict[str, Any]]
-
-
-def _by_strata(
-    scores: Sequence[Score], strata: Mapping[str, Callable[[Score], str]], block: Block
-) -> dict[str, dict[str, Any]]:
-    """The figures of a block for every value of every stratum."""
-    return {
-        name: {v: block([s for s in scores if key(s) == v]) for v in sorted({key(s) for s in scores})}
-        for name, key in strata.items()
-    }
-
-
-def _verdicts(scores: Sequence[Score]) -> dict[str, dict[str, int]]:
-    """What was said where what was called for."""
-    table: dict[str, Counter[str]] = {}
-    for s in scores:
-        table.setdefault(" or ".join(s["verdicts"]), Counter())[str(s["verdict"])] += 1
-    return {wanted: dict(sorted(said.items())) for wanted, said in sorted(table.items())}
-
-
-def _rates(hits: Mapping[str, Sequence[bool]], name: str) -> dict[str, Any]:
-    return {family: rate(there, name) for family, there in sorted(hits.items())}
-
-
-def _missed(scores: Sequence[Score]) -> list[Any]:
-    return [s["trial"] for s in scores if not s["right"]]
-
-
-def _seconds(scores: Sequence[Score]) -> dict[str, float] | None:
-    seconds = [float(s["seconds"]) for s in scores]
-    return {"median": float(np.median(seconds)), "max": max(seconds)} if seconds else None
-
-
-def _median(values: Sequence[float]) -> float | None:
-    return float(np.median(values)) if values else None
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None
-
 
 ROUGH_STRATA: Mapping[str, Callable[[Score], str]] = {
     "called for": lambda s: " or ".join(s["verdicts"]),
@@ -67,14 +31,14 @@ ROUGH_STRATA: Mapping[str, Callable[[Score], str]] = {
 def rough_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """Those of all worlds, by strata and by defect of the log, and what was said where what was called for."""
     defects = sorted({defect for s in scores for defect in s["defects"]})
-    by = _by_strata(scores, ROUGH_STRATA, rough_block)
+    by = by_strata(scores, ROUGH_STRATA, rough_block)
     by["defect"] = {d: rough_block([s for s in scores if d in s["defects"]]) for d in defects}
     return {
         **rough_block(scores),
         "strata": by,
         "families": _found(scores),
-        "verdicts": _verdicts(scores),
-        "misses": _missed(scores),
+        "verdicts": verdicts_of(scores),
+        "misses": missed(scores),
     }
 
 
@@ -97,17 +61,17 @@ def rough_block(scores: Sequence[Score]) -> dict[str, Any]:
         "interval_headline_found": interval(round(found), main),
         "verdict_right": verdict["share"],
         "interval_verdict_right": verdict["interval"],
-        "spurious": _mean(spurious),
+        "spurious": mean_of(spurious),
         "interval_spurious": mean_interval(spurious),
         "coverage_90": coverage["share"],
         "interval_coverage_90": coverage["interval"],
-        "spurious_asserted": _mean(asserted),
+        "spurious_asserted": mean_of(asserted),
         "right": sum(bool(s["right"]) for s in scores),
         "main": main,
         "parameters": len(covered),
-        "median_relative_error": _median(errors),
+        "median_relative_error": median_of(errors),
         "failed": len(scores) - len(answered),
-        "seconds": _seconds(scores),
+        "seconds": seconds_of(scores),
     }
 
 
@@ -117,7 +81,7 @@ def _found(scores: Sequence[Score]) -> dict[str, Any]:
     for s in scores:
         for family, on in s["truth"]:
             hits.setdefault(family, []).append(s["found"] == 1.0 or [family, on] in s["said"])
-    return _rates(hits, "found")
+    return rates_of(hits, "found")
 
 
 ROBOT_SIZES = ("single", "pair")
@@ -132,12 +96,12 @@ ROBOT_STRATA: Mapping[str, Callable[[Score], str]] = {
 
 def robot_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """Those of all worlds, by strata, and of single effects by family."""
-    by = _by_strata(scores, ROBOT_STRATA, robot_block)
+    by = by_strata(scores, ROBOT_STRATA, robot_block)
     return {
         **robot_block(scores),
         "strata": by,
         "families": _singles(scores),
-        "misses": _missed(scores),
+        "misses": missed(scores),
     }
 
 
@@ -165,14 +129,14 @@ def robot_block(scores: Sequence[Score]) -> dict[str, Any]:
         "false_alarms": alarms["share"],
         "interval_false_alarms": alarms["interval"],
         "parameters": count,
-        "median_relative_error": _median(flat),
+        "median_relative_error": median_of(flat),
         "interval_median_relative_error": median_interval(errors),
         "coverage_90": sum(map(sum, covered)) / count if count else None,
         "interval_coverage_90": share_interval(covered),
         "right": sum(bool(s["right"]) for s in scores),
         "interval_right": interval(sum(bool(s["right"]) for s in scores), len(scores)),
         "failed": sum(s["verdict"] == "failed" for s in scores),
-        "seconds": _seconds(scores),
+        "seconds": seconds_of(scores),
     }
 
 
@@ -198,14 +162,14 @@ MACHINE_STRATA: Mapping[str, Callable[[Score], str]] = {
 
 def machine_figures(scores: Sequence[Score]) -> dict[str, Any]:
     """Those of all machines, by strata and by family, and what was said where what was called for."""
-    by = _by_strata(scores, MACHINE_STRATA, machine_block)
+    by = by_strata(scores, MACHINE_STRATA, machine_block)
     return {
         **machine_block(scores),
         "strata": by,
         "families": _told(scores),
         "spurious_families": _spurious(scores),
-        "verdicts": _verdicts(scores),
-        "misses": _missed(scores),
+        "verdicts": verdicts_of(scores),
+        "misses": missed(scores),
     }
 
 
@@ -220,7 +184,7 @@ def machine_block(scores: Sequence[Score]) -> dict[str, Any]:
     parts = {
         "sized": rate([bool(p["sized"]) for s in scores for p in s["parameters"]], "sized"),
         "verdict_right": rate([bool(s["verdict_right"]) for s in scores], "right"),
-        "rollouts_within": rate(_near(scores), "within"),
+        "rollouts_within": rate(near(scores), "within"),
         "black_box_better": rate(
             [s["black_box"] < CLEARLY for s in answered if s["black_box"] is not None], "better"
         ),
@@ -234,7 +198,7 @@ def machine_block(scores: Sequence[Score]) -> dict[str, Any]:
         "told": told["share"],
         "interval_told": told["interval"],
         "counting": told["n"],
-        "spurious": _mean(spurious),
+        "spurious": mean_of(spurious),
         "interval_spurious": mean_interval(spurious),
     }
     for name, part in parts.items():
@@ -243,16 +207,16 @@ def machine_block(scores: Sequence[Score]) -> dict[str, Any]:
         "coverage_90": sum(map(sum, covered)) / count if count else None,
         "interval_coverage_90": share_interval(covered),
         "parameters": count,
-        "median_error_of_effect": _median(errors),
-        "median_rollouts": _median([one for world in ratios for one in world]),
+        "median_error_of_effect": median_of(errors),
+        "median_rollouts": median_of([one for world in ratios for one in world]),
         "interval_median_rollouts": median_interval(ratios),
         "right": sum(bool(s["right"]) for s in scores),
         "failed": len(scores) - len(answered),
-        "seconds": _seconds(scores),
+        "seconds": seconds_of(scores),
     }
 
 
-def _near(scores: Sequence[Score]) -> list[bool]:
+def near(scores: Sequence[Score]) -> list[bool]:
     """Whether held-out rollouts are near the true model's; nothing of those where none could be compared."""
     return [
         s["verdict"] != "failed" and s["rollouts"] <= WITHIN
@@ -268,7 +232,7 @@ def _told(scores: Sequence[Score]) -> dict[str, Any]:
         for t in s["effects_told"]:
             if t["counts"]:
                 hits.setdefault(f"{s['kind']}: {t['family']} on {t['on']}", []).append(bool(t["told"]))
-    return _rates(hits, "told")
+    return rates_of(hits, "told")
 
 
 def _spurious(scores: Sequence[Score]) -> dict[str, int]:

@@ -97,7 +97,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 """Parameters of an effect: name -> value in SI units."""
-Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines"]
+Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines", "whole"]
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 
 
@@ -163,7 +163,7 @@ class World:
     smoothing: str  # of differentiated velocities: central, savgol
     wrapped: bool  # yaw is written modulo 2 pi
     held_out: int | None  # episodes from this number on
-    rough: Rough | None = None  # what is wrong with its log; of the strata `rough` and `machines`
+    rough: Rough | None = None  # what is wrong with its log; of the strata `rough`, `machines`, `whole`
     machine: Machine | None = None  # of the stratum `machines`
     session: int = 0  # which of a machine's recordings this is
 

@@ -1,0 +1,139 @@
+"""Whole robots: friction, rotors, loads, offsets and late commands at once, as a robot's identification finds them.
+
+Sizes go by the torque T and the speed at most of each joint's drive:
+
+- dry friction of 1 to 6 % of T: Franka's Panda has 0.3 to 1.3 N m below its 87 N m and 1 to 3.5 % at its wrists (Gaz et
+  al. 2019), the URDF files of Unitree's Z1 and UFACTORY's xArm7 have 2 to 5 %;
+- viscous friction of 2 to 12 % of T at full speed: 10 % in the Z1's file, 60 % in the xArm7's;
+- a rotor behind its gears that T spins up at 60 to 600 rad/s^2: Franka says 0.61, 0.46 and 0.21 kg m^2 for the FR3,
+  which is 58 to 188 rad/s^2; drives of legs have gears of six and spin up at thousands (Go2: 0.004 kg m^2);
+- a body's mass off by 10 to 40 %, as of CAD models (Armstrong, Khatib and Burdick 1986), a payload that asks a few per
+  cent of T, an offset of 0.5 to 3 % of T as of drifting torque sensors and currents, commands late by 0.3 to 1.5
+  samples.
+
+Half are driven by position servos. In half only positions are read, by encoders of 13 to 16 bits that lose packets.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.trials.robots.models import ROBOTS, SERVOED, SERVOS, WHOLE, Robot, layout_of, robot_of, spec_of
+from gpsim.trials.robots.stepped import step_of
+from gpsim.trials.worlds import Rough, TrueEffect, World, rounded
+
+WHOLE_FROM = 400_000
+"""Whole robots' numbers begin behind it, so that all other worlds of a seed stay what they are."""
+FOURIER = "fourier"
+DRY, VISCOUS, OFFSET = (0.01, 0.06), (0.02, 0.12), (0.005, 0.03)  # of the torque
+LOAD, ARM = (0.03, 0.15), 0.5 * 9.81  # of the torque, by a payload this far out (m) in the earth's gravity
+MASS = (0.1, 0.4)  # by which a body's mass is off
+LATE = (0.3, 1.5)  # samples
+TWO, LATE_CHANCE = 0.5, 0.5  # of two bodies that are off, of late commands
+TRANSITIONS, SECONDS, FEWEST = (3000, 5000), (6.0, 12.0), 5  # in all; of an episode; episodes
+POSITIONS, SPEEDS = (1e-4, 5e-4), (2e-3, 1e-2)  # noise, rad and rad/s (m and m/s)
+BITS, DROPPED = (13, 16), (0.005, 0.03)  # of an encoder; share of the rows
+
+
+def whole_rank(number: int) -> int | None:
+    """Which of the whole robots a trial is, from 0; None where it is none."""
+    return number - WHOLE_FROM - 1 if number > WHOLE_FROM else None
+
+
+def dealt(seed: int, rank: int) -> tuple[str, bool]:
+    """The robot of a world, and whether its log is an encoder's; each robot once in every cycle."""
+    cycle, place = divmod(rank, len(WHOLE))
+    rng = np.random.default_rng([seed, WHOLE_FROM, cycle])
+    robots = [WHOLE[i] for i in rng.permutation(len(WHOLE))]
+    own = sum(robot_of(name).ways == ("servo",) for name in ROBOTS)  # has servos whatever is dealt
+    servos = set(rng.choice(SERVOED, len(WHOLE) // 2 - own, replace=False))
+    encoders = set(rng.choice(robots, len(WHOLE) // 2, replace=False))
+    name = robots[place]
+    return name + SERVOS * (name in servos), name in encoders
+
+
+def draw_whole(seed: int, number: int, attempt: int = 0) -> World:
+    """The world of a trial; `attempt` counts worlds that could not be run."""
+    rank = whole_rank(number)
+    assert rank is not None
+    name, encoder = dealt(seed, rank)
+    robot, layout = robot_of(name), layout_of(name)
+    rng = np.random.default_rng([seed, number, attempt, 0])
+    way = next((w for w in robot.ways if w != "balance"), robot.ways[0])
+    dt = float(rng.choice(robot.steps))
+    seconds, wanted = float(rng.uniform(*SECONDS)), float(np.exp(rng.uniform(*np.log(TRANSITIONS))))
+    steps = round(seconds / dt)
+    rough, noise = _encoder(layout.joints, rng) if encoder else (None, _noise(layout.names, rng))
+    return World(
+        seed=seed, number=number, attempt=attempt, stratum="whole", long=False, system=name, parameters={},
+        integrator="rk4", dt=dt, engine="mujoco", effects=_effects(robot, dt, rng),
+        episodes=max(round(wanted / steps), FEWEST), steps=steps, clock="episode",
+        excitation=FOURIER if way in ("servo", "torque") else "sines", posture=way, noise_level="normal",
+        noise=noise, noise_known=bool(rng.random() < 0.5), velocities=None if encoder else "measured", smoothing="",
+        wrapped=False, held_out=None, rough=rough,
+    )  # fmt: skip
+
+
+def _noise(names: tuple[str, ...], rng: np.random.Generator) -> dict[str, float]:
+    return {n: _digits(rng.uniform(*(SPEEDS if i % 2 else POSITIONS))) for i, n in enumerate(names)}
+
+
+def _encoder(joints: tuple[str, ...], rng: np.random.Generator) -> tuple[Rough, dict[str, float]]:
+    """An encoder's steps and lost packets; and its noise, a third of a step. Speeds are the controller's alone."""
+    steps = {j: _digits(2.0 * np.pi / 2 ** int(rng.integers(BITS[0], BITS[1] + 1))) for j in joints}
+    noise = {name: sd for j in joints for name, sd in ((j, 0.3 * steps[j]), (f"{j}_dot", SPEEDS[0]))}
+    return Rough(quantum=steps, dropped=_digits(rng.uniform(*DROPPED))), noise
+
+
+def _effects(robot: Robot, dt: float, rng: np.random.Generator) -> tuple[TrueEffect, ...]:
+    layout, drives, h = layout_of(robot.name), robot.drives, step_of(robot.name)
+    torque = dict(zip(layout.joints, drives.torque, strict=True))
+    made = []
+    for joint, most in torque.items():
+        made += [
+            TrueEffect("viscous_friction", joint, {"damping": most / drives.speed * _size(rng, *VISCOUS)}),
+            TrueEffect("coulomb_friction", joint, {"force": most * _size(rng, *DRY)}),
+            TrueEffect("armature", joint, {"inertia": most / _size(rng, *drives.spin)}),
+        ]
+    made += _bodies(robot, rng)
+    moved = [layout.driven[a] for a in layout.action]
+    for joint in rng.choice(moved, rng.integers(0, max(len(moved) // 2, 1) + 1), replace=False):
+        force = torque[str(joint)] * _size(rng, *OFFSET) * rng.choice([-1.0, 1.0])
+        made.append(TrueEffect("constant_force", str(joint), {"force": force}))
+    if rng.random() < LATE_CHANCE:
+        late = round(max(round(dt * rng.uniform(*LATE) / h), 1) * h, 9)
+        made += [TrueEffect("actuator_delay", action, {"delay": late}) for action in layout.action]
+    return tuple(
+        e if e.family == "actuator_delay" else TrueEffect(e.family, e.on, _rounded(e.values)) for e in made
+    )
+
+
+def _bodies(robot: Robot, rng: np.random.Generator) -> list[TrueEffect]:
+    """One or two that are off: a payload, a mass, or both."""
+    body = str(rng.choice(robot.masses))
+    ratio = 1.0 + _size(rng, *MASS) * rng.choice([-1.0, 1.0])
+    mass = TrueEffect("parameter_offset", f"{body}.mass", {"ratio": ratio})
+    carrier = str(rng.choice(robot.carriers))
+    model = spec_of(robot.name).compile()
+    b = model.body(carrier).id
+    far = float(np.sqrt(model.body_inertia[b].max() / model.body_mass[b]))
+    at: FloatArray = np.asarray(model.body_ipos[b]) + 0.7 * far * rng.uniform(-1.0, 1.0, 3)
+    weight = _size(rng, *LOAD) * max(robot.drives.torque) / ARM
+    load = TrueEffect("payload", carrier, {"mass": weight, **dict(zip("xyz", map(float, at), strict=True))})
+    both = rng.random() < TWO and body != carrier
+    return [mass, load] if both else [load if rng.random() < 0.5 else mass]
+
+
+def _size(rng: np.random.Generator, low: float, high: float) -> float:
+    """Evenly in the logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _rounded(values: object) -> dict[str, float]:
+    assert isinstance(values, dict)
+    return {k: rounded(float(v)) for k, v in values.items()}
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.3g}")

@@ -1,0 +1,191 @@
+"""What counts as right on a whole robot: its rows, joint by joint, its bodies, what is said besides, and rollouts.
+
+A row is the friction or the rotor of a joint, and counts where it makes 1 % of the joint's torque. Other names that are
+the same by definition are taken for it: a servo's velocity gain for viscous friction, a bias of a command or an
+encoder's zero behind a servo for a torque offset, late sensors for late commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gpsim.trials.blinding import Answer
+from gpsim.trials.rivals import WholeListing
+from gpsim.trials.robots import ROWS, Layout, layout_of, of_body, spec_of
+from gpsim.trials.scoring.claims import (
+    Claim,
+    Json,
+    claims_of,
+    headline_of,
+    identity,
+    parameter_errors,
+)
+from gpsim.trials.worlds import TrueEffect
+
+WHOLE = "whole"
+COUNTS = 0.01  # of the joint's torque
+WITHIN = 0.15  # of its true size, or of what changed bodies ask for
+ALIKE, COMBINED, OWN = "alike", "in a combination", "own name"
+
+
+def score_whole(answer: Answer, report: Json | None, listing: WholeListing | None) -> dict[str, Any]:
+    """Everything that can be said of one diagnosis of a whole robot; a missing report is wrong in all.
+
+    rows: every row of the robot, whether it counts, what was said of it, whether that is right; bodies: the same of
+    bodies, and by what; spurious: headline effects that are not there.
+    """
+    effects, truth = answer.content["effects"], frozenset(answer.claims)
+    out: dict[str, Any] = {
+        "stratum": WHOLE,
+        "visible": True,
+        "identifiable": True,
+        "equivalents": [],
+        "truth": sorted(map(list, truth)),
+        "servos": bool(layout_of(answer.world.system).servos),
+        "verdicts": ["named"],
+    }
+    if report is None or listing is None:
+        wrong = dict.fromkeys(("right", "verdict_right", "leading_right", "families_right"), False)
+        nothing = {"said": [], "spurious": 0, "spurious_names": [], "parameters": [], "rollouts": None}
+        rows = [_row(e, None) for e in effects if e["family"] in ROWS]
+        bodies = [_body(e, "") for e in effects if _of_body(e)]
+        return out | {"verdict": "failed", "rows": rows, "bodies": bodies, **nothing, **wrong}
+    combined = [set(c["of"]) for c in report["combinations"]]
+    said = _said_rows(report, answer)
+    rows = [_row(e, said.get(identity(e))) for e in effects if e["family"] in ROWS]
+    alike = listing.bodies_off <= WITHIN
+    bodies = [_body(e, _how(e, report, combined, alike)) for e in effects if _of_body(e)]
+    allowed = truth | _same(truth, layout_of(answer.world.system), list(answer.world.noise))
+    spurious = [
+        e
+        for e in headline_of(report["effects"])
+        if identity(e) not in allowed and not (alike and _of_body(e)) and not _is_combined(e, truth, combined)
+    ]
+    verdict = str(report["verdict"])
+    verdicts = ["ambiguous", "named"] if combined else ["named"]
+    counting = [part for part in (*rows, *bodies) if part["counts"]]
+    names = claims_of(report["effects"])
+    out |= {
+        "verdicts": verdicts,
+        "verdict": verdict,
+        "said": sorted(map(list, names)),
+        "rows": rows,
+        "bodies": bodies,
+        "bodies_off": listing.bodies_off,
+        "spurious": len(spurious),
+        "spurious_names": sorted(list(identity(e)) for e in spurious),
+        "verdict_right": verdict in verdicts,
+        "leading_right": all(part["right"] for part in counting),
+        "families_right": {f for f, _ in names} >= {f for f, _ in truth},
+        "parameters": parameter_errors(effects, report["effects"]),
+        "rollouts": max(listing.rollouts.values(), default=None),
+    }
+    out["right"] = bool(out["verdict_right"] and out["leading_right"] and not spurious)
+    return out
+
+
+def _of_body(effect: Json) -> bool:
+    family, on = identity(effect)
+    return of_body(TrueEffect(family, on, {}))
+
+
+def _row(effect: Json, said: tuple[float, float, float] | None) -> dict[str, Any]:
+    """said: the value and its interval, where there is one."""
+    (true,) = effect["parameters"].values()
+    near = said is not None and (abs(said[0] - true) <= WITHIN * abs(true) or said[1] <= true <= said[2])
+    return {
+        "family": effect["family"],
+        "on": effect["on"],
+        "share": effect["share"],
+        "counts": effect["share"] >= COUNTS,
+        "told": said is not None,
+        "true": true,
+        "value": None if said is None else said[0],
+        "right": bool(near),
+    }
+
+
+def _body(effect: Json, how: str) -> dict[str, Any]:
+    return {
+        "family": effect["family"],
+        "on": effect["on"],
+        "share": effect["share"],
+        "counts": effect["share"] >= COUNTS,
+        "how": how,
+        "right": bool(how),
+    }
+
+
+def _how(effect: Json, report: Json, combined: Sequence[set[str]], alike: bool) -> str:
+    """By what a body is right: its size under its own name, a combination that was named, or torques alike."""
+    for p in parameter_errors([effect], report["effects"]):
+        if p["name"] in ("mass", "ratio") and (p["covered"] or p["error_of_effect"] <= WITHIN):
+            return OWN
+    if any(_is_part(effect, names) for names in combined):
+        return COMBINED
+    return ALIKE if alike else ""
+
+
+def _is_part(effect: Json, names: set[str]) -> bool:
+    family, on = identity(effect)
+    return any(name.startswith(f"{family} on {on}: ") for name in names)
+
+
+def _is_combined(effect: Json, truth: Claim, combined: Sequence[set[str]]) -> bool:
+    """Whether what was said is told to be inseparable of something that is there."""
+    there = [{"family": f, "on": on} for f, on in truth]
+    return any(_is_part(effect, names) and any(_is_part(e, names) for e in there) for names in combined)
+
+
+def _said_rows(report: Json, answer: Answer) -> dict[tuple[str, str], tuple[float, float, float]]:
+    """Family and joint -> value, low and high of every row that was said; a servo's damping added to its joint's."""
+    layout = layout_of(answer.world.system)
+    found: dict[tuple[str, str], FloatTriple] = {}
+    for e in report["effects"]:
+        family, on = identity(e)
+        owner, _, what = on.rpartition(".")
+        if family in ROWS:
+            (told,) = e["parameters"].values()
+            key, values = (family, on), _triple(told)
+        elif family == "parameter_offset" and what == "kv" and owner in layout.servos:
+            kv = _damping(answer.world.system, owner)
+            key = ("viscous_friction", layout.driven[owner])
+            value, low, high = _triple(e["parameters"]["ratio"])
+            values = ((value - 1.0) * kv, (low - 1.0) * kv, (high - 1.0) * kv)
+        else:
+            continue
+        before = found.get(key, (0.0, 0.0, 0.0))
+        found[key] = (before[0] + values[0], before[1] + values[1], before[2] + values[2])
+    return found
+
+
+FloatTriple = tuple[float, float, float]
+
+
+def _triple(told: Json) -> FloatTriple:
+    """Of an estimate; an interval that is not known is the value alone."""
+    value = float(told["value"])
+    low, high = (value if told[edge] is None else float(told[edge]) for edge in ("low", "high"))
+    return value, low, high
+
+
+def _damping(system: str, servo: str) -> float:
+    """N m s/rad: a servo's velocity gain as it is believed."""
+    model = spec_of(system).compile()
+    return -float(np.array(model.actuator_biasprm)[list(layout_of(system).action).index(servo), 2])
+
+
+def _same(truth: Claim, layout: Layout, channels: Sequence[str]) -> Claim:
+    """What is the same as an effect that is there, by another name."""
+    out = set()
+    for action, joint in layout.driven.items():
+        if ("constant_force", joint) in truth:
+            out |= {("actuator_bias", action), ("joint_offset", joint)}
+        if action in layout.servos:
+            out.add(("parameter_offset", f"{action}.kv"))
+        if ("actuator_delay", action) in truth:
+            out |= {("sensor_delay", channel) for channel in channels}
+    return frozenset(out)
