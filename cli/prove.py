@@ -43,6 +43,12 @@ Machines = Annotated[
         help="How many whole machines to add: axes, rigs, servos, cars, arms.",
     ),
 ]
+Curves = Annotated[
+    int,
+    typer.Option(
+        "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
@@ -77,6 +83,7 @@ def prove_command(
     long: Long = True,
     rough: Rough = 0,
     machines: Machines = 0,
+    curves: Curves = 0,
     system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -87,7 +94,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, system)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, curves, system)
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -118,6 +125,7 @@ def conceal_command(
     long: Long = True,
     rough: Rough = 0,
     machines: Machines = 0,
+    curves: Curves = 0,
     system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
@@ -127,15 +135,15 @@ def conceal_command(
         raise UsageError(
             f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
         )
-    if system and (rough or machines or not long):
+    if system and (rough or machines or curves or not long):
         raise UsageError(
-            "--system mjcf: its worlds are neither rough nor long nor machines; "
-            "leave --rough, --machines and --no-long out"
+            "--system mjcf: its worlds are neither rough nor long nor machines nor curves; "
+            "leave --rough, --machines, --curves and --no-long out"
         )
     if system:
         numbers = prove.robots_numbers(trials, stratum or ())
     else:
-        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines)
+        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines, curves)
     launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, launcher, progress)
@@ -178,6 +186,9 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
             f"{len(content['machines']['misses'])} of {content['machines']['n']} machines not right in all, "
             "listed in the page"
         )
+    if "curves" in content:
+        misses, worlds = len(content["curves"]["misses"]), content["curves"]["n"]
+        say(f"{misses} of {worlds} laws of no family not right in all, listed in the page")
     if "mjcf" in content:
         say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):

@@ -1,4 +1,4 @@
-"""A proof's tables of its special worlds: rough logs, robots by their MuJoCo models, whole machines.
+"""A proof's tables of its special worlds: rough logs, robots by their MuJoCo models, whole machines, curves.
 
 Each group has the same tables: its figures with their intervals, the same by stratum, and counts by family.
 """
@@ -124,6 +124,21 @@ GROUPS: Mapping[str, Group] = {
         "Whole machines, with intervals",
         with_intervals=True,
     ),
+    "curves": Group(
+        "Measured curves",
+        (
+            WORLDS,
+            _share("within 10 % of the range %", "curve_right"),
+            _share("site and input right %", "place_right"),
+            _share("a law said to hold %", "named_wrong"),
+            _number("median off %", lambda b: percent(b["median_off"])),
+            *ENDS,
+        ),
+        ("Measured curves: right by kind of law", "right"),
+        "Measured curves",
+        "laws of one input that no family has; how far the curve is off, over what was visited; right: near it, and no "
+        "law of the catalogue is said to hold",
+    ),
 }
 CLASSES: Mapping[str, Callable[[Json], str]] = {
     "machines": lambda b: str(b["n"]),
@@ -168,11 +183,11 @@ def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
 
 
 def brief_sheets(content: Json) -> list[Sheet]:
-    """The tables that a terminal shows of the groups: verdicts, figures of robots, figures of machines by class."""
-    rough, robots, machines = (
+    """The tables that a terminal shows of the groups: verdicts, figures of robots and curves, of machines by class."""
+    rough, robots, machines, curves = (
         list(part_sheets(part, content[part])) if content.get(part) else [] for part in GROUPS
     )
-    return [*rough[-2:-1], *robots[:1], *machines[:2]]
+    return [*rough[-2:-1], *robots[:1], *machines[:2], *curves[:1]]
 
 
 def classes_sheet(machines: Json) -> Sheet:

@@ -131,6 +131,7 @@ WORDS = {
     "rough": "rough ones",
     "machines": "whole machines",
     "mjcf": "robots by their MuJoCo models",
+    "curves": "laws of one input that no family has",
 }
 """The groups of special worlds, as a page counts them."""
 

@@ -69,7 +69,7 @@ def terminal_sheets(content: Json) -> list[Sheet]:
 def beside(content: Json) -> list[str]:
     """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
     missing, unscored = content["undiagnosed"], content["not_scored"]
-    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf", "machines"))
+    others = sum(content.get(part, {}).get("n", 0) for part in ("rough", "mjcf", "machines", "curves"))
     published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
     lines = []
     if missing:
@@ -102,7 +102,8 @@ def goals_sheet(content: Json) -> Sheet:
         ("", "wanted", "got", "95 %", "count"),
         tuple(rows),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
-        "on rough worlds; machines: whole ones; !: missed, also by the interval of a share or of a mean",
+        "on rough worlds; machines: whole ones; curves: laws of no family; !: missed, also by the interval of a share "
+        "or of a mean",
     )
 
 
@@ -113,6 +114,9 @@ def _number(part: str, key: str, block: Json) -> str:
         return f"{block[some]}/{block[every]}"
     if part == "machines" and key != "spurious":
         every = block[MACHINES_COUNTED.get(key, "n")]
+        return f"{round(block[key] * every)}/{every}"
+    if part == "curves":
+        every = block["n"] - (block["failed"] if key == "named_wrong" else 0)
         return f"{round(block[key] * every)}/{every}"
     count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
     of = block.get("n", MISSING)

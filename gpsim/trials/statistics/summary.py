@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 
 from gpsim.trials.statistics.goals import EQUIVALENT, goals
-from gpsim.trials.statistics.group_figures import machine_figures, robot_figures, rough_figures
+from gpsim.trials.statistics.group_figures import (
+    curve_figures,
+    machine_figures,
+    robot_figures,
+    rough_figures,
+)
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
 
 SCHEMA = "gpsim.prove/1"
@@ -23,13 +28,14 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     """The content of prove.json, without what the caller knows of how it was run.
 
     The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds, the
-    robots and the machines by themselves. `all` holds every plain world; `strata` the same figures by noise, strength,
-    velocities, system, engine, excitation and visibility.
+    robots, the machines and the curves by themselves. `all` holds every plain world; `strata` the same figures by
+    noise, strength, velocities, system, engine, excitation and visibility.
     """
     rough = [s for s in scores if s["stratum"] == "rough"]
     robots = [s for s in scores if "robot" in s]
     machines = [s for s in scores if s["stratum"] == "machines"]
-    plain = [s for s in scores if s["stratum"] not in ("rough", "machines") and "robot" not in s]
+    curves = [s for s in scores if s["stratum"] == "curves"]
+    plain = [s for s in scores if s["stratum"] not in ("rough", "machines", "curves") and "robot" not in s]
     standard = [s for s in plain if not s["long"]]
     words = [s for s in standard if s["stratum"] == "words"]
     standard = [s for s in standard if s["stratum"] != "words"]
@@ -37,6 +43,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     figures = block(headline) | ({"rough": rough_figures(rough)} if rough else {})
     figures |= {"mjcf": robot_figures(robots)} if robots else {}
     figures |= {"machines": machine_figures(machines)} if machines else {}
+    figures |= {"curves": curve_figures([s for s in curves if s["visible"]])} if curves else {}
     figures |= {"words": _words([s for s in words if s["visible"]])} if words else {}
     return {
         "schema": SCHEMA,
