@@ -51,6 +51,12 @@ Robots = Annotated[
         help="With --system mjcf: how many whole robots to add, friction and a rotor at every joint.",
     ),
 ]
+Curves = Annotated[
+    int,
+    typer.Option(
+        "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
@@ -86,6 +92,7 @@ def prove_command(
     rough: Rough = 0,
     machines: Machines = 0,
     robots: Robots = 0,
+    curves: Curves = 0,
     system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -96,7 +103,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, robots, system)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, robots, curves, system)
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -128,6 +135,7 @@ def conceal_command(
     rough: Rough = 0,
     machines: Machines = 0,
     robots: Robots = 0,
+    curves: Curves = 0,
     system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
@@ -137,17 +145,17 @@ def conceal_command(
         raise UsageError(
             f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
         )
-    if system and (rough or machines or not long):
+    if system and (rough or machines or curves or not long):
         raise UsageError(
-            "--system mjcf: its worlds are neither rough nor long nor machines; "
-            "leave --rough, --machines and --no-long out"
+            "--system mjcf: its worlds are neither rough nor long nor machines nor curves; "
+            "leave --rough, --machines, --curves and --no-long out"
         )
     if robots and not system:
         raise UsageError("--robots: whole robots are worlds of --system mjcf; say that, too")
     if system:
         numbers = prove.robots_numbers(trials, stratum or (), robots)
     else:
-        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines)
+        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines, curves)
     launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, launcher, progress)
@@ -193,6 +201,9 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
     if "whole" in content:
         misses, worlds = len(content["whole"]["misses"]), content["whole"]["n"]
         say(f"{misses} of {worlds} whole robots not right in all, listed in the page")
+    if "curves" in content:
+        misses, worlds = len(content["curves"]["misses"]), content["curves"]["n"]
+        say(f"{misses} of {worlds} laws of no family not right in all, listed in the page")
     if "mjcf" in content:
         say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):

@@ -1,4 +1,4 @@
-"""A proof's tables of its special worlds: rough logs, robots by their MuJoCo models, whole machines, whole robots.
+"""A proof's tables of its special worlds: rough logs, robots, whole machines, whole robots, curves.
 
 Each group has the same tables: its figures with their intervals, the same by stratum, and counts by family.
 """
@@ -144,6 +144,21 @@ GROUPS: Mapping[str, Group] = {
         "bodies: by their own name, in a combination that was named, or by torques that are alike",
         with_intervals=True,
     ),
+    "curves": Group(
+        "Measured curves",
+        (
+            WORLDS,
+            _share("within 10 % of the range %", "curve_right"),
+            _share("site and input right %", "place_right"),
+            _share("a law said to hold %", "named_wrong"),
+            _number("median off %", lambda b: percent(b["median_off"])),
+            *ENDS,
+        ),
+        ("Measured curves: right by kind of law", "right"),
+        "Measured curves",
+        "laws of one input that no family has; how far the curve is off, over what was visited; right: near it, and no "
+        "law of the catalogue is said to hold",
+    ),
 }
 CLASSES: Mapping[str, Callable[[Json], str]] = {
     "machines": lambda b: str(b["n"]),
@@ -188,11 +203,11 @@ def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
 
 
 def brief_sheets(content: Json) -> list[Sheet]:
-    """The tables that a terminal shows of the groups: verdicts, figures of robots, those of machines by class."""
-    rough, robots, machines, whole = (
+    """The tables that a terminal shows of the groups: verdicts, figures of robots and curves, of machines by class."""
+    rough, robots, machines, whole, curves = (
         list(part_sheets(part, content[part])) if content.get(part) else [] for part in GROUPS
     )
-    return [*rough[-2:-1], *robots[:1], *machines[:2], *whole[:1]]
+    return [*rough[-2:-1], *robots[:1], *machines[:2], *whole[:1], *curves[:1]]
 
 
 def classes_sheet(machines: Json) -> Sheet:

@@ -132,6 +132,7 @@ WORDS = {
     "machines": "whole machines",
     "mjcf": "robots by their MuJoCo models",
     "whole": "whole robots",
+    "curves": "laws of one input that no family has",
 }
 """The groups of special worlds, as a page counts them."""
 

@@ -102,7 +102,7 @@ def goals_sheet(content: Json) -> Sheet:
         ("", "wanted", "got", "95 %", "count"),
         tuple(rows),
         note="outside: of the catalogue; near: at most 1.1 times the true model's own one-step error; rough: "
-        "on rough worlds; machines: whole ones; whole robots: all joints at once; "
+        "on rough worlds; machines: whole ones; whole robots: all joints at once; curves: laws of no family; "
         "!: missed, also by the interval of a share or of a mean",
     )
 
@@ -116,6 +116,9 @@ def _number(part: str, key: str, block: Json) -> str:
         return f"{block[f'{key}_count']}/{block[f'{key}_of']}"
     if part == "machines" and key != "spurious":
         every = block[MACHINES_COUNTED.get(key, "n")]
+        return f"{round(block[key] * every)}/{every}"
+    if part == "curves":
+        every = block["n"] - (block["failed"] if key == "named_wrong" else 0)
         return f"{round(block[key] * every)}/{every}"
     count = block.get("named_wrong" if key == "share_named_wrong" else COUNTED.get(part, ""))
     of = block.get("n", MISSING)

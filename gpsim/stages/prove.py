@@ -30,7 +30,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import ARM, MACHINES_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
+from gpsim.trials.drawing import ARM, CURVES_FROM, MACHINES_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
 from gpsim.trials.robots import ROBOTS_FROM, WHOLE_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
@@ -47,9 +47,14 @@ NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, o
 
 
 def numbers_of(
-    trials: int, strata: Sequence[str] = (), long: bool = True, rough: int = 0, machines: int = 0
+    trials: int,
+    strata: Sequence[str] = (),
+    long: bool = True,
+    rough: int = 0,
+    machines: int = 0,
+    curves: int = 0,
 ) -> list[int]:
-    """The first `trials` numbers whose world is of one of `strata` (all when empty), of rough worlds and machines.
+    """The first `trials` numbers whose world is of one of `strata` (all when empty), and of rough worlds and so on.
 
     Raises UsageError.
     """
@@ -58,6 +63,8 @@ def numbers_of(
         raise UsageError("machines are counted by themselves: --machines 20, with --trials 0 no others")
     if "whole" in strange:
         raise UsageError("whole robots are counted by themselves: --system mjcf --robots 20, with --trials 0")
+    if "curves" in strange:
+        raise UsageError("curves are counted by themselves: --curves 20, with --trials 0 no others")
     if "rough" in strange:
         raise UsageError("rough worlds are counted by themselves: --rough 20, with --trials 0 no others")
     if strange:
@@ -70,13 +77,16 @@ def numbers_of(
         stratum, is_long, _ = stratum_of(number)
         return (not strata or stratum in strata) and (long or not is_long)
 
-    if trials + rough + machines < 1:
+    if trials + rough + machines + curves < 1:
         raise UsageError(
-            "no worlds: say how many with --trials, --rough for rough ones, --machines for machines"
+            "no worlds: say how many with --trials, or of rough logs, machines and curves with --rough, --machines, "
+            "--curves"
         )
     first = WORDS_FROM + 1 if "words" in strata else 1
     plain_ones = islice((n for n in count(first) if wanted(n)), trials)
-    return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1), *machines_numbers(machines)]
+    after = ((CURVES_FROM, curves), (ROUGH_FROM, rough))
+    counted = [number for first, many in after for number in range(first + 1, first + many + 1)]
+    return [*plain_ones, *counted, *machines_numbers(machines)]
 
 
 def machines_numbers(machines: int) -> list[int]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gpsim.trials.drawing import of_body, places_of
-from gpsim.trials.outside import KINDS, kind, registry
+from gpsim.trials.outside import EVERY_KIND, KINDS, kind, registry
 from gpsim.trials.truth import run, visibilities
 from gpsim.trials.worlds import SYSTEMS, TrueEffect
 
@@ -230,8 +230,10 @@ def below(site):
 
 
 def test_no_kind_is_forgotten_and_every_one_says_how_strong_it_is():
-    assert sorted(law.__name__ for law in below(kind.Kind)) == sorted(law.__name__ for law in KINDS.values())
-    for law in KINDS.values():
+    assert sorted(law.__name__ for law in below(kind.Kind)) == sorted(
+        law.__name__ for law in EVERY_KIND.values()
+    )
+    for law in EVERY_KIND.values():
         assert law.strength is not kind.Kind.strength
         assert law.__doc__
     assert set(NOTHING) == set(KINDS)

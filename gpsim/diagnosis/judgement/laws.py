@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from gpsim.diagnosis.attribution import Attribution
-from gpsim.diagnosis.fitting import Hypothesis
+from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem
 from gpsim.diagnosis.form import FreeCurve, Group, forms, free_curves, groups_of, missing_curve
 from gpsim.diagnosis.judgement.judgement import Judgement
 from gpsim.diagnosis.judgement.verdict import misses
 from gpsim.diagnosis.report import Curve, Form, Share
-from gpsim.diagnosis.selection import whole_robot
+from gpsim.diagnosis.selection import Varying, varying, whole_robot
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import Measured
+from gpsim.effects import Measured, closed
 
 OVER_NAMELESS = 5.0
 """Times what surely has no name, where that is much, that a law must explain to be taken for more than the nearest to
@@ -65,7 +65,9 @@ def laws_of(question: Question, judgement: Judgement, attribution: Attribution) 
     )
     every = tuple(found.get(i, "untested") for i in range(len(leader.hypothesis.terms)))
     shown = tuple(c.curve for c in curves if c is not None)
-    bent = _stand_ins(question, judgement, attribution, groups) | _measured(leader.hypothesis)
+    uneven = _uneven(problem, leader, claims)
+    shown += tuple(_drawn(problem, leader.hypothesis, varies) for varies in uneven.values() if varies.at)
+    bent = _stand_ins(question, judgement, attribution, groups) | _measured(leader.hypothesis) | set(uneven)
     told: tuple[Form, ...] = tuple("approximate" if i in bent else form for i, form in enumerate(every))
     return Laws(told, shown, None if missing is None else missing.curve, known)
 
@@ -87,6 +89,27 @@ def gains(judgement: Judgement, attribution: Attribution, others: Sequence[Hypot
     own, *rest = judge.squares([[leader], *([other] for other in others)])
     worth = judge.mismatch.overall(own)
     return [judge.mismatch.share(judge.mismatch.overall(other) - worth) for other in rest]
+
+
+def _uneven(problem: Problem, leader: Fit, claims: Sequence[int]) -> dict[int, Varying]:
+    """Claims whose strength surely varies; nothing where the simulator owns its steps, which are dear."""
+    return {} if closed(problem.simulator) is not None else varying(problem, leader, claims)
+
+
+def _drawn(problem: Problem, hypothesis: Hypothesis, varies: Varying) -> Curve:
+    """The strength over what it varies with, beside the law's own, which is one."""
+    term, channels = hypothesis.terms[varies.of], problem.simulator.state + problem.simulator.action
+    known = varies.along in channels.names
+    return Curve(
+        effects=(term.identity,),
+        quantity=f"times {term.family} on {term.on}",
+        unit="1",
+        input=varies.along,
+        input_unit=channels.units[varies.along] if known else "s" if "time" in varies.along else "1",
+        at=varies.at,
+        law=(1.0,) * len(varies.at),
+        free=varies.times,
+    )
 
 
 def _measured(hypothesis: Hypothesis) -> set[int]:

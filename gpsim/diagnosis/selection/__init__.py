@@ -14,6 +14,7 @@ from gpsim.diagnosis.selection.required import required_in, without_idle
 from gpsim.diagnosis.selection.stepwise import stepwise
 from gpsim.diagnosis.selection.substitution import left_open, plain_forms
 from gpsim.diagnosis.selection.usual import usual_machine
+from gpsim.diagnosis.selection.varying import Varying, varying
 
 __all__ = [
     "SMALL_ACCOUNT",
@@ -23,6 +24,7 @@ __all__ = [
     "LackOfFit",
     "Note",
     "Rule",
+    "Varying",
     "accepts",
     "beam_search",
     "held_out_fit",
@@ -45,6 +47,7 @@ __all__ = [
     "told_apart",
     "told_apart_to_the_end",
     "usual_machine",
+    "varying",
     "whole_robot",
     "without_idle",
     "without_tails",

@@ -10,7 +10,7 @@ command, its average over the last moments.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -80,7 +80,7 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 
     problem, at: the hypothesis fitted to these windows.
     """
-    some, part, directions = _looked_at(problem, at)
+    some, part, directions = looked_at(problem, at)
     more = len(problem.windows) / len(some.windows)
     single = _single(some)
     if not single:
@@ -93,7 +93,7 @@ def lack_of_fit(problem: Problem, at: Fit) -> LackOfFit | None:
 
 
 @kept
-def _looked_at(problem: Problem, at: Fit) -> tuple[Problem, Fit, Directions]:
+def looked_at(problem: Problem, at: Fit) -> tuple[Problem, Fit, Directions]:
     """The windows that are looked at, fewer where every step is dear, and what changes around the fit there."""
     settings = problem.run.settings
     most = settings.lack_of_fit.windows if closed(problem.simulator) is None else SCREENING_WINDOWS_OF_A_ROBOT
@@ -106,7 +106,7 @@ def lack_of_memory(problem: Problem, at: Fit) -> LackOfFit | None:
 
     Of what is commanded nobody doubts the past; that of a state is known through noise that the residual has, too.
     """
-    some, part, directions = _looked_at(problem, at)
+    some, part, directions = looked_at(problem, at)
     groups = _remembering(some)
     if not groups:
         return None
@@ -147,11 +147,8 @@ def _all_tested(
     Each function is a sum of pushes: what pushes on a rate do is simulated once.
     """
     rest, states = directions.rest.ravel(), visited(problem, at)
-    inputs = _inputs(problem, states[:, :-1], problem.windows.actions)
-    rates = sorted({group.rate for group in groups} - directions.pushed.keys())
-    calls = [(problem, at, directions, r, _probe(problem, r)) for r in rates]
-    answers = directions.pushed
-    answers.update(zip(rates, problem.run.side_by_side(impulses, calls), strict=True))
+    inputs = inputs_of(problem, states[:, :-1], problem.windows.actions)
+    answers = pushed(problem, at, directions, {group.rate for group in groups})
     return [
         _explained(
             directions.projected(_summed(problem, g, inputs, answers[g.rate])).reshape(g.size, -1), rest
@@ -160,16 +157,26 @@ def _all_tested(
     ]
 
 
+def pushed(
+    problem: Problem, at: Fit, directions: Directions, rates: Collection[int]
+) -> dict[int, FloatArray]:
+    """(L, W, M) of each rate: what pushes on it answer; what is known already is not asked again."""
+    new = sorted(set(rates) - directions.pushed.keys())
+    calls = [(problem, at, directions, r, _probe(problem, r)) for r in new]
+    directions.pushed.update(zip(new, problem.run.side_by_side(impulses, calls), strict=True))
+    return directions.pushed
+
+
 def _summed(problem: Problem, group: _Group, inputs: FloatArray, answers: FloatArray) -> FloatArray:
     """(F, W, M): what each function of a group takes off, from inputs (W, L, I) and answers (L, W, M) to pushes."""
     columns = [inputs[:, :, i] for i in group.inputs]
     if group.memory is not None:
-        columns[1] = _past(problem, group.inputs[1] - len(problem.simulator.state), group.memory)
+        columns[1] = average_of(problem, group.inputs[1] - len(problem.simulator.state), group.memory)
     which = np.arange(group.size)[:, None, None]
     places = np.unravel_index(which, (group.knots.shape[1],) * len(group.inputs))
     value = np.ones((group.size, *columns[0].shape))
     for column, knots, place in zip(columns, group.knots, places, strict=True):
-        value *= _hat(column[None], knots, place)
+        value *= hat(column[None], knots, place)
     return np.asarray(np.einsum("fwl,lwm->fwm", value, answers, optimize=True))
 
 
@@ -207,7 +214,7 @@ def _remembering(problem: Problem) -> list[_Group]:
     out = []
     for i in range(first, first + len(problem.simulator.action)):
         for memory in COMMAND_MEMORIES:
-            past = _past(problem, i - first, memory)[problem.windows.valid[:, 1:]]
+            past = average_of(problem, i - first, memory)[problem.windows.valid[:, 1:]]
             both = np.stack([flat[:, i], past], axis=1)
             if (np.ptp(both, axis=0) > 0).all():
                 shares = np.linspace(0, 1, KNOTS_OF_TWO)
@@ -217,7 +224,7 @@ def _remembering(problem: Problem) -> list[_Group]:
     return out
 
 
-def _past(problem: Problem, action: int, memory: float) -> FloatArray:
+def average_of(problem: Problem, action: int, memory: float) -> FloatArray:
     """(W, L) the average of a command over what was before each transition, weights exp(-age / memory [samples])."""
     windows = problem.windows
     given = np.concatenate([windows.before_actions, windows.actions], axis=1)[:, :, action]
@@ -236,11 +243,11 @@ def _group(flat: FloatArray, rate: int, inputs: tuple[int, ...], knots: int) -> 
 
 def _visited(problem: Problem) -> FloatArray:
     """(N, S + A) all inputs that the windows hold."""
-    inputs = _inputs(problem, problem.windows.measured[:, :-1], problem.windows.actions)
+    inputs = inputs_of(problem, problem.windows.measured[:, :-1], problem.windows.actions)
     return np.asarray(inputs[problem.windows.valid[:, 1:]])
 
 
-def _inputs(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatArray:
+def inputs_of(problem: Problem, states: FloatArray, actions: FloatArray) -> FloatArray:
     """(..., S + A) state and command; angles between -pi and pi."""
     channels = problem.simulator.state
     return np.concatenate([difference(states, np.zeros_like(states), channels), actions], axis=-1)
@@ -258,7 +265,7 @@ def _rates(problem: Problem) -> FloatArray:
     return problem.simulator.rates(windows.measured[:, 0], windows.actions[:, 0], problem.parameters)
 
 
-def _hat(x: FloatArray, knots: FloatArray, place: IntArray) -> FloatArray:
+def hat(x: FloatArray, knots: FloatArray, place: IntArray) -> FloatArray:
     """1 at a row's own knot, falling to 0 at its neighbours, constant beyond the outer knots."""
     inside = np.clip(x, knots[0], knots[-1])
     middle = knots[place]

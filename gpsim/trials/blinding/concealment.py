@@ -13,7 +13,16 @@ from gpsim.errors import UsageError
 from gpsim.recordings import Recording
 from gpsim.trials.blinding.logs import even_recording, logged
 from gpsim.trials.drawing import draw, draw_rough, rank_of, within
-from gpsim.trials.truth import MainShare, OneStep, Shares, Visibility, one_step, run, visibilities
+from gpsim.trials.truth import (
+    MainShare,
+    OneStep,
+    Shares,
+    Visibility,
+    one_step,
+    run,
+    true_curve,
+    visibilities,
+)
 from gpsim.trials.worlds import SYSTEMS, Run, World, effect_json, sound, world_json
 
 SCHEMA = "gpsim.answer/1"
@@ -58,7 +67,7 @@ class Concealed:
     """A world that was run. clean: the recording as perfect sensors would have made it; one_step: of the true model.
 
     rough: what is true of a rough world besides, which has no visibilities; its clean recording has an even clock and
-    every row.
+    every row. curve: the law of a world that proves measured curves, as `truth.true_curve` has it.
     """
 
     world: World
@@ -67,6 +76,7 @@ class Concealed:
     visible: list[Visibility]
     one_step: OneStep
     rough: RoughTruth | None = None
+    curve: Mapping[str, Any] | None = None
 
 
 def long_enough(kept: FloatArray, shortest: int, fewest: int) -> FloatArray | None:
@@ -165,7 +175,8 @@ def conceal(seed: int, number: int) -> Concealed:
             if seed in UNFILTERED:
                 known = even_recording(as_measured(world), truth.clean, truth, kept)
             visible = visibilities(world, _shortened(truth, kept))
-            return Concealed(world, recording, clean, visible, one_step(world, truth, recording, known, kept))
+            steps = one_step(world, truth, recording, known, kept)
+            return Concealed(world, recording, clean, visible, steps, curve=true_curve(world, truth))
     raise UsageError(
         f"seed {seed}, trial {number}: no world could be run in {ATTEMPTS} attempts; take another seed"
     )
@@ -192,7 +203,8 @@ def answer_of(concealed: Concealed, truth_digest: str) -> dict[str, Any]:
         all(seen.visible for seen in concealed.visible),
         concealed.recording.transition_count,
     )
-    said = answer_json(world, effects, transitions, truth_digest, {"one_step": steps}, visible)
+    beside = {"one_step": steps} | ({} if concealed.curve is None else {"curve": dict(concealed.curve)})
+    said = answer_json(world, effects, transitions, truth_digest, beside, visible)
     return said if rough is None else said | {"rough": rough.content(world)}
 
 

@@ -6,6 +6,7 @@ A deck says how many effects a trial has, places say what a family can act on, `
 from gpsim.trials.drawing.draws import (
     ALIKE,
     COUNTS,
+    CURVES_FROM,
     DECK_SIZE,
     LONG,
     SIZE,
@@ -30,6 +31,7 @@ __all__ = [
     "ALIKE",
     "ARM",
     "COUNTS",
+    "CURVES_FROM",
     "DECK_SIZE",
     "KINDS",
     "LONG",

@@ -27,13 +27,17 @@ from gpsim.trials.worlds import (
 COUNTS: dict[Stratum, int] = {"single": 10, "pair": 5, "triple": 3, "none": 15, "unknown": 5}
 LONG: tuple[Stratum, ...] = ("single", "none")  # two long worlds close every deck
 DECK_SIZE = sum(COUNTS.values()) + len(LONG)
-SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1, "words": 1}
+SIZE = {"single": 1, "pair": 2, "triple": 3, "none": 0, "unknown": 1, "words": 1, "curves": 1}
 WORDS_FROM = 50_000
 """Behind it are the numbers of worlds with one of the newer families each; decks never come that far."""
+CURVES_FROM = 75_000
+"""Behind it are the numbers of worlds with a law of one input that no family has."""
 
 
 def stratum_of(number: int) -> tuple[Stratum, bool, int]:
     """Stratum of trial `number` (from 1), whether it is long, and its rank among those of its stratum."""
+    if number > CURVES_FROM:
+        return "curves", False, number - CURVES_FROM - 1
     if number > WORDS_FROM:
         return "words", False, number - WORDS_FROM - 1
     deck, place = divmod(number - 1, DECK_SIZE)
@@ -52,6 +56,8 @@ def first_family(seed: int, stratum: Stratum, rank: int) -> str | None:
     names = list(catalogue.DECK)
     if stratum == "words":
         names = sorted(catalogue.WORDS)
+    if stratum == "curves":
+        names = sorted(outside.CURVES)
     if stratum == "unknown":
         names = sorted(outside.drawn(seed))
     cycle, place = divmod(rank, len(names))
@@ -64,7 +70,7 @@ NEEDS_LEVELS = (
     "actuator_dead_zone",
     "actuator_saturation",
     "actuator_backlash",
-    *(name for name, kind in outside.KINDS.items() if kind.needs_levels),
+    *(name for name, kind in outside.EVERY_KIND.items() if kind.needs_levels),
     *(name for name, word in catalogue.WORDS.items() if word.needs_levels),
 )
 REGIONAL = ("viscous_friction", "quadratic_drag", "constant_force", "actuator_gain", "actuator_bias")
@@ -162,7 +168,9 @@ def bare_world(
     signals: tuple[str, ...] = VEHICLE_SIGNALS if system.vehicle else BODY_SIGNALS
     if any(f in NEEDS_LEVELS for f, _ in effects) and rng.random() < 0.85:
         signals = tuple(signal for signal in signals if signal in GRADED_SIGNALS)
-    blind = {signal for f, _ in effects if f in outside.KINDS for signal in outside.KINDS[f].unseen_under}
+    blind = {
+        signal for f, _ in effects if f in outside.EVERY_KIND for signal in outside.EVERY_KIND[f].unseen_under
+    }
     signals = tuple(signal for signal in signals if signal not in blind)
     level = str(rng.choice(list(NOISE)))
     noise = {n: float(f"{sd * NOISE[level] * rng.uniform(0.5, 2.0):.3g}") for n, sd in system.sensors.items()}
@@ -187,8 +195,8 @@ def effect(
     family: str, on: str, scales: Scales, dial: Dial, may_gate: bool, rng: np.random.Generator
 ) -> TrueEffect:
     """A family, or a kind outside the catalogue, on a place, as strong as the dial says; perhaps gated."""
-    outer = family in outside.KINDS
-    strength = outside.KINDS[family].strength if outer else catalogue.STRENGTHS[family]
+    outer = family in outside.EVERY_KIND
+    strength = outside.EVERY_KIND[family].strength if outer else catalogue.STRENGTHS[family]
     values = strength(scales, on, dial)
     region: dict[str, tuple[float, float]] = {}
     since = None

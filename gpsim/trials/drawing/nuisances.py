@@ -20,8 +20,8 @@ def systems_of(family: str) -> list[str]:
 
 def places_of(family: str, system: System, velocities: str | None) -> list[str]:
     """What a family can act on in a system, so that a recording can show it."""
-    if family in outside.KINDS:
-        return outside.KINDS[family].places(system, velocities)
+    if family in outside.EVERY_KIND:
+        return outside.EVERY_KIND[family].places(system, velocities)
     if family in catalogue.WORDS:
         return catalogue.places_of(family, system)
     if family in catalogue.SMOOTH or family in catalogue.GRIP:
@@ -44,8 +44,8 @@ def places_of(family: str, system: System, velocities: str | None) -> list[str]:
 
 def of_body(family: str) -> bool:
     """Whether it acts in the body itself; before or after it the engine does not matter."""
-    if family in outside.KINDS:
-        return outside.KINDS[family].of_body
+    if family in outside.EVERY_KIND:
+        return outside.EVERY_KIND[family].of_body
     return not (family in catalogue.ACTUATORS or family.startswith("sensor_"))
 
 
@@ -132,7 +132,7 @@ class Nuisance:
     def at(self, strength: float, scales: Scales) -> TrueEffect:
         """As strong as that; the same in all else."""
         dial = Dial(np.random.default_rng(self.seed), strength)
-        values = outside.KINDS[self.kind].strength(scales, self.on, dial)
+        values = outside.EVERY_KIND[self.kind].strength(scales, self.on, dial)
         return TrueEffect(self.kind, self.on, values, outside=True, strength="subtle")
 
 
@@ -158,7 +158,7 @@ def _kinds(seed: int, world: World, counts: Sequence[int], rng: np.random.Genera
     ]
     count = min(int(rng.choice(list(counts))), len(able))
     names = [str(name) for name in rng.choice(able, count, replace=False)]
-    return [(n, str(rng.choice(outside.KINDS[n].places(system, world.velocities)))) for n in names]
+    return [(n, str(rng.choice(outside.EVERY_KIND[n].places(system, world.velocities)))) for n in names]
 
 
 def calibrated(world: World, chosen: Sequence[Nuisance], scales: Scales, fewest: int) -> World | None:

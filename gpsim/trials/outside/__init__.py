@@ -7,9 +7,12 @@ the first seed whose worlds may hold it (None: those of every seed may). Files g
 kind is one class and its name in KINDS at the end of its file; `since` must be a seed of which no world has been drawn
 yet, or published proofs could not be repeated. Twenty kinds a measurement: ten for every seed, ten that are new to it.
 
+Random laws of one input (CURVES) are drawn for worlds of their own, which prove measured curves.
+
 Laws here are never shared with `gpsim.effects`.
 """
 
+from gpsim.trials.outside.free_curves import FreeCurve
 from gpsim.trials.outside.kind import (
     EVERY,
     MECHANICAL,
@@ -25,10 +28,21 @@ from gpsim.trials.outside.kind import (
     SensorWithMemory,
     Twist,
 )
-from gpsim.trials.outside.registry import KINDS, REVEALED, TUNING, at_site, drawn, nuisances
+from gpsim.trials.outside.registry import (
+    CURVES,
+    EVERY_KIND,
+    KINDS,
+    REVEALED,
+    TUNING,
+    at_site,
+    drawn,
+    nuisances,
+)
 
 __all__ = [
+    "CURVES",
     "EVERY",
+    "EVERY_KIND",
     "KINDS",
     "MECHANICAL",
     "REVEALED",
@@ -38,6 +52,7 @@ __all__ = [
     "CoupledForce",
     "Distortion",
     "Force",
+    "FreeCurve",
     "HiddenForce",
     "HiddenTwist",
     "Inertia",

@@ -12,6 +12,7 @@ from gpsim.trials.outside import (
     forces_of_position,
     forces_of_speed,
     forces_of_time,
+    free_curves,
     hidden_masses,
     hidden_materials,
     inertias,
@@ -53,10 +54,14 @@ KINDS: Mapping[str, type[Kind]] = _named(
     )
 )
 
+CURVES: Mapping[str, type[free_curves.FreeCurve]] = {kind.name: kind for kind in free_curves.KINDS}
+"""Random laws of one input, which only the worlds that prove measured curves hold."""
+EVERY_KIND: Mapping[str, type[Kind]] = {**KINDS, **CURVES}
+
 
 def at_site(site: type[K]) -> dict[str, type[K]]:
     """The kinds that act at a site."""
-    return {name: kind for name, kind in KINDS.items() if issubclass(kind, site)}
+    return {name: kind for name, kind in EVERY_KIND.items() if issubclass(kind, site)}
 
 
 def drawn(seed: int) -> dict[str, type[Kind]]:

@@ -104,7 +104,7 @@ def _words_of(effects: Sequence[Json]) -> set[Claim]:
     """The claim that names a world's only effect, a kind that has become a family of the catalogue since."""
     if len(effects) != 1 or not effects[0]["outside"]:
         return set()
-    family = outside.KINDS[effects[0]["family"]].family
+    family = outside.EVERY_KIND[effects[0]["family"]].family
     return {frozenset({(family, effects[0]["on"])})} if family else set()
 
 

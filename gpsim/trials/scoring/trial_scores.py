@@ -11,6 +11,7 @@ from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
 from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals, whole_listing
 from gpsim.trials.scoring.claims import of_first
+from gpsim.trials.scoring.curve_rules import CURVES, score_curve
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
 from gpsim.trials.scoring.rules import score
 from gpsim.trials.scoring.whole_rules import WHOLE, score_whole
@@ -58,6 +59,8 @@ def _judged(
     if answer.content["stratum"] == WHOLE:
         found = whole_listing(out, name, answer, outcome, report)
         return score_whole(answer, report, found) | {"rivals": [], "sindy": None}
+    if answer.content["stratum"] == CURVES:
+        return score_curve(answer, report) | {"rivals": [], "sindy": None}
     rivals = _listing(out, name, answer, outcome, report)
     return score(answer, report, rivals.rivals) | _beside(answer, rivals)
 
@@ -68,6 +71,8 @@ def _unscored(answer: Answer) -> dict[str, Any]:
         return score_machine(answer, None, None)
     if answer.content["stratum"] == WHOLE:
         return score_whole(answer, None, None)
+    if answer.content["stratum"] == CURVES:
+        return score_curve(answer, None)
     return score(answer, None, [])
 
 

@@ -1,4 +1,4 @@
-"""The figures of rough worlds, of robots and of whole machines, each with its interval, by strata and by family."""
+"""The figures of rough worlds, robots, whole machines and curves, each with its interval, by strata and by family."""
 
 from __future__ import annotations
 
@@ -239,3 +239,45 @@ def _spurious(scores: Sequence[Score]) -> dict[str, int]:
     """What was told and is not there, by family and class of machine."""
     found = Counter(f"{s['kind']}: {f} on {on}" for s in scores for f, on in s.get("spurious_names", ()))
     return dict(sorted(found.items()))
+
+
+CURVE_STRATA: Mapping[str, Callable[[Score], str]] = {
+    "system": lambda s: str(s["system"]),
+    "velocities": lambda s: str(s["velocities"] or "pose only"),
+    "noise": lambda s: str(s["noise_level"]),
+    "strength": lambda s: str(s["strength"]),
+    "excitation": lambda s: str(s["excitation"]),
+}
+
+
+def curve_figures(scores: Sequence[Score]) -> dict[str, Any]:
+    """Those of all worlds with a law of no family, by strata, and by kind of law."""
+    kinds = sorted({s["kind"] for s in scores})
+    return {
+        **curve_block(scores),
+        "strata": by_strata(scores, CURVE_STRATA, curve_block),
+        "families": {k: rate([bool(s["right"]) for s in scores if s["kind"] == k], "right") for k in kinds},
+        "misses": missed(scores),
+    }
+
+
+def curve_block(scores: Sequence[Score]) -> dict[str, Any]:
+    """The figures of a set of such worlds, each with its 95 % interval; None where there is nothing to count.
+
+    A failed diagnosis has no curve; it is left out of the wrong names, of which less is better.
+    """
+    answered = [s for s in scores if s["verdict"] != "failed"]
+    parts = {
+        "curve_right": rate([bool(s["curve_right"]) for s in scores], "right"),
+        "place_right": rate([bool(s["place_right"]) for s in scores], "right"),
+        "named_wrong": rate([bool(s["named_wrong"]) for s in answered], "wrong"),
+    }
+    out: dict[str, Any] = {"n": len(scores)}
+    for name, part in parts.items():
+        out |= {name: part["share"], f"interval_{name}": part["interval"]}
+    return out | {
+        "median_off": median_of([float(s["off"]) for s in scores if s["off"] is not None]),
+        "right": sum(bool(s["right"]) for s in scores),
+        "failed": len(scores) - len(answered),
+        "seconds": seconds_of(scores),
+    }

@@ -10,7 +10,12 @@ from typing import Any
 import numpy as np
 
 from gpsim.trials.statistics.goals import EQUIVALENT, goals
-from gpsim.trials.statistics.group_figures import machine_figures, robot_figures, rough_figures
+from gpsim.trials.statistics.group_figures import (
+    curve_figures,
+    machine_figures,
+    robot_figures,
+    rough_figures,
+)
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
 from gpsim.trials.statistics.whole_figures import whole_figures
 
@@ -24,14 +29,16 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     """The content of prove.json, without what the caller knows of how it was run.
 
     The top level holds the headline strata: standard recordings whose effects are visible, and the rough worlds, the
-    robots, the machines and the whole robots by themselves. `all` holds every plain world; `strata` the same figures by
+    robots, the machines, the whole robots and the curves by themselves. `all` holds every plain world; `strata` the
+    same figures by
     noise, strength, velocities, system, engine, excitation and visibility.
     """
     rough = [s for s in scores if s["stratum"] == "rough"]
     robots = [s for s in scores if "robot" in s]
     machines = [s for s in scores if s["stratum"] == "machines"]
     whole = [s for s in scores if s["stratum"] == "whole"]
-    special = ("rough", "machines", "whole")
+    curves = [s for s in scores if s["stratum"] == "curves"]
+    special = ("rough", "machines", "whole", "curves")
     plain = [s for s in scores if s["stratum"] not in special and "robot" not in s]
     standard = [s for s in plain if not s["long"]]
     words = [s for s in standard if s["stratum"] == "words"]
@@ -41,6 +48,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     figures |= {"mjcf": robot_figures(robots)} if robots else {}
     figures |= {"machines": machine_figures(machines)} if machines else {}
     figures |= {"whole": whole_figures(whole)} if whole else {}
+    figures |= {"curves": curve_figures([s for s in curves if s["visible"]])} if curves else {}
     figures |= {"words": _words([s for s in words if s["visible"]])} if words else {}
     return {
         "schema": SCHEMA,

@@ -4,9 +4,20 @@ Command, actuators, body, sensors, noise. Nothing here, nor what it imports, is 
 or `gpsim.diagnosis`.
 """
 
+from gpsim.trials.truth.curves import true_curve
 from gpsim.trials.truth.mujoco_body import native
 from gpsim.trials.truth.replay import OneStep, one_step
 from gpsim.trials.truth.running import run
 from gpsim.trials.truth.shares import MainShare, Shares, Visibility, visibilities
 
-__all__ = ["MainShare", "OneStep", "Shares", "Visibility", "native", "one_step", "run", "visibilities"]
+__all__ = [
+    "MainShare",
+    "OneStep",
+    "Shares",
+    "Visibility",
+    "native",
+    "one_step",
+    "run",
+    "true_curve",
+    "visibilities",
+]

@@ -97,7 +97,9 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 """Parameters of an effect: name -> value in SI units."""
-Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines", "whole"]
+Stratum = Literal[
+    "single", "pair", "triple", "none", "unknown", "words", "curves", "rough", "machines", "whole"
+]  # fmt: skip
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 
 

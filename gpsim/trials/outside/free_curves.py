@@ -1,0 +1,247 @@
+"""Laws of one input that no family has: random smooth functions at every site of a simulator's chain.
+
+They are what measured curves are proved on, and no other worlds hold them. Along a line a law is a sum of three
+sigmoids; around an angle it is a sum of harmonics. A law that the catalogue follows, alone or by two of its laws
+together, is drawn anew.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import ClassVar
+
+import numpy as np
+
+from gpsim.channels import FloatArray
+from gpsim.trials.outside.kind import MECHANICAL, VEHICLE, Actuator, Distortion, Force, Kind, Twist
+from gpsim.trials.worlds import SYSTEMS, Dial, Scales, Values, rounded
+
+SIGMOIDS, HARMONICS = 3, (2, 3, 4)  # a single harmonic of an angle is gravity's
+MISSES = 0.025  # of what a law does, on squares, that the nearest laws of the catalogue must miss
+TRIES, PLACES = 60, 400  # laws that are drawn; inputs at which they are looked at
+STEADY_TRIES = (
+    30  # after which a law that rises throughout may turn: few of the odd ones are far from the catalogue's
+)
+WIDTHS = {
+    False: (0.08, 0.35),
+    True: (0.05, 0.15),
+}  # of a step, of a law that may turn and of one that does not
+BENDS = (0.3, 0.7, 1.2)  # of the reach: where laws that begin somewhere are looked at
+OF_SPEED, OF_POSITION = "speed", "position"
+
+
+def smooth(k: Values, x: FloatArray) -> FloatArray:
+    """The law: 0 at 0 along a line; with `mirror` the same to both sides, with the other sign."""
+    if "reach" not in k:
+        return _around(k, x)
+    z = x / k["reach"]
+    return k["size"] * (_along(k, z) - (_along(k, -z) if k["mirror"] else _along(k, np.zeros_like(z))))
+
+
+def _along(k: Values, z: FloatArray) -> FloatArray:
+    parts = (k[f"a{i}"] * np.tanh((z - k[f"c{i}"]) / k[f"w{i}"]) for i in range(SIGMOIDS))
+    return np.asarray(sum(parts, np.zeros_like(z)))
+
+
+def _around(k: Values, x: FloatArray) -> FloatArray:
+    parts = (k[f"a{i}"] * np.sin(n * x + k[f"c{i}"]) for i, n in enumerate(HARMONICS))
+    return np.asarray(k["size"] * sum(parts, np.zeros_like(x)))
+
+
+def drawn_law(x: FloatArray, rms: float, angle: bool, d: Dial) -> dict[str, float]:
+    """A law that does `rms` over inputs x and that no two laws of the catalogue follow there.
+
+    Along a line half are odd, and a third to a half rise or fall throughout.
+    """
+    x = x[:: max(len(x) // PLACES, 1)]
+    steady, mirror = d.sign() > 0, d.sign() > 0
+    best, most = {"size": 0.0}, -1.0
+    for tried in range(TRIES):
+        steady = steady and tried < STEADY_TRIES
+        k = _harmonics(d) if angle else _sigmoids(x, steady, mirror, d)
+        does = smooth(k, x)
+        k["size"] = rounded(rms / max(float(np.sqrt(np.mean(does**2))), 1e-12))
+        misses = missed(x, does, angle)
+        if misses > most:
+            best, most = k, misses
+        if misses > MISSES:
+            break
+    return best
+
+
+def _sigmoids(x: FloatArray, steady: bool, mirror: bool, d: Dial) -> dict[str, float]:
+    first = d.sign()
+    k = {"size": 1.0, "reach": rounded(float(np.quantile(np.abs(x), 0.9))), "mirror": float(mirror)}
+    for i in range(SIGMOIDS):
+        turned = 1.0 if steady or i % 2 == 0 else -1.0
+        k |= {
+            f"a{i}": first * turned * d.any(0.4, 1.0),
+            f"c{i}": d.any(-0.9, 0.9),
+            f"w{i}": d.any(*WIDTHS[steady]),
+        }
+    return k
+
+
+def _harmonics(d: Dial) -> dict[str, float]:
+    k = {"size": 1.0}
+    for i in range(len(HARMONICS)):
+        k |= {f"a{i}": d.any(0.5, 1.0), f"c{i}": d.any(0.0, 6.28)}
+    return k
+
+
+def missed(x: FloatArray, law: FloatArray, angle: bool = False) -> float:
+    """The share of what a law does, on squares, that the two nearest shapes of the catalogue together miss."""
+    size, least = float(np.sum(law**2)), 1.0
+    for pair in combinations(_shapes(x, angle), 2):
+        basis = np.concatenate(pair, axis=1)
+        rest = law - basis @ np.linalg.lstsq(basis, law, rcond=None)[0]
+        least = min(least, float(np.sum(rest**2)) / max(size, 1e-300))
+    return least
+
+
+def _shapes(x: FloatArray, angle: bool) -> list[FloatArray]:
+    """(N, .) each: shapes that the catalogue's laws have, of every site."""
+    sign, reach = np.sign(x), max(float(np.quantile(np.abs(x), 0.9)), 1e-300)
+    columns = [np.ones_like(x), x, sign, x * np.abs(x), x**3]
+    for bend in BENDS:
+        edge = bend * reach
+        columns += [
+            np.clip(x, -edge, edge),
+            np.where(np.abs(x) < edge, 0.0, x),
+            sign * np.exp(-((x / edge) ** 2)),
+            np.maximum(x - edge, 0.0),
+            np.minimum(x + edge, 0.0),
+        ]
+    out = [c[:, None] for c in columns] + [np.stack([np.maximum(x, 0.0), np.minimum(x, 0.0)], axis=1)]
+    waves = [1.0, *HARMONICS] if angle else [np.pi * n / reach for n in (0.5, 1.0, 1.5, 2.0)]
+    return out + [np.stack([np.sin(n * x), np.cos(n * x)], axis=1) for n in waves]
+
+
+class FreeCurve(Kind):
+    """What such laws share. quantity: the family that a measured curve of it has; of: its input, of a force."""
+
+    since = None
+    quantity: ClassVar[str]
+    of: ClassVar[str] = ""
+
+    @classmethod
+    def input_of(cls, on: str, system: str) -> str:
+        """The channel or command that it is a function of."""
+        raise NotImplementedError
+
+    def adds(self, x: FloatArray) -> FloatArray:
+        """What it adds to what the base simulator makes of its input."""
+        return smooth(self.k, x)
+
+
+class _FreeForce(FreeCurve, Force):
+    systems = MECHANICAL
+    quantity = "force_curve"
+
+    @classmethod
+    def input_of(cls, on: str, system: str) -> str:
+        names = SYSTEMS[system].names
+        return names[names.index(on) + 1] if cls.of == OF_SPEED else on
+
+    def force(self, q: FloatArray, v: FloatArray, wall: FloatArray) -> FloatArray:
+        return self.adds(v if self.of == OF_SPEED else q)
+
+    @classmethod
+    def _drawn(cls, s: Scales, on: str, d: Dial) -> dict[str, float]:
+        x = s.column(cls.input_of(on, s.world.system))
+        angle = cls.of == OF_POSITION and _is_angle(s, on)
+        return drawn_law(x, d.size(0.15, 0.5) * s.force(on), angle, d)
+
+
+class FreeForceOfSpeed(_FreeForce):
+    """A force of the coordinate's own speed."""
+
+    name = "free_force_of_speed"
+    of = OF_SPEED
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return FreeForceOfSpeed._drawn(s, on, d)
+
+
+class FreeForceOfPosition(_FreeForce):
+    """A force of the coordinate's own position."""
+
+    name = "free_force_of_position"
+    of = OF_POSITION
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return FreeForceOfPosition._drawn(s, on, d)
+
+
+class FreeCommand(FreeCurve, Actuator):
+    """What reaches the body is the command and a function of it."""
+
+    name = "free_command"
+    quantity = "actuator_curve"
+    needs_levels = True
+
+    @classmethod
+    def input_of(cls, on: str, system: str) -> str:
+        return on
+
+    def act(self, u: FloatArray, s: FloatArray, t: FloatArray, h: float) -> FloatArray:
+        return np.asarray(u + self.adds(u))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        column = list(SYSTEMS[s.world.system].action).index(on)
+        u = s.pilot.commands[..., column].ravel()
+        return drawn_law(u, d.size(0.1, 0.4) * float(np.sqrt(np.mean(u**2))), False, d)
+
+
+class FreeReading(FreeCurve, Distortion):
+    """What is read is the true value and a function of it."""
+
+    name = "free_reading"
+    quantity = "sensor_curve"
+
+    @classmethod
+    def input_of(cls, on: str, system: str) -> str:
+        return on
+
+    def read(self, y: FloatArray) -> FloatArray:
+        return np.asarray(y + self.adds(y))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return drawn_law(s.column(on), d.size(0.04, 0.15) * min(s.reach(on), 1.0), _is_angle(s, on), d)
+
+
+class FreeTurn(FreeCurve, Twist):
+    """Curvature by a function of the speed: w (1 + f(v))."""
+
+    name = "free_turn"
+    systems = VEHICLE
+    quantity = "rate_curve"
+    needs_levels = True
+
+    @classmethod
+    def input_of(cls, on: str, system: str) -> str:
+        return "v"
+
+    def twist(self, v: FloatArray, w: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return v, np.asarray(w * (1.0 + self.adds(v)))
+
+    @staticmethod
+    def strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+        return drawn_law(s.pilot.commands[..., 0].ravel(), d.size(0.1, 0.4), False, d)
+
+
+def _is_angle(s: Scales, channel: str) -> bool:
+    return SYSTEMS[s.world.system].state[channel] == "rad"
+
+
+KINDS: tuple[type[FreeCurve], ...] = (
+    FreeForceOfSpeed,
+    FreeForceOfPosition,
+    FreeCommand,
+    FreeReading,
+    FreeTurn,
+)
