@@ -43,6 +43,14 @@ Machines = Annotated[
         help="How many whole machines to add: axes, rigs, servos, cars, arms.",
     ),
 ]
+Plans = Annotated[
+    int,
+    typer.Option(
+        "--plan",
+        min=0,
+        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
@@ -77,6 +85,7 @@ def prove_command(
     long: Long = True,
     rough: Rough = 0,
     machines: Machines = 0,
+    plan: Plans = 0,
     system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -87,7 +96,7 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, system)
+    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, plan, system)
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -118,6 +127,7 @@ def conceal_command(
     long: Long = True,
     rough: Rough = 0,
     machines: Machines = 0,
+    plan: Plans = 0,
     system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
@@ -127,15 +137,15 @@ def conceal_command(
         raise UsageError(
             f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
         )
-    if system and (rough or machines or not long):
+    if system and (rough or machines or plan or not long):
         raise UsageError(
-            "--system mjcf: its worlds are neither rough nor long nor machines; "
-            "leave --rough, --machines and --no-long out"
+            "--system mjcf: its worlds are neither rough nor long nor machines nor for plans; "
+            "leave --rough, --machines, --plan and --no-long out"
         )
     if system:
         numbers = prove.robots_numbers(trials, stratum or ())
     else:
-        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines)
+        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines, plan)
     launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, launcher, progress)
@@ -178,6 +188,8 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
             f"{len(content['machines']['misses'])} of {content['machines']['n']} machines not right in all, "
             "listed in the page"
         )
+    if "plans" in content:
+        say(f"{len(content['plans']['misses'])} of {content['plans']['drawn']} worlds for plans missed")
     if "mjcf" in content:
         say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):

@@ -30,7 +30,7 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import ARM, MACHINES_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
+from gpsim.trials.drawing import ARM, MACHINES_FROM, PLANS_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
 from gpsim.trials.robots import ROBOTS_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
@@ -47,9 +47,14 @@ NOT_RECORDED = "not recorded"  # the commit of a diagnosis outside a checkout, o
 
 
 def numbers_of(
-    trials: int, strata: Sequence[str] = (), long: bool = True, rough: int = 0, machines: int = 0
+    trials: int,
+    strata: Sequence[str] = (),
+    long: bool = True,
+    rough: int = 0,
+    machines: int = 0,
+    plan: int = 0,
 ) -> list[int]:
-    """The first `trials` numbers whose world is of one of `strata` (all when empty), of rough worlds and machines.
+    """The first `trials` numbers whose world is of one of `strata` (all when empty), of rough ones, machines and plans.
 
     Raises UsageError.
     """
@@ -68,13 +73,14 @@ def numbers_of(
         stratum, is_long, _ = stratum_of(number)
         return (not strata or stratum in strata) and (long or not is_long)
 
-    if trials + rough + machines < 1:
+    if trials + rough + machines + plan < 1:
         raise UsageError(
-            "no worlds: say how many with --trials, --rough for rough ones, --machines for machines"
+            "no worlds: say how many with --trials, --rough for rough ones, --machines for machines, --plan for plans"
         )
     first = WORDS_FROM + 1 if "words" in strata else 1
     plain_ones = islice((n for n in count(first) if wanted(n)), trials)
-    return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1), *machines_numbers(machines)]
+    plans = range(PLANS_FROM + 1, PLANS_FROM + plan + 1)
+    return [*plain_ones, *range(ROUGH_FROM + 1, ROUGH_FROM + rough + 1), *machines_numbers(machines), *plans]
 
 
 def machines_numbers(machines: int) -> list[int]:

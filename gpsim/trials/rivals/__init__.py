@@ -7,18 +7,23 @@ what they find is kept.
 from gpsim.trials.rivals.cache import Listing, cached_listing
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
 from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
+from gpsim.trials.rivals.plan_rivals import PARTS, PLANNED, Second, second_recordings
 from gpsim.trials.rivals.robot_rivals import robot_rivals
 
 __all__ = [
     "EQUIVALENTS_VERSION",
+    "PARTS",
+    "PLANNED",
     "Claims",
     "Listing",
     "MachineListing",
     "Rival",
+    "Second",
     "Seen",
     "as_hypothesis",
     "cached_listing",
     "machine_listing",
     "rivals",
     "robot_rivals",
+    "second_recordings",
 ]

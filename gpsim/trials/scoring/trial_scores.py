@@ -9,9 +9,10 @@ from typing import Any
 from gpsim.diagnosis.report import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
-from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals
+from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals, second_recordings
 from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
+from gpsim.trials.scoring.plan_rules import AMBIGUOUS, PLANS, score_plan
 from gpsim.trials.scoring.rules import score
 
 SCORES = "scores"
@@ -54,6 +55,10 @@ def _judged(
         report = None if report is None else of_first(report)
         listed = machine_listing(out, name, answer, outcome, report)
         return score_machine(answer, report, listed) | {"rivals": [], "sindy": None}
+    if answer.content["stratum"] == PLANS:
+        open_still = report is not None and report["verdict"] == AMBIGUOUS
+        second = second_recordings(out, name, answer) if open_still else None
+        return score_plan(answer, report, second) | {"rivals": [], "sindy": None}
     rivals = _listing(out, name, answer, outcome, report)
     return score(answer, report, rivals.rivals) | _beside(answer, rivals)
 
@@ -62,6 +67,8 @@ def _unscored(answer: Answer) -> dict[str, Any]:
     """As a failed diagnosis scores."""
     if answer.content["stratum"] == MACHINES:
         return score_machine(answer, None, None)
+    if answer.content["stratum"] == PLANS:
+        return score_plan(answer, None, None)
     return score(answer, None, [])
 
 

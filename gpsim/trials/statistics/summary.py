@@ -12,6 +12,7 @@ import numpy as np
 from gpsim.trials.statistics.goals import EQUIVALENT, goals
 from gpsim.trials.statistics.group_figures import machine_figures, robot_figures, rough_figures
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
+from gpsim.trials.statistics.plan_figures import plan_figures
 
 SCHEMA = "gpsim.prove/1"
 Score = Mapping[str, Any]
@@ -29,7 +30,8 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     rough = [s for s in scores if s["stratum"] == "rough"]
     robots = [s for s in scores if "robot" in s]
     machines = [s for s in scores if s["stratum"] == "machines"]
-    plain = [s for s in scores if s["stratum"] not in ("rough", "machines") and "robot" not in s]
+    plans = [s for s in scores if s["stratum"] == "plans"]
+    plain = [s for s in scores if s["stratum"] not in ("rough", "machines", "plans") and "robot" not in s]
     standard = [s for s in plain if not s["long"]]
     words = [s for s in standard if s["stratum"] == "words"]
     standard = [s for s in standard if s["stratum"] != "words"]
@@ -37,6 +39,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     figures = block(headline) | ({"rough": rough_figures(rough)} if rough else {})
     figures |= {"mjcf": robot_figures(robots)} if robots else {}
     figures |= {"machines": machine_figures(machines)} if machines else {}
+    figures |= {"plans": plan_figures(plans)} if plans else {}
     figures |= {"words": _words([s for s in words if s["visible"]])} if words else {}
     return {
         "schema": SCHEMA,

@@ -97,7 +97,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 """Parameters of an effect: name -> value in SI units."""
-Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines"]
+Stratum = Literal["single", "pair", "triple", "none", "unknown", "words", "rough", "machines", "plans"]
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 
 

@@ -1,0 +1,49 @@
+"""What counts of a world for plans: whether, and after how long, a second recording decides what a first left open."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from gpsim.trials.blinding import Answer
+from gpsim.trials.rivals import PARTS, PLANNED, Second
+from gpsim.trials.scoring.claims import WRONG_ODDS, Json, claims_of
+
+PLANS = "plans"
+AMBIGUOUS = "ambiguous"
+
+
+def score_plan(answer: Answer, report: Json | None, second: Second | None) -> dict[str, Any]:
+    """second: what was recorded afterwards; None where the first recording left nothing open.
+
+    kinds: of every excitation the seconds until the right explanation was ahead by odds above ten, None where it never
+    was, and whether the machine left the box. A world counts where any of them decides. right: where it does not count,
+    or the plan decides.
+    """
+    kinds = (
+        {}
+        if second is None
+        else {kind: _kind(d.nats, d.left, second.seconds) for kind, d in second.kinds.items()}
+    )
+    counts = any(k["seconds"] is not None for k in kinds.values())
+    return {
+        "stratum": PLANS,
+        "visible": True,
+        "identifiable": True,
+        "equivalents": [],
+        "truth": sorted(map(list, answer.claims)),
+        "verdict": "failed" if report is None else str(report["verdict"]),
+        "said": [] if report is None else sorted(map(list, claims_of(report["effects"]))),
+        "listed": second is not None and second.listed,
+        "counts": counts,
+        "length": None if second is None else second.seconds,
+        "kinds": kinds,
+        "right": report is not None and (not counts or kinds[PLANNED]["seconds"] is not None),
+    }
+
+
+def _kind(nats: tuple[float, ...], left: bool, seconds: float) -> dict[str, Any]:
+    """Decided for good: from a part on, and at the end."""
+    decided = [n > math.log(WRONG_ODDS) for n in nats]
+    first = next((i for i in range(len(decided)) if all(decided[i:])), None)
+    return {"nats": list(nats), "seconds": None if first is None else PARTS[first] * seconds, "left": left}
