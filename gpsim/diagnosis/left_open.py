@@ -163,7 +163,7 @@ def left_open_of(question: Question, judgement: Judgement, diagnosis: Diagnosis)
     ]
     each, kept = ({name: float(values[i]) for i, name in seen} for values in (noise, left))
     level = question.run.settings.intervals.level
-    return LeftOpen(explanations, level, each, kept, _visited(question))
+    return LeftOpen(explanations, level, each, kept, visited_of(question))
 
 
 def _explanation(
@@ -198,7 +198,8 @@ def _begun(hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, terms=tuple(replace(t, gate=t.gate.opened) for t in hypothesis.terms))
 
 
-def _visited(question: Question) -> Visited:
+def visited_of(question: Question) -> Visited:
+    """Where its recording has been."""
     recording, simulator = question.recording, question.whole
     states = np.concatenate(
         [_columns(recording, e.states, simulator.state.names) for e in recording.episodes]

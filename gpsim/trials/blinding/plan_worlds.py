@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import FloatArray, IntArray
 from gpsim.recordings import Recording
 from gpsim.trials.blinding.concealment import answer_json
 from gpsim.trials.blinding.logs import even_recording
@@ -17,6 +17,7 @@ from gpsim.trials.truth import OneStep, run
 from gpsim.trials.worlds import SYSTEMS, World, effect_json
 
 LIMITS = "limits.json"  # beside the recording: what a plan has to keep to
+FINE = 2e-3  # s, of the truth
 MINUTES = 22.0 / 60.0  # two pieces of the default length
 
 
@@ -49,7 +50,7 @@ class Played:
 def conceal_plan(seed: int, number: int) -> PlanConcealed:
     """Draw trial `number` of a seed, and record it."""
     world = draw_plan(seed, number)
-    truth = run(world, world.effects, driving=Played(slow_waves(world)[:, None]))
+    truth = run(world, world.effects, FINE, Played(slow_waves(world)[:, None]))
     recording, clean = (even_recording(world, r, truth, _whole(world)) for r in (truth.measured, truth.clean))
     return PlanConcealed(world, recording, clean)
 
@@ -62,12 +63,13 @@ def plan_answer(concealed: PlanConcealed, truth_digest: str) -> dict[str, Any]:
     return answer_json(world, effects, transitions, truth_digest, {"plan": concealed.limits})
 
 
-def played(world: World, commands: FloatArray, box: Mapping[str, Any]) -> tuple[Recording, BoolArray]:
-    """The machine under commands (K, E, A), each from rest: an episode each; and (E,) which left the box."""
+def played(world: World, commands: FloatArray, box: Mapping[str, Any]) -> tuple[Recording, IntArray]:
+    """The machine under commands (K, E, A), each from rest: an episode each; and (E,) steps until it left the box."""
     later = replace(world, steps=len(commands), episodes=commands.shape[1], session=1)
-    truth = run(later, world.effects, driving=Played(commands))
+    truth = run(later, world.effects, FINE, Played(commands))
     low, high = np.array([box[name] for name in SYSTEMS[world.system].names]).T
-    left = ((truth.sampled < low) | (truth.sampled > high)).any(axis=(0, 2))
+    outside = ((truth.sampled < low) | (truth.sampled > high)).any(axis=2)
+    left = np.where(outside.any(axis=0), np.argmax(outside, axis=0), len(commands))
     return even_recording(later, truth.measured, truth, _whole(later)), np.asarray(left)
 
 

@@ -7,12 +7,11 @@ what they find is kept.
 from gpsim.trials.rivals.cache import Listing, cached_listing
 from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
 from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
-from gpsim.trials.rivals.plan_rivals import PARTS, PLANNED, Second, second_recordings
+from gpsim.trials.rivals.plan_rivals import PLANNED, Second, compared, second_recordings
 from gpsim.trials.rivals.robot_rivals import robot_rivals
 
 __all__ = [
     "EQUIVALENTS_VERSION",
-    "PARTS",
     "PLANNED",
     "Claims",
     "Listing",
@@ -22,6 +21,7 @@ __all__ = [
     "Seen",
     "as_hypothesis",
     "cached_listing",
+    "compared",
     "machine_listing",
     "rivals",
     "robot_rivals",

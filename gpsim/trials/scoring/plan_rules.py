@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from gpsim.trials.blinding import Answer
-from gpsim.trials.rivals import PARTS, PLANNED, Second
-from gpsim.trials.scoring.claims import WRONG_ODDS, Json, claims_of
+from gpsim.trials.rivals import PLANNED, Second
+from gpsim.trials.scoring.claims import Json, claims_of
 
 PLANS = "plans"
 AMBIGUOUS = "ambiguous"
@@ -20,11 +19,7 @@ def score_plan(answer: Answer, report: Json | None, second: Second | None) -> di
     was, and whether the machine left the box. A world counts where any of them decides. right: where it does not count,
     or the plan decides.
     """
-    kinds = (
-        {}
-        if second is None
-        else {kind: _kind(d.nats, d.left, second.seconds) for kind, d in second.kinds.items()}
-    )
+    kinds = score_plan_kinds(second)
     counts = any(k["seconds"] is not None for k in kinds.values())
     return {
         "stratum": PLANS,
@@ -42,8 +37,9 @@ def score_plan(answer: Answer, report: Json | None, second: Second | None) -> di
     }
 
 
-def _kind(nats: tuple[float, ...], left: bool, seconds: float) -> dict[str, Any]:
-    """Decided for good: from a part on, and at the end."""
-    decided = [n > math.log(WRONG_ODDS) for n in nats]
-    first = next((i for i in range(len(decided)) if all(decided[i:])), None)
-    return {"nats": list(nats), "seconds": None if first is None else PARTS[first] * seconds, "left": left}
+def score_plan_kinds(second: Second | None) -> dict[str, dict[str, Any]]:
+    """What is said of each excitation."""
+    return {
+        kind: {"nats": d.nats, "seconds": None if d.part is None else d.part * second.seconds, "left": d.left}
+        for kind, d in ({} if second is None else second.kinds).items()
+    }
