@@ -6,7 +6,8 @@ python benchmarks/active_collection.py [--experiment cartpole] [--transitions 25
 Every row is a recording of that many transitions of the stand-in and the Gaussian processes that `fit-gp` conditions on
 it, or on gp.n_train of it. NRMSE is the mean over the rates, over the range of the residual, on fresh episodes that
 nothing was learnt from: driven at random, and by the source policy where one was trained. --train: steps of the source
-policy and of one in the corrected simulator (prediction=mean), whose mean return on the target is printed.
+policy and of one in the corrected simulator (prediction=mean), whose mean return on the target is printed; the strategy
+`target` is a policy that was trained in the target itself for as long: how much of a difference is training's own.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import tempfile
 import numpy as np
 from gpsim.cli.configuration import resolve
 
+from gpsim.artifacts import Artifact
 from gpsim.corrected import GpCorrection
 from gpsim.environments import collect_episodes, policy_actor, random_actor
 from gpsim.evaluation import episode_returns, nrmse
@@ -63,18 +65,38 @@ def error(request: Request, data: Residuals) -> float:
     return float(np.mean([nrmse(predicted[:, i], data.values[:, i]) for i in range(predicted.shape[1])]))
 
 
-def mean_return(request: Request) -> float:
-    policy, _ = train_gp_policy.STAGE.make(request.having(correction="gp", prediction="mean"))
+def mean_return(request: Request, policy: Artifact) -> float:
     task, start = make_task(request.config).on_target(), certify.evaluation_starts(request)
     act = policy_actor(read_policy(policy.path))
     returns = episode_returns(target_plant(request.config), task, act, start, np.random.default_rng(0))
     return float(returns.mean())
 
 
+def row(request: Request, strategy: str, data: list[Residuals], train: bool) -> list[str]:
+    """Errors on each of `data`, and what the policy earns."""
+    if strategy == "target":
+        return [
+            "-",
+            "-",
+            f"{mean_return(request, train_source.STAGE.make(request.having(variant='target'))[0]):.0f}",
+        ]
+    if strategy == "source":
+        train_source.STAGE.make(request.having(variant="source"))
+    for stage in (collect.STAGE, residual_stage.STAGE, fit_gp.STAGE):
+        stage.make(request)
+    errors = [f"{100 * error(request, part):.2f} %" for part in data]
+    if not train:
+        return [*errors, "-"]
+    policy, _ = train_gp_policy.STAGE.make(request.having(correction="gp", prediction="mean"))
+    return [*errors, f"{mean_return(request, policy):.0f}"]
+
+
 def words_of(strategy: str, count: int) -> list[str]:
     if strategy == "active":
         return ["strategy=active", f"active.transitions={count}"]
     # Episodes at random last some twenty steps on the cart-pole: so many that there are transitions enough.
+    if strategy == "target":
+        return []
     return [
         f"collect.policy={strategy}",
         f"collect.transitions={count}",
@@ -107,14 +129,10 @@ def main() -> None:
                 words = (*common, *words_of(strategy, count), "residuals.test_fraction=0", *trained)
                 request = Request(resolve(list(words), None), words)
                 data = data or [fresh(request, False), *([fresh(request, True)] if by_policy else [])]
-                if strategy == "source":
-                    train_source.STAGE.make(request.having(variant="source"))
-                for stage in (collect.STAGE, residual_stage.STAGE, fit_gp.STAGE):
-                    stage.make(request)
-                errors = [f"{100 * error(request, part):.2f} %" for part in data]
-                errors += [] if by_policy else ["-"]
-                earned = f"{mean_return(request):.0f}" if given.train else "-"
-                print(f"| {strategy} | {count} | {seed} | {' | '.join(errors)} | {earned} |", flush=True)
+                cells = row(request, strategy, data, bool(given.train))
+                if len(data) == 1 and strategy != "target":
+                    cells.insert(1, "-")
+                print(f"| {strategy} | {count} | {seed} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,109 +1,152 @@
-"""Which second recording decides what a first one left open: a plan, or what is usually played, each as long.
+"""Which second recording decides what a first one left open, without the search of a diagnosis: for tuning plans.
 
-    python benchmarks/plan.py [WORLDS] [SEED] [SECONDS]
+    python benchmarks/plan.py [--worlds 8] [--seed 1] [--first 1] [plan.KEY=VALUE ...]
 
-Each world is a slider on a spring with viscous friction, of a size drawn anew, whose force comes late by a delay or by
-a lag of 30 to 80 ms. It is recorded for 40 s under slow waves; worlds whose verdict is `ambiguous` then are kept. Of
-those a second recording is made by a plan of one piece, a chirp, a binary sequence, a random walk and a repeat of the
-first, each of so many seconds, over the same range of forces. Both are diagnosed together. Resolved: `named`, rightly.
+The worlds are those of `gpsim prove --plan`. Instead of a diagnosis, every hidden effect is fitted in the place of the
+true one; those within odds of ten of the best are what is left open. Where the truth is among them and another one,
+the plan and what is usually played are compared as there: seconds until the right explanation leads by odds above ten.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
-import gpsim
-from gpsim.channels import FloatArray
-from gpsim.recordings import Recording
+from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis import Explanation, LeftOpen
+from gpsim.diagnosis.assessment import covariance
+from gpsim.diagnosis.fitting import Hypothesis, Problem, correlation_time, fit, mean_squares, scores
+from gpsim.diagnosis.left_open import visited_of
+from gpsim.diagnosis.setup import Question, candidates, prepare
+from gpsim.errors import UsageError
+from gpsim.simulators import make_simulator
+from gpsim.stages.plan import planned
+from gpsim.trials.blinding.plan_worlds import MINUTES, conceal_plan
+from gpsim.trials.drawing import PLANS_FROM, box_of
+from gpsim.trials.drawing.plan_draws import HIDDEN
+from gpsim.trials.rivals import compared
+from gpsim.trials.scoring.plan_rules import score_plan_kinds
+from gpsim.trials.statistics.plan_figures import plan_figures
+from gpsim.trials.worlds import World
 
-DT, SUBSTEPS = 0.02, 10
-REST = 1.0  # s after the only piece of a plan
-UNITS = {"q": "m", "q_dot": "m/s", "force": "N"}
-ASKED = {"only": ["viscous_friction", "spring", "actuator_delay", "actuator_lag"]}
-BOX = 1.2  # m
-
-
-def driven(force: FloatArray, world: dict[str, float | str], rng: np.random.Generator) -> Recording:
-    """A recording of the world under forces that are commanded one a step."""
-    h, late, size = DT / SUBSTEPS, float(world["late"]), float(world["size"])
-    waiting, q, q_dot, acts, rows = [0.0] * round(late / h), 0.0, 0.0, 0.0, []
-    for k, command in enumerate(force):
-        rows.append((DT * k, q + rng.normal(0, 0.002), q_dot + rng.normal(0, 0.01), command))
-        for _ in range(SUBSTEPS):
-            if world["law"] == "actuator_delay":
-                waiting.append(command)
-                acts = waiting.pop(0)
-            else:
-                acts += h / late * (command - acts)
-            q_dot += h * (acts - 0.8 * size * q_dot - size * q)
-            q += h * q_dot
-    frame = pd.DataFrame(rows, columns=["t", *UNITS])
-    return gpsim.recording_from_frame(frame, UNITS, "slider")
+TIE = np.log(10.0)
 
 
-def second_commands(
-    diagnosis: gpsim.Diagnosis, first: FloatArray, seed: int, seconds: float
-) -> dict[str, FloatArray]:
-    """What to play next, by its name; all but the repeat over the range that was driven at first."""
-    rng, largest = np.random.default_rng(seed), float(np.abs(first).max())
-    t = DT * np.arange(round(seconds / DT))
-    fade = np.clip(np.minimum(t, seconds - t) / 1.0, 0.0, 1.0)
-    growth = np.log(50.0)
-    chirp = np.sin(2 * np.pi * 0.1 * seconds / growth * (np.exp(growth * t / seconds) - 1.0))
-    levels = np.repeat(rng.choice((-1.0, 1.0), len(t) // 10 + 1), 10)[: len(t)]
-    walk = np.cumsum(rng.standard_normal(len(t)))
-    plan = gpsim.plan(
-        diagnosis,
-        seconds / 60,
-        box={"q": [-BOX, BOX], "q_dot": [-2, 2]},
-        settings={"piece": seconds - REST, "settle": REST},
-        seed=seed,
-    )
-    return {
-        "plan": plan.commands[:, 0],
-        "chirp": largest * fade * chirp,
-        "binary sequence": largest * fade * levels,
-        "random walk": largest * fade * walk / np.abs(walk).max(),
-        "repeat": first[: len(t)],
+def explanations(world: World, question: Question) -> list[Hypothesis]:
+    """The true effects, and every other hidden one in the last one's place, to be fitted."""
+    problem, simulator = question.everything, question.whole
+    offers = {
+        c.identity: c for c in candidates(question.recording, simulator, problem.parameters) if not c.variant
     }
+    common = Hypothesis(scheme="fine")
+    for effect in world.effects[:-1]:
+        candidate = offers[effect.family, effect.on]
+        common = common.plus(
+            candidate.term([effect.values[p.name] for p in candidate.declared]), candidate.declared
+        )
+    found = []
+    for (family, _), candidate in offers.items():
+        if family in HIDDEN:
+            starts = [p.starts[0] for p in candidate.declared]
+            found.append(common.plus(candidate.term(starts), candidate.declared))
+    return found
+
+
+def left_open(world: World, question: Question) -> LeftOpen:
+    """What the first recording cannot tell apart."""
+    problem: Problem = question.everything
+    starts = problem.windows.measured[:, 0]
+    fits = [fit(problem, hypothesis, starts, iterations=20) for hypothesis in explanations(world, question)]
+    nats = scores(problem, fits)
+    order = [int(i) for i in np.argsort(-nats) if nats[i] > nats.max() - TIE]
+    weights = np.exp(nats[order] - nats.max())
+    found = []
+    for i, weight in zip(order, weights / weights.sum(), strict=True):
+        matrix = covariance(problem, fits[i])
+        half = 1.645 * np.sqrt(np.diag(matrix))
+        ends = fits[i].hypothesis.theta[:, None] + np.outer(half, [-1.0, 1.0])
+        found.append(Explanation(fits[i].hypothesis, float(weight), matrix, ends))
+    best = fits[order[0]]
+    tau = np.maximum(correlation_time(problem, best.residuals), 1.0)
+    left = np.sqrt(mean_squares(problem, best.residuals))
+    names = problem.simulator.state.names
+    noise = dict(zip(names, (left * np.sqrt(tau)).tolist(), strict=True))
+    kept = dict(zip(names, left.tolist(), strict=True))
+    return LeftOpen(tuple(found), 0.9, noise, kept, visited_of(question))
+
+
+def tried(seed: int, number: int, words: Sequence[str]) -> dict[str, object]:
+    """The score of one world."""
+    concealed = conceal_plan(seed, number)
+    world, recording = concealed.world, concealed.recording
+    simulator = make_simulator(recording.system)
+    question = prepare(replace(recording, held_out=None), simulator, simulator.defaults(recording.parameters))
+    open_still = left_open(world, question)
+    names = [
+        " + ".join(f"{f} on {on}" for f, on in sorted(e.hypothesis.claims)) for e in open_still.explanations
+    ]
+    hidden = f"{world.effects[-1].family} {dict(world.effects[-1].values)}"
+    print(
+        f"world {number}: {world.system}, {world.noise_level} noise, {hidden}; open: {len(names)}", flush=True
+    )
+    second = None
+    if len(names) > 1:
+        plant = EffectsPlant(
+            simulator,
+            recording.parameters,
+            open_still.explanations[0].hypothesis.terms,
+            "fine",
+            2,
+            recording.dt,
+        )
+        section = {"box": box_of(world), **{k: float(v) for k, v in (word.split("=") for word in words)}}
+        commands = None
+        try:
+            plan, _ = planned(open_still, plant, section, MINUTES, np.random.default_rng(number))
+            commands = plan.commands
+            print(
+                "  "
+                + "; ".join(
+                    f"{p.nats:.1f} nats, fixed {[round(v * plan.minutes, 1) for v in p.fixed.values()]}"
+                    for p in plan.pairs[:4]
+                )
+            )
+        except UsageError as refused:
+            print(f"  no plan: {refused}")
+        second = compared(world, concealed.limits, recording, open_still, commands)
+    kinds = score_plan_kinds(second)
+    for kind, found in kinds.items():
+        where = "never" if found["seconds"] is None else f"{found['seconds']:.2f} s"
+        print(
+            f"  {kind}: {where}, {found['nats']:.1f} nats{', left the box' if found['left'] else ''}",
+            flush=True,
+        )
+    counts = any(k["seconds"] is not None for k in kinds.values())
+    return {
+        "trial": number, "verdict": "ambiguous" if len(names) > 1 else "named", "listed": bool(kinds), "counts": counts,
+        "kinds": kinds, "right": not counts or kinds["plan"]["seconds"] is not None,
+    }  # fmt: skip
 
 
 def main() -> None:
-    wanted = int(sys.argv[1]) if len(sys.argv) > 1 else 4
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
-    seconds = float(sys.argv[3]) if len(sys.argv) > 3 else 3.0
-    resolved: dict[str, list[bool]] = {}
-    left, kept, number = 0, 0, 0
-    t = 2 * np.pi * DT * np.arange(2001)
-    while kept < wanted:
-        number += 1
-        rng = np.random.default_rng([seed, number])
-        law = str(rng.choice(["actuator_delay", "actuator_lag"]))
-        world = {
-            "law": law,
-            "late": round(float(rng.uniform(0.03, 0.08)), 3),
-            "size": float(rng.uniform(0.8, 1.25)),
-        }
-        force = np.sin(0.25 * t + rng.uniform(0, 6)) + 0.5 * np.sin(0.1 * t + rng.uniform(0, 6))
-        first = driven(force, world, rng)
-        found = gpsim.diagnose(first, families=ASKED)
-        print(f"world {number}: {law} {world['late']} s: {found.verdict}", flush=True)
-        if found.verdict != "ambiguous":
-            continue
-        kept += 1
-        for name, commands in second_commands(found, force, number, seconds).items():
-            second = driven(commands, world, rng)
-            left += name == "plan" and bool(np.abs(second.episodes[0].states[:, 0]).max() > BOX)
-            both = gpsim.diagnose({"first": first, "second": second}, families=ASKED)
-            right = both.verdict == "named" and law in {e.family for e in both.effects}
-            resolved.setdefault(name, []).append(right)
-            print(f"  {name}: {both.verdict}, {'right' if right else 'not resolved'}", flush=True)
-    print(f"of {number} worlds {kept} were ambiguous; a plan left the box in {left}")
-    for name, each in resolved.items():
-        print(f"{name}: {sum(each)} of {len(each)} resolved")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--worlds", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=1, help="number of the first world")
+    parser.add_argument("words", nargs="*", help="settings of the plan, as piece=4")
+    given = parser.parse_args()
+    numbers = range(PLANS_FROM + given.first, PLANS_FROM + given.first + given.worlds)
+    found = plan_figures([tried(given.seed, number, given.words) for number in numbers])
+    print(f"{found['drawn']} worlds, {found['ambiguous']} ambiguous, {found['n']} that something resolves")
+    for kind, each in found["kinds"].items():
+        print(
+            f"{kind}: {each['resolved']} of {each['n']}, {each['median_seconds']:.3g} s, left the box {each['left']}"
+        )
 
 
 if __name__ == "__main__":

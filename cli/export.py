@@ -11,6 +11,7 @@ from gpsim.errors import UsageError
 
 from . import completion
 from .answers import answer
+from .options import ConfigDir, Words, shown_words
 from .printing import say
 
 export_app = typer.Typer(
@@ -117,12 +118,35 @@ Policy = Annotated[
 OutFolder = Annotated[Path, typer.Option("--out", help="The folder to make; it must not exist.")]
 
 
-@export_app.command("policy")
-def policy_command(path: Policy, out: OutFolder) -> None:
-    """A trained policy as ONNX and, for a vehicle with a goal, a short ROS node that plays it."""
-    from gpsim.stages.export import export_policy
+WithMonitor = Annotated[
+    bool,
+    typer.Option(
+        "--monitor",
+        help="With the monitor of a safe deployment for the node; settings say which: experiment=limo.",
+    ),
+]
 
-    notes = export_policy(path, out)
+
+@export_app.command("policy")
+def policy_command(
+    path: Policy,
+    out: OutFolder,
+    words: Words = None,
+    monitor: WithMonitor = False,
+    config_dir: ConfigDir = None,
+) -> None:
+    """A trained policy as ONNX and, for a vehicle with a goal, a short ROS node that plays it, or a plan."""
+    from gpsim.stages.export import export_policy
+    from gpsim.stages.stage import Request
+
+    from .configuration import resolve
+
+    if words and not monitor:
+        raise UsageError(
+            f"export policy: settings, such as {words[0]}, are of --monitor; add it or leave them out"
+        )
+    watched = Request(resolve(words or [], config_dir), shown_words(words, config_dir)) if monitor else None
+    notes = export_policy(path, out, watched)
     say(f"export: {out}")
     for line in notes:
         say(f"  {line}")

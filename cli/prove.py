@@ -57,6 +57,14 @@ Curves = Annotated[
         "--curves", min=0, help="How many worlds to add with a law of one input that no family has."
     ),
 ]
+Plans = Annotated[
+    int,
+    typer.Option(
+        "--plan",
+        min=0,
+        help="How many worlds to add that a slow recording leaves open: does a plan decide, sooner than a chirp?",
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
@@ -93,6 +101,7 @@ def prove_command(
     machines: Machines = 0,
     robots: Robots = 0,
     curves: Curves = 0,
+    plan: Plans = 0,
     system: System = None,
 ) -> None:
     """Conceal worlds, diagnose them blind, reveal and score: a table; a page and prove.json below OUT."""
@@ -103,7 +112,9 @@ def prove_command(
         raise UsageError(
             "prove: say where with --out DIR; steps of it: gpsim prove conceal | diagnose | reveal"
         )
-    conceal_command(context, out, trials, seed, jobs, stratum, long, rough, machines, robots, curves, system)
+    conceal_command(
+        context, out, trials, seed, jobs, stratum, long, rough, machines, robots, curves, plan, system
+    )  # fmt: skip
     diagnose_command(context, out, jobs)
     reveal_command(context, out, None, jobs)
 
@@ -136,6 +147,7 @@ def conceal_command(
     machines: Machines = 0,
     robots: Robots = 0,
     curves: Curves = 0,
+    plan: Plans = 0,
     system: System = None,
 ) -> None:
     """Draw worlds: recordings below OUT/public, answers below OUT/private, their hashes beside the recordings."""
@@ -145,17 +157,17 @@ def conceal_command(
         raise UsageError(
             f"--system {system}: there is mjcf, and without the option the worlds that gpsim simulates"
         )
-    if system and (rough or machines or curves or not long):
+    if system and (rough or machines or curves or plan or not long):
         raise UsageError(
-            "--system mjcf: its worlds are neither rough nor long nor machines nor curves; "
-            "leave --rough, --machines, --curves and --no-long out"
+            "--system mjcf: its worlds are neither rough nor long nor machines nor curves nor for plans; "
+            "leave --rough, --machines, --curves, --plan and --no-long out"
         )
     if robots and not system:
         raise UsageError("--robots: whole robots are worlds of --system mjcf; say that, too")
     if system:
         numbers = prove.robots_numbers(trials, stratum or (), robots)
     else:
-        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines, curves)
+        numbers = prove.numbers_of(trials, stratum or (), long, rough, machines, curves, plan)
     launcher = _launcher(context, jobs)
     with single_progress("conceal") as progress:
         prove.conceal(out, seed, numbers, launcher, progress)
@@ -204,6 +216,8 @@ def reveal_command(context: typer.Context, out: Out, answers: Answers = None, jo
     if "curves" in content:
         misses, worlds = len(content["curves"]["misses"]), content["curves"]["n"]
         say(f"{misses} of {worlds} laws of no family not right in all, listed in the page")
+    if "plans" in content:
+        say(f"{len(content['plans']['misses'])} of {content['plans']['drawn']} worlds for plans missed")
     if "mjcf" in content:
         say(f"{len(content['mjcf']['misses'])} misses of {content['mjcf']['n']} robots, listed in the page")
     for line in beside(content):

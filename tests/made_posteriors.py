@@ -27,7 +27,9 @@ def made_explanation(terms, probability=0.5, relative=0.02):
         declared = effect_of(family).parameters(Place(on, "N", length="m", dt=DT, bounds=(0.1, 10.0)))
         hypothesis = hypothesis.plus(Term(family, on, values), tuple(p for p in declared if p.name in values))
     sizes = np.array([max(abs(v), 0.1) for t in hypothesis.terms for v in t.values.values()])
-    return Explanation(hypothesis, probability, np.diag((relative * sizes) ** 2))
+    deviation = relative * sizes
+    intervals = hypothesis.theta[:, None] + np.outer(1.645 * deviation, [-1.0, 1.0])
+    return Explanation(hypothesis, probability, np.diag(deviation**2), intervals)
 
 
 def made_posterior(*terms, relative=0.02):
@@ -38,7 +40,7 @@ def made_posterior(*terms, relative=0.02):
         40.0, np.array([-1.2, -1.2]), np.array([1.2, 1.2]), np.array([-1.5]), np.array([1.5]), np.array([2.0]),
         np.zeros(2), rows,
     )  # fmt: skip
-    return LeftOpen(found, NOISE, NOISE, visited)
+    return LeftOpen(found, 0.9, NOISE, NOISE, visited)
 
 
 LAG_OR_DELAY = (

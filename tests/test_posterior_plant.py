@@ -1,26 +1,20 @@
 """Simulators drawn from a posterior: correlations, intervals, rivals by probability, one function an episode."""
 
-import json
-
 import numpy as np
 import pytest
 
 from gpsim.corrected import (
+    Drawable,
     EffectsPlant,
-    Explanation,
     FunctionCorrection,
     PosteriorPlant,
     Size,
     Spread,
-    describe_posterior,
-    posterior_from,
 )
 from gpsim.corrected.effects_plant import value_key
 from gpsim.corrected.features import Features
 from gpsim.effects import Term
 from gpsim.environments.envs import Episodes
-from gpsim.errors import UsageError
-from gpsim.files import plain
 from gpsim.gp import DrawnFunctions, FitSettings, Predictor, fit_outputs
 from gpsim.simulators import make_simulator
 from gpsim.tasks import Balance
@@ -46,8 +40,8 @@ def two_dampings():
     rival = slider(Term("constant_force", "q", {"force": -1.0}))
     return PosteriorPlant(
         (
-            Explanation(friction, 0.6, Spread(sizes, LINEAR, 0.9)),
-            Explanation(rival, 0.3, Spread((size(0, "force", -1.0, -1.0, -1.0, -5.0, 5.0),), np.eye(1), 0.9)),
+            Drawable(friction, 0.6, Spread(sizes, LINEAR, 0.9)),
+            Drawable(rival, 0.3, Spread((size(0, "force", -1.0, -1.0, -1.0, -5.0, 5.0),), np.eye(1), 0.9)),
         )
     )
 
@@ -81,41 +75,13 @@ def test_an_episode_is_driven_in_the_simulator_that_it_drew():
 def test_what_an_episode_remembers_is_kept_and_a_new_one_draws_anew():
     late = slider(Term("actuator_delay", "force", {"delay": 0.04}))
     sizes = (size(0, "delay", 0.04, 0.02, 0.06, 0.0, 0.1),)
-    drawn = PosteriorPlant((Explanation(late, 1.0, Spread(sizes, np.eye(1), 0.9)),))
+    drawn = PosteriorPlant((Drawable(late, 1.0, Spread(sizes, np.eye(1), 0.9)),))
     running = Episodes(drawn, Balance(), 4, np.random.default_rng(0))
     running.states, running.memory = np.zeros((4, 2)), drawn.begin(4, running.rng)
     delays = running.memory[f"0/{value_key(0, 'delay')}"].copy()
     for _ in range(10):
         running.states = drawn.step(running.states, np.ones((4, 1)), running.memory, running.rng)
     np.testing.assert_allclose(running.states[:, 1], 10 * DT - delays, atol=1e-9)
-
-
-def test_a_posterior_on_disk_is_the_same():
-    drawn = two_dampings()
-    written = json.loads(json.dumps(plain(describe_posterior(drawn.explanations))))
-    read = posterior_from(written, drawn.explanations[0].plant, "posterior.json")
-    assert [e.plant.terms for e in read.explanations] == [e.plant.terms for e in drawn.explanations]
-    assert [e.spread.sizes for e in read.explanations] == [e.spread.sizes for e in drawn.explanations]
-    np.testing.assert_array_equal(read.explanations[0].spread.correlations, LINEAR)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (lambda e: e["parameters"][0].update(low=None), "singular, the recording does not determine damping"),
-        (lambda e: e.update(correlations=[[1.0, None], [None, 1.0]]), "correlations are not finite"),
-        (lambda e: e.pop("terms"), "not a posterior that this version reads"),
-        (lambda e: e.update(probability=-0.3), "no explanation has a probability"),
-    ],
-)
-def test_a_posterior_that_cannot_be_drawn_from_is_one_line(spoil, said):
-    drawn = two_dampings()
-    written = json.loads(json.dumps(plain(describe_posterior(drawn.explanations))))
-    spoil(written["explanations"][0])
-    with pytest.raises(UsageError, match=said) as refused:
-        posterior_from(written, drawn.explanations[0].plant, "there")
-    assert str(refused.value).startswith("there: ")
-    assert "\n" not in str(refused.value)
 
 
 @pytest.fixture(scope="module")

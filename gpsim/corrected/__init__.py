@@ -5,22 +5,15 @@ from gpsim.corrected.effects_plant import EffectsPlant, ages_of, describe, plant
 from gpsim.corrected.features import Feature, Features
 from gpsim.corrected.function_correction import FunctionCorrection
 from gpsim.corrected.gp_plant import PREDICTIONS, CorrectedPlant, GpCorrection, Prediction, arrived_inputs
-from gpsim.corrected.posterior_plant import (
-    Explanation,
-    PosteriorPlant,
-    Size,
-    Spread,
-    describe_posterior,
-    posterior_from,
-)
+from gpsim.corrected.posterior_plant import Drawable, PosteriorPlant, Size, Spread
 from gpsim.corrected.smoothing import Smoother
 
 __all__ = [
     "PREDICTIONS",
     "CommandFilter",
     "CorrectedPlant",
+    "Drawable",
     "EffectsPlant",
-    "Explanation",
     "Feature",
     "Features",
     "FunctionCorrection",
@@ -33,10 +26,8 @@ __all__ = [
     "ages_of",
     "arrived_inputs",
     "describe",
-    "describe_posterior",
     "fit_filter",
     "mean_rates",
     "plant_from",
-    "posterior_from",
     "settled_rows",
 ]

@@ -6,21 +6,17 @@ that the data allow; domain randomisation draws from a box that nobody has measu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
 from gpsim.channels import Channels, FloatArray, IntArray
 from gpsim.corrected.effects_plant import EffectsPlant, value_key
-from gpsim.effects import from_json, to_json
-from gpsim.errors import UsageError
 from gpsim.simulators import Memory, part_of
 
-SCHEMA = "gpsim.posterior/1"
 WHICH = "which"
 
 
@@ -66,7 +62,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Explanation:
+class Drawable:
     """A corrected simulator that the data allow, how probable it is, and how its sizes vary."""
 
     plant: EffectsPlant
@@ -81,7 +77,7 @@ class PosteriorPlant:
     What an explanation's Gaussian process draws is its own affair (see `FunctionCorrection`: one function an episode).
     """
 
-    explanations: tuple[Explanation, ...]
+    explanations: tuple[Drawable, ...]
 
     @property
     def state(self) -> Channels:
@@ -136,59 +132,3 @@ class PosteriorPlant:
             yield explanation.plant, rows, own
             for key, values in own.items():
                 whole[key][rows] = values
-
-
-def describe_posterior(explanations: Sequence[Explanation]) -> dict[str, Any]:
-    """posterior.json; what all explanations share is in corrected.json."""
-    return {
-        "schema": SCHEMA,
-        "explanations": [
-            {
-                "probability": explanation.probability,
-                "scheme": explanation.plant.scheme,
-                "terms": [to_json(term) for term in explanation.plant.terms],
-                "level": explanation.spread.level,
-                "parameters": [vars(size) for size in explanation.spread.sizes],
-                "correlations": explanation.spread.correlations.tolist(),
-            }
-            for explanation in explanations
-        ],
-    }
-
-
-def posterior_from(data: Mapping[str, Any], leader: EffectsPlant, where: str) -> PosteriorPlant:
-    """The inverse of `describe_posterior`; raises UsageError, led by `where`. leader: the corrected simulator."""
-    try:
-        if data["schema"] != SCHEMA:
-            raise UsageError(f"{where}: schema '{data['schema']}', expected {SCHEMA}")
-        explanations = tuple(_explanation(entry, leader, where) for entry in data["explanations"])
-        if not sum(explanation.probability for explanation in explanations) > 0.0:
-            raise UsageError(f"{where}: no explanation has a probability; diagnose the recording again")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UsageError(f"{where}: not a posterior that this version reads ({error!r})") from error
-    return PosteriorPlant(explanations)
-
-
-def _explanation(entry: Mapping[str, Any], leader: EffectsPlant, where: str) -> Explanation:
-    terms = tuple(from_json(term) for term in entry["terms"])
-    plant = EffectsPlant(
-        leader.simulator, leader.parameters, terms, entry["scheme"], leader.substeps, leader.dt,
-        leader.correction, leader.ages,
-    )  # fmt: skip
-    for size in entry["parameters"]:
-        if size["low"] is None or size["high"] is None:
-            term = terms[size["term"]]
-            raise UsageError(
-                f"{where}: the posterior is singular, the recording does not determine {size['name']} of "
-                f"{term.family} on {term.on}; record what does (the account's Next says what), or leave "
-                "robustness=posterior out"
-            )
-    sizes = tuple(Size(int(s["term"]), str(s["name"]), *map(float, _numbers(s))) for s in entry["parameters"])
-    correlations = np.array(entry["correlations"], dtype=np.float64).reshape(len(sizes), len(sizes))
-    if not np.isfinite(correlations).all():
-        raise UsageError(f"{where}: the posterior is singular: its correlations are not finite")
-    return Explanation(plant, float(entry["probability"]), Spread(sizes, correlations, float(entry["level"])))
-
-
-def _numbers(size: Mapping[str, Any]) -> tuple[Any, ...]:
-    return tuple(size[key] for key in ("value", "low", "high", "least", "most"))

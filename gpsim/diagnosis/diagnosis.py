@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gpsim.corrected import EffectsPlant, Explanation
+from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis.account import Answer, account
 from gpsim.diagnosis.assessment import Comparison, compare, estimates, score
 from gpsim.diagnosis.attribution import Attribution, attribute, supported
@@ -27,7 +27,6 @@ from gpsim.diagnosis.judgement import (
     without_claims,
 )
 from gpsim.diagnosis.left_open import LeftOpen, left_open_of
-from gpsim.diagnosis.posterior import posterior
 from gpsim.diagnosis.report import Diagnosis, Score
 from gpsim.diagnosis.run import Decision, Run
 from gpsim.diagnosis.selection import (
@@ -58,8 +57,7 @@ USUAL_EFFORT = 1.5e8  # simulated rows that a judgement takes: a scale for its p
 class Outcome:
     """What was found, and what it rests on.
 
-    plant: the corrected simulator, without its Gaussian process; decisions: all that were made, in their order;
-    posterior: the leading explanation and its rivals, with how their sizes vary.
+    plant: the corrected simulator, without its Gaussian process; decisions: all that were made, in their order.
     """
 
     diagnosis: Diagnosis
@@ -68,12 +66,11 @@ class Outcome:
     comparison: Comparison
     question: Question
     decisions: tuple[Decision, ...]
-    posterior: tuple[Explanation, ...]
 
     @property
     def left_open(self) -> LeftOpen:
         """What it leaves open, in numbers."""
-        return left_open_of(self.question, self.judgement)
+        return left_open_of(self.question, self.judgement, self.diagnosis)
 
     def score(self, recording: Recording, rng: np.random.Generator, run: Run | None = None) -> Score:
         """How the effects do on another recording; nothing is fitted (see `gpsim.diagnosis.score`)."""
@@ -126,9 +123,9 @@ def diagnose(
     diagnosis = account(question, answer)
     step("done", 100, "done")
     plant = _corrected(question, answer.judgement, recording.dt)
-    open_still = posterior(question, answer.judgement, diagnosis, plant)
-    decisions = tuple(run.trace.decisions)
-    return Outcome(diagnosis, plant, answer.judgement, answer.comparison, question, decisions, open_still)
+    return Outcome(
+        diagnosis, plant, answer.judgement, answer.comparison, question, tuple(run.trace.decisions)
+    )
 
 
 def _supported(

@@ -1,28 +1,30 @@
-"""What a diagnosis leaves open, in numbers: explanations, their parameters' covariances, noise, and what was visited.
+"""What a diagnosis leaves open, in numbers: explanations, how their parameters vary, noise, and what was visited.
 
-A plan for the next recording is made from it, and a monitor compares later recordings with it.
+A plan for the next recording is made from it, a monitor compares later recordings with it, and policies are trained in
+simulators that are drawn from it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gpsim.channels import FloatArray
+from gpsim.corrected import Drawable, EffectsPlant, PosteriorPlant, Size, Spread
 from gpsim.diagnosis.assessment import covariance
 from gpsim.diagnosis.fitting import Fit, Hypothesis, Problem, correlation_time, mean_squares
 from gpsim.diagnosis.judgement import Judgement
+from gpsim.diagnosis.report import Diagnosis, NamedEffect
 from gpsim.diagnosis.setup import Question
-from gpsim.effects import EffectParameter, from_json, own_name, to_json
+from gpsim.effects import EffectParameter, Term, base_name, own_name, owner_of
 from gpsim.errors import UsageError
 from gpsim.recordings import Recording, evenly
 
-SCHEMA = "gpsim.left_open/1"
 VISITED = 128  # samples that stand for where a recording has been
+LEAST_VARIANCE = 1e-300  # of a parameter; guards a division
 NOTHING_KNOWN = 100.0  # times its size: a parameter whose standard deviation is larger is not known at all
 
 
@@ -30,12 +32,14 @@ NOTHING_KNOWN = 100.0  # times its size: a parameter whose standard deviation is
 class Explanation:
     """One explanation of a recording.
 
-    covariance: (P, P) of the hypothesis's theta; probability: among all that were fitted.
+    covariance: (P, P) of the hypothesis's theta; probability: among all that were fitted; intervals: (P, 2) as the
+    account states them, with all that widens them, NaN where the data do not determine an end.
     """
 
     hypothesis: Hypothesis
     probability: float
     covariance: FloatArray
+    intervals: FloatArray
 
     @property
     def label(self) -> str:
@@ -49,11 +53,7 @@ class Explanation:
             deviation = np.sqrt(np.diag(self.covariance))
         if not np.isfinite(self.covariance).all():
             deviation = np.full(len(deviation), np.inf)
-        named = [
-            f"{term.family} on {term.on}: {p.name}"
-            for term, group in zip(self.hypothesis.terms, self.hypothesis.declared, strict=True)
-            for p in group
-        ]
+        named = [f"{term.family} on {term.on}: {p.name}" for _, term, p in parameters_of(self.hypothesis)]
         sizes = zip(named, deviation, self.hypothesis.theta, self.hypothesis.parameters, strict=True)
         wrong = (n for n, d, v, p in sizes if not 0.0 < d < NOTHING_KNOWN * max(abs(v), p.scale))
         return next(wrong, None)
@@ -69,6 +69,36 @@ class Explanation:
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         normal = rng.standard_normal((count, len(theta)))
         return np.asarray(np.clip(theta + (normal @ root.T) * scale, low, high))
+
+    def drawable(self, leader: EffectsPlant, level: float) -> Drawable:
+        """As simulators that are drawn. leader: the corrected simulator; level: of the intervals. Raises UsageError."""
+        sizes = []
+        each = zip(parameters_of(self.hypothesis), self.intervals.tolist(), strict=True)
+        for (i, term, p), (low, high) in each:
+            if not np.isfinite([low, high]).all():
+                raise UsageError(
+                    f"the posterior is singular, the recording does not determine {p.name} of {term.family} on "
+                    f"{term.on}; record what does (the account's Next says what), or leave robustness=posterior out"
+                )
+            sizes.append(Size(i, p.name, term.values[p.name], low, high, p.low, p.high))
+        scale = np.sqrt(np.maximum(np.diag(self.covariance), LEAST_VARIANCE))
+        correlations = np.clip(self.covariance / np.outer(scale, scale), -1.0, 1.0)
+        if not np.isfinite(correlations).all():
+            raise UsageError("the posterior is singular: its correlations are not finite")
+        np.fill_diagonal(correlations, 1.0)
+        terms = self.hypothesis.terms
+        scheme = self.hypothesis.scheme if terms else leader.scheme
+        plant = replace(leader, terms=terms, scheme=scheme)
+        return Drawable(plant, self.probability, Spread(tuple(sizes), correlations, level))
+
+
+def parameters_of(hypothesis: Hypothesis) -> list[tuple[int, Term, EffectParameter]]:
+    """Every fitted parameter in the order of theta, with its term and which that is."""
+    return [
+        (i, term, p)
+        for i, (term, group) in enumerate(zip(hypothesis.terms, hypothesis.declared, strict=True))
+        for p in group
+    ]
 
 
 @dataclass(frozen=True)
@@ -93,47 +123,35 @@ class Visited:
 class LeftOpen:
     """Explanations, the leader first.
 
-    noise: of each measured channel, as much larger as correlation makes it count; left: root mean square that the
-    leader leaves in it.
+    level: the probability that the intervals hold; noise: of each measured channel, as much larger as correlation makes
+    it count; left: root mean square that the leader leaves in it.
     """
 
     explanations: tuple[Explanation, ...]
+    level: float
     noise: Mapping[str, float]
     left: Mapping[str, float]
     visited: Visited
 
-    def to_dict(self) -> dict[str, Any]:
-        """left_open.json."""
-        return {
-            "schema": SCHEMA,
-            "explanations": [_explanation_data(e) for e in self.explanations],
-            "noise": dict(self.noise),
-            "left": dict(self.left),
-            "visited": {name: _listed(value) for name, value in vars(self.visited).items()},
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any], where: str) -> LeftOpen:
-        """The inverse of `to_dict`; raises UsageError."""
+    def drawn_in(self, leader: EffectsPlant, where: str) -> PosteriorPlant:
+        """Simulators to draw. leader: the corrected one; raises UsageError, led by `where`, if nothing can be drawn."""
+        if not sum(one.probability for one in self.explanations) > 0.0:
+            raise UsageError(f"{where}: no explanation has a probability; diagnose the recording again")
         try:
-            if data["schema"] != SCHEMA:
-                raise UsageError(f"{where}: schema '{data['schema']}', expected {SCHEMA}")
-            seen = {f.name: _array(data["visited"][f.name]) for f in fields(Visited) if f.name != "seconds"}
-            visited = Visited(seconds=float(data["visited"]["seconds"]), **seen)
-            noise, left = ({str(k): float(v) for k, v in data[key].items()} for key in ("noise", "left"))
-            return cls(tuple(map(_explanation_from, data["explanations"])), noise, left, visited)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise UsageError(f"{where}: not a posterior that this version reads ({error!r})") from error
+            return PosteriorPlant(tuple(one.drawable(leader, self.level) for one in self.explanations))
+        except UsageError as error:
+            raise UsageError(f"{where}: {error}") from error
 
 
-def left_open_of(question: Question, judgement: Judgement) -> LeftOpen:
+def left_open_of(question: Question, judgement: Judgement, diagnosis: Diagnosis) -> LeftOpen:
     """The leader and its rivals as a diagnosis leaves them; of several recordings, as they are in the last."""
     problem = question.everything
-    found = (judgement.leader, *judgement.rivals)
-    last = len(question.recording.sources) - 1 if question.recording.sources else None
+    fits = (judgement.leader, *judgement.rivals)
+    told = (diagnosis.effects, *(rival.effects for rival in diagnosis.alternatives))
+    names = [source.name for source in question.recording.sources]
     explanations = tuple(
-        _explanation(problem, fit, probability, last)
-        for fit, probability in zip(found, judgement.probabilities, strict=True)
+        _explanation(problem, fit, probability, effects, names)
+        for fit, probability, effects in zip(fits, judgement.probabilities, told, strict=True)
     )
     tau = np.maximum(correlation_time(problem, judgement.leader.residuals), 1.0) * question.thinned
     noise = judgement.noise * np.sqrt(tau)
@@ -144,26 +162,35 @@ def left_open_of(question: Question, judgement: Judgement) -> LeftOpen:
         if problem.observed[i] and name not in question.hidden
     ]
     each, kept = ({name: float(values[i]) for i, name in seen} for values in (noise, left))
-    return LeftOpen(explanations, each, kept, _visited(question))
+    level = question.run.settings.intervals.level
+    return LeftOpen(explanations, level, each, kept, visited_of(question))
 
 
-def _explanation(problem: Problem, fit: Fit, probability: float, last: int | None) -> Explanation:
-    whole, every = fit.hypothesis, covariance(problem, fit)
-    if last is None:
-        return Explanation(_begun(whole), probability, every)
-    own = _begun(whole.in_recording(last))
-    columns = {
-        (term.identity, p.name): i
-        for i, (term, p) in enumerate(
-            (term, p) for term, group in zip(whole.terms, whole.declared, strict=True) for p in group
-        )
-    }
-    kept = [
-        columns.get((term.identity, own_name(p.name, last)), columns.get((term.identity, p.name), -1))
-        for term, group in zip(own.terms, own.declared, strict=True)
-        for p in group
-    ]
-    return Explanation(own, probability, every[np.ix_(kept, kept)])
+def _explanation(
+    problem: Problem, fit: Fit, probability: float, effects: Sequence[NamedEffect], names: Sequence[str]
+) -> Explanation:
+    """effects: the account's, one a term; names: of several recordings."""
+    whole, every, last = fit.hypothesis, covariance(problem, fit), len(names) - 1
+    rows = {(term.identity, p.name): row for row, (_, term, p) in enumerate(parameters_of(whole))}
+    told = {term.identity: effect for term, effect in zip(whole.terms, effects, strict=True)}
+    own = _begun(whole.in_recording(last) if names else whole)
+    declared, kept, intervals = [], [], []
+    for term, group in zip(own.terms, own.declared, strict=True):
+        named = [(own_name(p.name, last), p.name) for p in group]
+        found = [next((n for n in both if (term.identity, n) in rows), None) for both in named]
+        declared.append(tuple(p for p, name in zip(group, found, strict=True) if name is not None))
+        for name in filter(None, found):  # what is left is another recording's alone
+            kept.append(rows[term.identity, name])
+            effect = told[term.identity]
+            estimate = (
+                (effect.own or {}).get(names[last], {}).get(base_name(name))
+                if owner_of(name) is not None
+                else None
+            )
+            estimate = estimate or effect.parameters[base_name(name)]
+            intervals.append([math.nan if e is None else e for e in (estimate.low, estimate.high)])
+    ends = np.array(intervals, dtype=np.float64).reshape(len(kept), 2)
+    return Explanation(replace(own, declared=tuple(declared)), probability, every[np.ix_(kept, kept)], ends)
 
 
 def _begun(hypothesis: Hypothesis) -> Hypothesis:
@@ -171,7 +198,8 @@ def _begun(hypothesis: Hypothesis) -> Hypothesis:
     return replace(hypothesis, terms=tuple(replace(t, gate=t.gate.opened) for t in hypothesis.terms))
 
 
-def _visited(question: Question) -> Visited:
+def visited_of(question: Question) -> Visited:
+    """Where its recording has been."""
     recording, simulator = question.recording, question.whole
     states = np.concatenate(
         [_columns(recording, e.states, simulator.state.names) for e in recording.episodes]
@@ -204,50 +232,3 @@ def _columns(recording: Recording, states: FloatArray, names: Sequence[str]) -> 
     return np.stack(
         [states[:, own.index(n)] if n in own else np.full(len(states), np.nan) for n in names], axis=1
     )
-
-
-def _explanation_data(one: Explanation) -> dict[str, Any]:
-    return {
-        "label": one.label,
-        "probability": one.probability,
-        "scheme": one.hypothesis.scheme,
-        "terms": [to_json(term) for term in one.hypothesis.terms],
-        "parameters": [
-            [{k: _listed(v) for k, v in asdict(p).items()} for p in group]
-            for group in one.hypothesis.declared
-        ],
-        "covariance": _listed(one.covariance),
-    }
-
-
-def _explanation_from(data: Mapping[str, Any]) -> Explanation:
-    terms = tuple(from_json(term) for term in data["terms"])
-    declared = tuple(tuple(map(_parameter, group)) for group in data["parameters"])
-    hypothesis = Hypothesis(terms, declared, data["scheme"])
-    size = len(hypothesis.parameters)
-    matrix = _array(data["covariance"]).reshape(size, size)
-    return Explanation(hypothesis, float(data["probability"]), matrix)
-
-
-def _parameter(data: Mapping[str, Any]) -> EffectParameter:
-    values = {k: _unlisted(v) for k, v in data.items()}
-    for name in ("starts", "plausible"):
-        values[name] = None if values[name] is None else tuple(values[name])
-    return EffectParameter(**values)
-
-
-def _listed(value: Any) -> Any:
-    """JSON's own types; what is not finite, which JSON does not know, as a text."""
-    if isinstance(value, np.ndarray | list | tuple):
-        return [_listed(v) for v in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _array(value: Any) -> FloatArray:
-    return np.array(_unlisted(value), dtype=np.float64)
-
-
-def _unlisted(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_unlisted(v) for v in value]
-    return float(value) if value in ("inf", "-inf", "nan") else value

@@ -1,6 +1,6 @@
 """Evaluation: one step, rollout, return - the thesis's three layers - and which starts can be solved at all."""
 
-from gpsim.evaluation.monitor import Monitor, MonitorSettings, Usual, one_step_errors, usual_errors
+from gpsim.evaluation.monitor import BETS, Monitor, MonitorSettings, Usual, one_step_errors, usual_errors
 from gpsim.evaluation.one_step import OneStep, coverage_warnings, outside_range
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
 from gpsim.evaluation.returns import episode_returns, summarise_all
@@ -12,6 +12,7 @@ from gpsim.evaluation.summary import start_sets, summarise_seeds
 from gpsim.evaluation.trips import AllTrips, Trips, behind, path_length, success_by_set, take_trips
 
 __all__ = [
+    "BETS",
     "NEVER",
     "WARM_UP",
     "AllTrips",

@@ -112,6 +112,14 @@ class Predictor:
         parts = [self._mean_of(self._linear_mean.dot(some)) for some in self._chunks(features)]
         return _joined(parts)
 
+    @property
+    def mean_form(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The mean for other programs: shift (D,), linear (M + R, 2 D + 1), weights (R, M).
+
+        With u = x - shift and f = linear [u, u^2, 1] it is weights exp(f[:M]) + f[M:].
+        """
+        return self._shift[:, 0].copy(), self._linear_mean.copy(), self._weights.copy()
+
     def mean_and_variance(self, inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Mean (4.7) and latent variance (4.8), noise left out: raw inputs (B, D) -> (B, R) and (B, R)."""
         features = self._features(inputs)

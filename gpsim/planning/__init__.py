@@ -1,10 +1,10 @@
 """Planning: the commands to play next, so that explanations which a recording left open separate, and safely."""
 
-from gpsim.planning.fixed import FIXED
 from gpsim.planning.limits import STATED, Limits, limits_of
 from gpsim.planning.models import Machine
 from gpsim.planning.plan import Apart, Piece, Plan, Safety, make_plan
 from gpsim.planning.settings import PlanSettings
+from gpsim.planning.signals import FIXED
 
 __all__ = [
     "FIXED",

@@ -11,13 +11,14 @@ from scipy.special import betaincinv
 from gpsim.channels import FloatArray, IntArray
 from gpsim.diagnosis import Explanation, LeftOpen
 from gpsim.errors import UsageError
-from gpsim.planning.fixed import FIXED, fixed_nats
+from gpsim.planning.fixed import fixed_rates
 from gpsim.planning.information import separations, unvisited
 from gpsim.planning.limits import Limits, check_first
 from gpsim.planning.models import Machine, drawn_model, model_of
-from gpsim.planning.search import Candidate, Search, Situation, Tried
+from gpsim.planning.search import FEWEST, Candidate, Search, Situation, Tried
 from gpsim.planning.sensors import sensors_for
 from gpsim.planning.settings import PlanSettings
+from gpsim.planning.signals import FIXED
 
 Note = Callable[[int, int, str], None]
 LIKELY = 0.9  # of the stated chance that a draw leaves the box
@@ -100,12 +101,12 @@ def make_plan(
     check_first(limits, machine.simulator.state, settings.margin)
     search = search_of(machine, posterior, limits, settings, rng, anew)
     _check_rest(search)
-    count = max(int(minutes * 60.0 / (machine.dt * (len(search.t) + search.settled)) + 1e-9), 1)
-    chosen, at = _pieces(search, search.begin(unvisited(posterior.visited.rows)), count, note)
+    steps = max(int(minutes * 60.0 / machine.dt + 1e-9), len(search.t) + search.settled)
+    chosen, at = _pieces(search, search.begin(unvisited(posterior.visited.rows)), steps, note)
     fixed = {}
     for kind in FIXED:
-        note(count, count, f"comparing with a {kind}")
-        fixed[kind] = fixed_nats(search, kind, len(chosen))
+        note(steps, steps, f"comparing with a {kind}")
+        fixed[kind] = fixed_rates(search, kind, sum(tried.commands.shape[1] for _, tried in chosen))
     return _put_together(search, posterior, chosen, at, fixed)
 
 
@@ -130,7 +131,7 @@ def search_of(
     """What candidates are judged by."""
     found, names = posterior.explanations, machine.simulator.state.names
     each = -(-settings.checked // len(found))
-    driven = max(round(settings.piece / machine.dt), 4)
+    driven = max(round(settings.piece / machine.dt), FEWEST)
     return Search(
         tuple(model_of(machine, e, settings.draws, rng) for e in found),
         tuple(drawn_model(machine, e, each, rng) for e in found),
@@ -165,16 +166,19 @@ def _check_rest(search: Search) -> None:
 
 
 def _pieces(
-    search: Search, at: Situation, count: int, note: Note
+    search: Search, at: Situation, steps: int, note: Note
 ) -> tuple[list[tuple[Candidate, Tried]], Situation]:
+    """Pieces until there is no time for another."""
     chosen: list[tuple[Candidate, Tried]] = []
-    for number in range(count):
-        note(number, count, f"piece {number + 1} of {count}")
-        found = search.next(at)
+    played = 0
+    while True:
+        note(played, steps, f"piece {len(chosen) + 1}")
+        found = search.next(at, steps - played)
         if found is None:
             break
         candidate, tried, at = found
         chosen.append((candidate, tried))
+        played += tried.commands.shape[1]
     if not chosen:
         raise UsageError(
             "no commands were found that keep the states in the box, with its margin, under every explanation; widen "
@@ -201,7 +205,7 @@ def _put_together(
     episode = np.zeros(len(commands), dtype=np.int64)
     if search.anew:
         episode = np.repeat(np.arange(len(chosen)), lengths)
-    t = dt * (np.arange(len(commands)) - (episode * lengths[0] if search.anew else 0.0))
+    t = dt * (np.arange(len(commands)) - (np.repeat(ends - lengths, lengths) if search.anew else 0.0))
     minutes = dt * len(commands) / 60.0
     nats = separations(search.models, at.sums)[0]
     courses = {
@@ -240,7 +244,7 @@ def _apart(
                 names[b],
                 float(nats[i]),
                 float(nats[i] / minutes),
-                {kind: float(values[i] / minutes) for kind, values in fixed.items()},
+                {kind: float(values[i]) for kind, values in fixed.items()},
                 float(odds / recorded),
                 told,
                 () if told else sensors_for(found[a], found[b], posterior.noise),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gpsim.channels import BoolArray, FloatArray
+from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.planning.information import (
     POINTS,
     Sums,
@@ -20,9 +20,13 @@ from gpsim.planning.information import (
 from gpsim.planning.limits import Limits
 from gpsim.planning.models import Model
 from gpsim.planning.settings import PlanSettings
-from gpsim.planning.signals import SHAPES, multisine, there_and_back
+from gpsim.planning.signals import FIXED, SHAPES, multisine, there_and_back, usual
 
+SHORTER = (1.0, 0.5, 0.25)  # times the longest piece, that one may be driven
+USUAL_LEVELS = (1.0, 0.7, 0.5, 0.35)
 SMALLER = (1.0, 0.3, 0.1)  # times the usual sizes of candidates, where none of the larger ones is safe
+FEWEST = 4  # control steps of a piece
+RESTED = 3  # this part of `settle` nothing is commanded: actuators forget
 LEAST_LEVEL, MIXED, SHRUNK = 0.15, 0.35, (0.6, 1.3)
 
 
@@ -47,10 +51,14 @@ class Situation:
 
 @dataclass(frozen=True)
 class Tried:
-    """Candidates as they were simulated: commands (E, L, A), score (E,), said and true a model."""
+    """Candidates as they were simulated: commands (E, L, A), score (E,), said and true a model.
+
+    steps (E,): after which every copy of every model is back at rest for good. The score is a minute of these.
+    """
 
     commands: FloatArray
     safe: BoolArray
+    steps: IntArray
     score: FloatArray
     sums: Sums
     said: tuple[FloatArray, ...]
@@ -85,18 +93,28 @@ class Search:
             tuple(np.tile(rest, (len(m.thetas), 1)) for m in self.checkers),
         )
 
-    def next(self, at: Situation) -> tuple[Candidate, Tried, Situation] | None:
-        """The best safe piece, as it goes under every model, and where that leads; None where none is safe."""
-        for size in SMALLER:
-            found = self._improved(at, [self.random(size) for _ in range(self.settings.candidates)])
-            for candidate, score in found:
-                if score <= 0.0:
-                    break
-                tried = self.tried(at, [candidate])
+    def next(self, at: Situation, steps: int) -> tuple[Candidate, Tried, Situation] | None:
+        """The safe piece of at most so many steps that teaches most a minute, and where it leads; None if none is."""
+        lengths = [max(round(share * len(self.t)), FEWEST) for share in SHORTER]
+        parts = [replace(self, t=self.t[:n]) for n in lengths if n + self.settled <= steps]
+        for size in SMALLER if parts else ():
+            tries = [(part, part.improved(at, part.candidates(size))) for part in parts]
+            ranked = [
+                (score, candidate, part) for part, found in tries for candidate, score in found if score > 0.0
+            ]
+            for _, candidate, part in sorted(ranked, key=lambda one: -one[0]):
+                tried = part.cut(part.tried(at, [candidate]))
                 ends = self.verified(at, tried.commands)
-                if tried.safe[0] and ends is not None:
+                if ends is not None:
                     return candidate, tried, self.after(at, tried, ends)
         return None
+
+    def cut(self, tried: Tried) -> Tried:
+        """One candidate, up to where all are back at rest."""
+        count = int(tried.steps[0])
+        said, true = (tuple(s[:, :, : count + 1] for s in each) for each in (tried.said, tried.true))
+        sums = summed(self.models, said, self.noise)
+        return replace(tried, commands=tried.commands[:, :count], said=said, true=true, sums=sums)
 
     def after(self, at: Situation, tried: Tried, ends: tuple[FloatArray, ...]) -> Situation:
         """Where one candidate leads."""
@@ -106,6 +124,16 @@ class Search:
         time = at.time + self.models[0].machine.dt * tried.commands.shape[1]
         unvisited = at.unvisited.with_visits(self._visits(tried)[0])
         return Situation(starts, ends, time, at.sums.plus(tried.sums), unvisited)
+
+    def candidates(self, size: float) -> list[Candidate]:
+        """Random ones, and what is usually played at a few levels: a plan is no worse than these."""
+        drawn = [self.random(size) for _ in range(self.settings.candidates)]
+        for kind in FIXED[:2]:
+            drive = np.zeros((len(self.t) + self.settled, len(self.limits.low)))
+            for a in range(drive.shape[1]):
+                drive[: len(self.t), a] = usual(kind, self.t, self.settings.slowest, self.rng)
+            drawn += [Candidate(kind, size * level * drive) for level in USUAL_LEVELS]
+        return drawn
 
     def random(self, size: float) -> Candidate:
         """A candidate of a random kind and size, for one action or for all of them."""
@@ -123,7 +151,7 @@ class Search:
             drive[: len(self.t), a] = level * there_and_back(SHAPES[kind](self.t, slowest, fastest, rng), rng)
         return Candidate(kind, drive)
 
-    def _improved(self, at: Situation, candidates: list[Candidate]) -> list[tuple[Candidate, float]]:
+    def improved(self, at: Situation, candidates: list[Candidate]) -> list[tuple[Candidate, float]]:
         """The best candidates, best first: each round changes their sizes and mixes other waves in."""
         best = self._ranked(at, candidates)
         for _ in range(self.settings.rounds if best else 0):
@@ -164,8 +192,9 @@ class Search:
         ]
         said, true = tuple(s for s, _ in both), tuple(t for _, t in both)
         safe = np.logical_and.reduce([self._safe(t).all(axis=0) for t in true])
+        steps = self._steps(commands, true)
         sums = summed(self.models, said, self.noise)
-        made = Tried(commands, safe, np.zeros(len(commands)), sums, said, true)
+        made = Tried(commands, safe, steps, np.zeros(len(commands)), sums, said, true)
         return replace(made, score=self._score(at, made))
 
     def verified(self, at: Situation, commands: FloatArray) -> tuple[FloatArray, ...] | None:
@@ -178,6 +207,16 @@ class Search:
             ends.append(true[:, 0, -1])
         return tuple(ends)
 
+    def _steps(self, commands: FloatArray, true: Sequence[FloatArray]) -> IntArray:
+        """(E,) until nothing has been commanded for a while, and every copy of every model is at rest for good."""
+        count = commands.shape[1]
+        if self.anew:
+            return np.full(len(commands), count)
+        moved = (commands != self.limits.idle).any(axis=2)
+        quiet = _from_when(~moved) + self.settled // RESTED
+        back = [self.limits.back(t, self.settings.returns).all(axis=0) for t in true]
+        return np.minimum(np.maximum(quiet, _from_when(np.logical_and.reduce(back))), count)
+
     def _safe(self, true: FloatArray) -> BoolArray:
         """(C, E) whether the states (C, E, L + 1, S) stay in the box, and are back at rest in the end."""
         stays = self.limits.inside(true, self.settings.margin).all(axis=2)
@@ -186,7 +225,7 @@ class Search:
         return np.asarray(stays & self.limits.back(true[:, :, -1], self.settings.returns))
 
     def _score(self, at: Situation, tried: Tried) -> FloatArray:
-        """(E,) weighted nats that each candidate adds. Beyond what is enough a pair's nats count for less and less."""
+        """(E,) weighted nats a minute that each adds. Beyond what is enough a pair's nats count for less and less."""
         settings, before = self.settings, at.sums
         both = before.plus(tried.sums)
         value = settings.precision * (precisions(self.models[0], both) - precisions(self.models[0], before))
@@ -197,7 +236,8 @@ class Search:
             value = value + settings.separation * gained.mean(axis=1)
         if settings.novelty > 0.0 and at.unvisited.columns.size:
             value = value + settings.novelty * at.unvisited.nats(self._visits(tried))
-        return np.asarray(np.where(np.isfinite(value), value, 0.0))
+        minutes = tried.steps * self.models[0].machine.dt / 60.0
+        return np.asarray(np.where(np.isfinite(value), value, 0.0) / minutes)
 
     def _enough(self, nats: FloatArray) -> FloatArray:
         enough = self.settings.enough
@@ -208,3 +248,8 @@ class Search:
         course = tried.said[0][0]
         rows = np.linspace(0, tried.commands.shape[1] - 1, POINTS).astype(np.int64)
         return np.concatenate([course[:, rows], tried.commands[:, rows]], axis=2)
+
+
+def _from_when(holds: BoolArray) -> IntArray:
+    """(E,) the first column from which on all of holds (E, K) is true."""
+    return np.asarray(holds.shape[1] - np.cumprod(holds[:, ::-1], axis=1).sum(axis=1))

@@ -98,6 +98,21 @@ SHAPES: Mapping[str, Shape] = {
 }
 
 
+FIXED = ("chirp", "PRBS", "random walk")
+HIGHEST, HELD = 5.0, 0.2  # Hz that a usual chirp ends at; s of a level of a usual binary sequence
+
+
+def usual(kind: str, t: FloatArray, slow: float, rng: np.random.Generator) -> FloatArray:
+    """What is usually played."""
+    dt = float(t[1] - t[0])
+    if kind == "chirp":
+        return swept(t, slow, min(HIGHEST, 0.4 / dt))
+    if kind == "PRBS":
+        held = max(round(HELD / dt), 1)
+        return np.asarray(np.repeat(rng.choice((-1.0, 1.0), len(t) // held + 1), held)[: len(t)])
+    return _unit(np.cumsum(rng.standard_normal(len(t))))
+
+
 def there_and_back(shape: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Now and then a piece is a short course, its opposite, and both the other way round.
 

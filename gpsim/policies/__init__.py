@@ -13,4 +13,5 @@ __all__ = [
     "Visited",
     "balance_search",
     "export",
+    "ros_node",
 ]

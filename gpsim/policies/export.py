@@ -1,8 +1,6 @@
-"""A policy for a robot: its network as ONNX, and a short ROS node that plays it."""
+"""A policy for a robot: its network as ONNX."""
 
 from __future__ import annotations
-
-from string import Template
 
 import numpy as np
 import onnx
@@ -10,7 +8,6 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
 from gpsim import __version__
-from gpsim.errors import UsageError
 from gpsim.policies.policy import Policy
 
 OPSET, IR_VERSION = 17, 8
@@ -68,108 +65,3 @@ def to_onnx(policy: Policy) -> bytes:
     onnx.checker.check_model(model)
     content: bytes = model.SerializeToString(deterministic=True)
     return content
-
-
-def ros_node(
-    policy: Policy, rate: float, goal_radius: float, goal: tuple[float, float], max_steps: int, floor: float
-) -> str:
-    """A ROS 1 node (Python) that drives to a goal with policy.onnx beside it, `rate` times a second.
-
-    goal (x, y) [m], goal_radius [m], max_steps (commands) and floor [m], the edge of the square about the origin that
-    it does not leave, are the defaults of its parameters: the policy's task.
-    Raises UsageError for a policy that does not take a goal in the plane and give a velocity command.
-    """
-    if policy.bounds is None or policy.bounds.shape != (2, 2) or len(policy.scale) != 2:
-        raise UsageError(
-            "only policies that drive a vehicle to a goal have a ROS node; this one takes no goal in the plane"
-        )
-    return Template(_NODE).substitute(
-        rate=f"{rate:g}",
-        goal_radius=f"{goal_radius:g}",
-        goal_x=f"{goal[0]:g}",
-        goal_y=f"{goal[1]:g}",
-        max_steps=max_steps,
-        limit=f"{floor / 2.0:g}",
-    )
-
-
-_NODE = '''#!/usr/bin/env python3
-"""Drive to a goal with the policy in policy.onnx beside this file, $rate times a second.
-
-    rosrun YOUR_PACKAGE drive_to_goal.py _goal_x:=$goal_x _goal_y:=$goal_y
-
-Reads a pose (geometry_msgs/PoseStamped) and writes velocity commands (geometry_msgs/Twist); ~pose_topic,
-~command_topic, ~goal_x, ~goal_y [m] and ~goal_radius [m] are parameters. It stops at the goal, after ~max_steps
-commands, where x or y is beyond ~limit [m], and while no pose is newer than 0.3 s. Record both topics to score the
-trip: gpsim evaluate experiment=limo deployed=BAG.
-Needs rospy, numpy and onnxruntime.
-"""
-
-import math
-import os
-
-import numpy as np
-import onnxruntime
-import rospy
-from geometry_msgs.msg import PoseStamped, Twist
-
-POLICY = os.path.join(os.path.dirname(os.path.abspath(__file__)), "policy.onnx")
-
-
-def observe(x, y, yaw, goal_x, goal_y):
-    """The goal in the robot's frame: ahead and to the left [m]."""
-    dx, dy = goal_x - x, goal_y - y
-    sin, cos = math.sin(yaw), math.cos(yaw)
-    return np.array([[dx * cos + dy * sin, dy * cos - dx * sin]], dtype=np.float32)
-
-
-def yaw_of(q):
-    """Yaw [rad] of a quaternion message."""
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-
-
-class Driver:
-    def __init__(self):
-        self.session = onnxruntime.InferenceSession(POLICY, providers=["CPUExecutionProvider"])
-        self.goal = rospy.get_param("~goal_x", $goal_x), rospy.get_param("~goal_y", $goal_y)
-        self.radius = rospy.get_param("~goal_radius", $goal_radius)
-        self.left = rospy.get_param("~max_steps", $max_steps)
-        self.limit = rospy.get_param("~limit", $limit)
-        self.pose = None
-        command = rospy.get_param("~command_topic", "/cmd_vel")
-        self.publisher = rospy.Publisher(command, Twist, queue_size=1)
-        topic = rospy.get_param("~pose_topic", "/vrpn_client_node/limo/pose")
-        rospy.Subscriber(topic, PoseStamped, self.remember, queue_size=1)
-        rospy.on_shutdown(self.stop)
-
-    def remember(self, message):
-        self.pose = message
-
-    def stop(self):
-        self.publisher.publish(Twist())
-
-    def step(self, _event):
-        if self.pose is None or (rospy.Time.now() - self.pose.header.stamp).to_sec() > 0.3:
-            self.stop()
-            return
-        at = self.pose.pose
-        near = math.hypot(self.goal[0] - at.position.x, self.goal[1] - at.position.y) <= self.radius
-        outside = not max(abs(at.position.x), abs(at.position.y)) <= self.limit
-        if near or outside or self.left == 0:
-            self.stop()
-            rospy.signal_shutdown("goal reached" if near else "limit passed" if outside else "out of steps")
-            return
-        seen = observe(at.position.x, at.position.y, yaw_of(at.orientation), *self.goal)
-        speed, turn = self.session.run(["action"], {"observation": seen})[0][0]
-        command = Twist()
-        command.linear.x, command.angular.z = float(speed), float(turn)
-        self.publisher.publish(command)
-        self.left -= 1
-
-
-if __name__ == "__main__":
-    rospy.init_node("drive_to_goal")
-    driver = Driver()
-    rospy.Timer(rospy.Duration(1.0 / $rate), driver.step)
-    rospy.spin()
-'''

@@ -130,6 +130,7 @@ def _text(cell: Cell) -> str:
 WORDS = {
     "rough": "rough ones",
     "machines": "whole machines",
+    "plans": "worlds for plans that some second recording resolves",
     "mjcf": "robots by their MuJoCo models",
     "whole": "whole robots",
     "curves": "laws of one input that no family has",

@@ -54,6 +54,7 @@ def proof_sheets(content: Json) -> list[Sheet]:
         rivals_sheet(content),
         namers_sheet(content),
         *group_sheets(content),
+        *plan_sheets(content),
         *strata_sheets(content),
         families_sheet(content),
         kinds_sheet(content),
@@ -62,7 +63,13 @@ def proof_sheets(content: Json) -> list[Sheet]:
 
 def terminal_sheets(content: Json) -> list[Sheet]:
     """Those that a terminal shows: of the rough worlds what was said where what was called for."""
-    sheets = [goals_sheet(content), *brief_sheets(content), rivals_sheet(content), namers_sheet(content)]
+    sheets = [
+        goals_sheet(content),
+        *brief_sheets(content),
+        *plan_sheets(content),
+        rivals_sheet(content),
+        namers_sheet(content),
+    ]
     return [sheet for sheet in sheets if sheet.rows]
 
 
@@ -70,6 +77,7 @@ def beside(content: Json) -> list[str]:
     """What is not in the tables, a line each: trials that were not diagnosed or could not be scored."""
     missing, unscored = content["undiagnosed"], content["not_scored"]
     others = sum(content.get(part, {}).get("n", 0) for part in GROUPS)
+    others += content.get("plans", {}).get("drawn", 0)
     published = len(missing) + content["all"]["n"] + content["long"]["n"] + others
     lines = []
     if missing:
@@ -196,6 +204,30 @@ def rivals_sheet(content: Json) -> Sheet:
         tuple(rows),
         note="all worlds with a mismatch, visible or not, those outside the catalogue among them",
     )
+
+
+def plan_sheets(content: Json) -> list[Sheet]:
+    """What each excitation decides, of the worlds that any decides."""
+    plans = content.get("plans")
+    if not plans:
+        return []
+    rows = tuple(
+        row(
+            kind,
+            f"{k['resolved']}/{k['n']}",
+            _within(k["interval"]),
+            significant(k["median_seconds"]),
+            str(k["left"]),
+        )
+        for kind, k in plans["kinds"].items()
+    )
+    note = (
+        f"of {plans['drawn']} worlds {plans['ambiguous']} were ambiguous after a slow first recording, of "
+        f"{plans['listed']} the truth was among the explanations, and {plans['n']} were resolved by any second "
+        "recording of the same length: all explanations fitted to both, the right one ahead by odds above ten"
+    )
+    columns = ("next recording", "resolved", "95 %", "seconds, median", "left the box")
+    return [Sheet("The next recording", columns, rows, note=note)]
 
 
 def namers_sheet(content: Json) -> Sheet:

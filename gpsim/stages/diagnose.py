@@ -8,8 +8,8 @@ from itertools import chain
 from pathlib import Path
 
 from gpsim.artifacts import Artifact, Recipe, read_artifact
-from gpsim.corrected import EffectsPlant, PosteriorPlant, posterior_from
-from gpsim.diagnosis import Diagnosis, LeftOpen
+from gpsim.corrected import EffectsPlant
+from gpsim.diagnosis import OLDER, Diagnosis, LeftOpen, from_two_files, left_open_from
 from gpsim.diagnosis.settings import Known, Settings, as_mapping, read_known, read_settings
 from gpsim.effects import again, bring, installed, origins, read_effects
 from gpsim.errors import UsageError
@@ -20,7 +20,6 @@ from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
 from gpsim.stages.code import SOURCES, blamed
 from gpsim.stages.diagnosis_files import (
-    LEFT_OPEN,
     POSTERIOR,
     Question,
     answer,
@@ -99,11 +98,15 @@ def read_diagnosis(folder: Path) -> Diagnosis:
 
 
 def read_left_open(folder: Path) -> LeftOpen:
-    """What a finished diagnosis leaves open; raises UsageError where an earlier version made it."""
-    path = read_artifact(folder, "diagnose").path / LEFT_OPEN
-    if not path.is_file():
-        raise UsageError(f"{folder}: has no {LEFT_OPEN}, which came with a later version; diagnose again")
-    return LeftOpen.from_dict(read_object(path), str(path))
+    """What a finished diagnosis leaves open; raises UsageError where an earlier version left it out."""
+    path = read_artifact(folder, "diagnose").path / POSTERIOR
+    beside = path.with_name("left_open.json")  # of earlier versions
+    content = read_object(path) if path.is_file() else {}
+    if content.get("schema") == OLDER and beside.is_file():
+        content = from_two_files(content, read_object(beside))
+    if not content or content.get("schema") == OLDER:
+        raise UsageError(f"{folder}: no {POSTERIOR} of this version; diagnose the recording again")
+    return left_open_from(content, str(path))
 
 
 def why_no_gp(folder: Path) -> str | None:
@@ -133,16 +136,6 @@ def read_corrected(folder: Path, gp: bool = False, simulator: Simulator | None =
         simulator or open_simulator(name),
         (lambda channels: read_gp(artifact.path, channels)) if gp else None,
     )
-
-
-def read_posterior(folder: Path, leader: EffectsPlant) -> PosteriorPlant:
-    """What a finished diagnosis leaves open; raises UsageError without it. leader: its corrected simulator."""
-    path = folder / POSTERIOR
-    if not path.is_file():
-        raise UsageError(
-            f"{folder}: no {POSTERIOR}, which earlier versions did not write; diagnose the recording again"
-        )
-    return posterior_from(read_object(path), leader, str(path))
 
 
 def _check_file(artifact: Artifact, simulator: str) -> None:

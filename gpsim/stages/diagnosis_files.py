@@ -17,10 +17,9 @@ from gpsim.corrected import (
     GpCorrection,
     ages_of,
     describe,
-    describe_posterior,
     plant_from,
 )
-from gpsim.diagnosis import Diagnosis, Outcome, diagnose
+from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
 from gpsim.diagnosis.report import NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision, Run, cores
@@ -42,19 +41,20 @@ if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture
 
 TRACE, FIGURES, POSTERIOR = "trace.jsonl", "figures", "posterior.json"
-LEFT_OPEN = "left_open.json"
 
 
 def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: str) -> list[str]:
-    """The result (three JSON files), then the Gaussian process, pictures and page; what went wrong with these."""
+    """The result (two JSON files), then what it leaves open, the Gaussian process, pictures, page; what went wrong."""
     from gpsim.reports.diagnosis_page import page  # here, as in `drawn`: it draws
 
     mishaps = Mishaps(found.comparison.mishaps)
     diagnosis = worded(found.diagnosis)
     _write_result(folder, found, diagnosis, simulator)
     _write_trace(folder, found.decisions)
-    with mishaps.contained(f"{LEFT_OPEN} is left out: nothing can be planned or watched with this diagnosis"):
-        write_json(folder / LEFT_OPEN, found.left_open.to_dict())
+    with mishaps.contained(
+        f"{POSTERIOR} is left out: nothing can be planned, watched or drawn with this diagnosis"
+    ):
+        write_json(folder / POSTERIOR, left_open_data(found.left_open))
     before, there = len(mishaps.lines), set(folder.iterdir())
     with mishaps.contained("the Gaussian process on the remainder is left out"):
         _write_process(folder, found)
@@ -79,7 +79,6 @@ def write_diagnosis(folder: Path, found: Outcome, simulator: Simulator, title: s
 def _write_result(folder: Path, found: Outcome, diagnosis: Diagnosis, simulator: Simulator) -> None:
     write_json(folder / "diagnosis.json", diagnosis.to_dict())
     write_json(folder / "corrected.json", described(found, diagnosis, simulator.state))
-    write_json(folder / POSTERIOR, plain(describe_posterior(found.posterior)))
 
 
 def _write_trace(folder: Path, decisions: Sequence[Decision]) -> None:

@@ -14,23 +14,27 @@ from gpsim.errors import UsageError
 from gpsim.files import Json, write_json, written_whole
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
 from gpsim.policies import Policy
-from gpsim.policies.export import ros_node, to_onnx
+from gpsim.policies.export import to_onnx
+from gpsim.policies.ros_node import ros_node
 from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
 from gpsim.settings import build
 from gpsim.simulators import SIMULATORS, Integrator, Simulator
 from gpsim.stages.corrected_model import correction_of, sentences, went
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
+from gpsim.stages.export_monitor import monitor_facts
 from gpsim.stages.policy_files import read_policy
+from gpsim.stages.stage import Request
 from gpsim.stages.survives import survival_lines
 from gpsim.tasks import GoalReaching
 
-NODE = "drive_to_goal.py"
+NODE, MONITOR = "drive_to_goal.py", "monitor.json"
 
 
-def export_policy(path: Path, out: Path) -> list[str]:
+def export_policy(path: Path, out: Path, watched: Request | None = None) -> list[str]:
     """Write policy.onnx, policy.json (its origin) and, for a vehicle with a goal, a ROS node to the new folder `out`.
 
-    path: an artifact of train-source or train-gp-policy. Returns sentences about what was written.
+    path: an artifact of train-source or train-gp-policy; watched: how the node's monitor is configured. Returns
+    sentences about what was written.
     """
     artifact = read_artifact(path)
     if artifact.stage not in ("train-source", "train-gp-policy"):
@@ -42,6 +46,12 @@ def export_policy(path: Path, out: Path) -> list[str]:
     if not out.parent.is_dir():
         raise UsageError(f"{out.parent}: no such folder; make it first")
     policy, config = read_policy(path), artifact.manifest["config"]
+    has_node = config["task"]["name"] == "goal"
+    if watched is not None and not has_node:
+        raise UsageError(
+            f"--monitor: {path} has no ROS node that could carry one: it drives no vehicle to a goal"
+        )
+    monitor = None if watched is None else monitor_facts(watched)
     rate = 1.0 / float(config["simulator"]["dt"])
     notes = [
         f"policy.onnx: observation ({len(policy.scale)}) to the most probable action, {rate:g} times a second"
@@ -56,11 +66,14 @@ def export_policy(path: Path, out: Path) -> list[str]:
             if survives := survival_lines(path):
                 origin["survives"] = survives
             write_json(made / "policy.json", origin)
-            if config["task"]["name"] == "goal":
+            if has_node:
                 node = made / NODE
                 node.write_text(_node(policy, rate, config["task"]), encoding="utf-8")
                 node.chmod(0o755)
-                notes.append(f"{NODE}: a ROS 1 node that plays it; its first lines say how")
+                notes.append(f"{NODE}: a ROS 1 node that plays it, or a plan; its first lines say how")
+            if monitor is not None:
+                write_json(made / MONITOR, monitor)
+                notes.append(f"{MONITOR}: where it lies beside the node, that stops as deploy.safe does")
     except OSError as error:
         raise UsageError(f"{out}: cannot be written: {error.strerror or error}") from error
     return notes

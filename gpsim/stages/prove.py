@@ -30,7 +30,16 @@ from gpsim.trials.blinding import (
     trial_name,
     write_trial,
 )
-from gpsim.trials.drawing import ARM, CURVES_FROM, MACHINES_FROM, ROUGH_FROM, WORDS_FROM, kind_of, stratum_of
+from gpsim.trials.drawing import (
+    ARM,
+    CURVES_FROM,
+    MACHINES_FROM,
+    PLANS_FROM,
+    ROUGH_FROM,
+    WORDS_FROM,
+    kind_of,
+    stratum_of,
+)  # fmt: skip
 from gpsim.trials.robots import ROBOTS_FROM, WHOLE_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial
@@ -53,6 +62,7 @@ def numbers_of(
     rough: int = 0,
     machines: int = 0,
     curves: int = 0,
+    plan: int = 0,
 ) -> list[int]:
     """The first `trials` numbers whose world is of one of `strata` (all when empty), and of rough worlds and so on.
 
@@ -77,16 +87,17 @@ def numbers_of(
         stratum, is_long, _ = stratum_of(number)
         return (not strata or stratum in strata) and (long or not is_long)
 
-    if trials + rough + machines + curves < 1:
+    if trials + rough + machines + curves + plan < 1:
         raise UsageError(
-            "no worlds: say how many with --trials, or of rough logs, machines and curves with --rough, --machines, "
-            "--curves"
+            "no worlds: say how many with --trials, or of rough logs, machines, curves and plans with --rough, "
+            "--machines, --curves, --plan"
         )
     first = WORDS_FROM + 1 if "words" in strata else 1
     plain_ones = islice((n for n in count(first) if wanted(n)), trials)
     after = ((CURVES_FROM, curves), (ROUGH_FROM, rough))
     counted = [number for first, many in after for number in range(first + 1, first + many + 1)]
-    return [*plain_ones, *counted, *machines_numbers(machines)]
+    plans = range(PLANS_FROM + 1, PLANS_FROM + plan + 1)
+    return [*plain_ones, *counted, *machines_numbers(machines), *plans]
 
 
 def machines_numbers(machines: int) -> list[int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gpsim.corrected import Explanation, FunctionCorrection, PosteriorPlant
+from gpsim.corrected import Drawable, FunctionCorrection, PosteriorPlant
 from gpsim.files import plain, read_object, write_json
 
 SURVIVES, PAGE = "survives.json", "survives.md"
@@ -35,7 +35,7 @@ def survival_lines(folder: Path) -> list[str]:
     return [_line(entry) for entry in read_object(folder / SURVIVES)["explanations"]]
 
 
-def _facts(explanation: Explanation, total: float) -> dict[str, Any]:
+def _facts(explanation: Drawable, total: float) -> dict[str, Any]:
     terms = explanation.plant.terms
     return {
         "share_of_episodes": explanation.probability / total,

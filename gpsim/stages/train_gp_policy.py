@@ -24,7 +24,7 @@ from gpsim.stages import fit_gp, tracking
 from gpsim.stages.build_residuals import other_settings
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.code import IN_NUMBERS
-from gpsim.stages.diagnose import read_corrected, read_posterior, why_no_gp
+from gpsim.stages.diagnose import read_corrected, read_left_open, why_no_gp
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import read_filter, read_gp_correction
 from gpsim.stages.stage import Request, Stage, generator
@@ -147,7 +147,7 @@ def posterior_plant(request: Request, diagnosis: Artifact) -> PosteriorPlant:
     place of the effects.
     """
     _check_fits(leader := read_corrected(diagnosis.path), base_plant(request.config), diagnosis.path)
-    drawn = read_posterior(diagnosis.path, leader)
+    drawn = read_left_open(diagnosis.path).drawn_in(leader, str(diagnosis.path))
     if request.config["correction"] != "effects+gp":
         return drawn
     first, correction = drawn.explanations[0], read_corrected(diagnosis.path, gp=True)

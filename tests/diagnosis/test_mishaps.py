@@ -72,12 +72,11 @@ def test_every_part_may_fail_and_the_result_is_there(diagnosed, searched, monkey
     left_open = json.loads((whole / "posterior.json").read_text())["explanations"]
     leader = json.loads((whole / "diagnosis.json").read_text())["effects"]
     assert [term["family"] for term in left_open[0]["terms"]] == [effect["family"] for effect in leader]
-    for size in left_open[0]["parameters"]:
-        told = leader[size["term"]]["parameters"][size["name"]]
-        assert [size[key] for key in ("value", "low", "high")] == [
-            told[key] for key in ("value", "low", "high")
-        ]
-    assert np.diag(left_open[0]["correlations"]).tolist() == [1.0] * len(left_open[0]["parameters"])
+    told = [
+        e["parameters"][p["name"]] for e, g in zip(leader, left_open[0]["parameters"], strict=True) for p in g
+    ]
+    assert left_open[0]["intervals"] == [[size["low"], size["high"]] for size in told]
+    assert np.shape(left_open[0]["covariance"]) == (len(told), len(told))
     results = [(whole / name).read_bytes() for name in RESULTS]
     with monkeypatch.context() as patched:
         patched.setattr(diagnosis_figures, "_inputs", broken)

@@ -16,8 +16,9 @@ from gpsim.environments.envs import BatchedEnv
 from gpsim.environments.stand_in import Sweep, drive_plan
 from gpsim.errors import UsageError
 from gpsim.evaluation.trips import take_trips
-from gpsim.policies.export import ros_node, to_onnx
+from gpsim.policies.export import to_onnx
 from gpsim.policies.policy import Policy
+from gpsim.policies.ros_node import ros_node
 from gpsim.policies.training import sac
 from gpsim.policies.training.ppo import train_ppo
 from gpsim.policies.training.sac import train_sac
@@ -269,3 +270,12 @@ def test_the_plan_is_a_file_that_a_robot_can_play(tmp_path, monkeypatch, capsys)
     code, _, err = run(monkeypatch, capsys, "collect", "--plan", "other.csv")
     assert code == 2
     assert err.count("\n") == 1
+
+
+def test_settings_of_a_monitor_that_nobody_asked_for_are_refused(tmp_path, monkeypatch, capsys):
+    words = ["export", "policy", "p", "experiment=limo", "--out", str(tmp_path / "out")]
+    monkeypatch.setattr("sys.argv", ["gpsim", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "are of --monitor" in capsys.readouterr().err

@@ -1,19 +1,22 @@
 """robustness=posterior: trained in draws of a diagnosis, said beside the policy, and compared in `evaluate`."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from gpsim.cli.configuration import resolve
 from made_diagnoses import made_diagnosis
+from made_posteriors import made_explanation, made_posterior
 
 from gpsim.artifacts import Recipe, Store
-from gpsim.corrected import EffectsPlant, Explanation, Size, Spread, describe, describe_posterior
+from gpsim.corrected import EffectsPlant, describe
+from gpsim.diagnosis import left_open_data
 from gpsim.effects import Term
 from gpsim.errors import UsageError
 from gpsim.evaluation import worst_tenth
-from gpsim.files import plain, write_json
+from gpsim.files import write_json
 from gpsim.simulators import make_simulator
 from gpsim.stages import evaluate_robustness, train_gp_policy
 from gpsim.stages.diagnose_loop import find_diagnosis
@@ -38,18 +41,20 @@ def rubbing(force):
 
 def diagnosed(folder, low=4.0, *, posterior=True):
     """A diagnosis of friction somewhere between `low` and 9 N, or, less probably, of none."""
-    size = Size(0, "force", 6.0, low, 9.0, 0.0, 20.0)
-    plain_pole = EffectsPlant(CARTPOLE, CARTPOLE.defaults(), (), "euler", 1, 0.02)
-    explanations = [
-        Explanation(rubbing(6.0), 0.8, Spread((size,), np.eye(1), 0.9)),
-        Explanation(plain_pole, 0.2, Spread((), np.empty((0, 0)), 0.9)),
-    ]
+    friction = made_explanation({("coulomb_friction", "x"): {"force": 6.0}}, 0.8)
+    friction = replace(
+        friction,
+        hypothesis=replace(friction.hypothesis, scheme="euler"),
+        intervals=np.array([[low, 9.0]]),
+    )
+    explanations = (friction, made_explanation({}, 0.2))
+    content = left_open_data(replace(made_posterior({}), explanations=explanations))
 
     def write(out: Path):
         write_json(out / "corrected.json", describe(rubbing(6.0), gp=False))
         write_json(out / "diagnosis.json", made_diagnosis().to_dict())
         if posterior:
-            write_json(out / POSTERIOR, plain(describe_posterior(explanations)))
+            write_json(out / POSTERIOR, content)
         return {}
 
     return Store(folder, "").publish(Recipe("diagnose", {}, {}, {}), write, out=folder / "found").path

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from made_posteriors import LAG_OR_DELAY, NOISE, made_machine, made_posterior
 
-from gpsim.diagnosis import LeftOpen
 from gpsim.planning.information import nothing_played, precisions, separations, summed, unvisited
 from gpsim.planning.models import model_of
 
@@ -60,13 +59,6 @@ def test_where_something_was_there_is_less_to_learn():
     near = rows[None, :4]
     assert before.nats(near)[0] < 0.5 * before.nats(far)[0]
     assert before.with_visits(far[0]).nats(far)[0] < before.nats(far)[0]
-
-
-def test_a_posterior_is_what_it_was_after_a_file():
-    posterior = made_posterior(*LAG_OR_DELAY)
-    again = LeftOpen.from_dict(posterior.to_dict(), "left_open.json")
-    assert again.to_dict() == posterior.to_dict()
-    assert again.explanations[0].hypothesis == posterior.explanations[0].hypothesis
 
 
 def test_draws_scatter_as_the_covariance_says():

@@ -7,7 +7,9 @@ that hold nothing but one recording; an answer counts only if its hash is the on
 from gpsim.trials.blinding.answers import Answer, reveal
 from gpsim.trials.blinding.blind_diagnosis import (
     DIAGNOSES,
+    DIAGNOSIS,
     OUTCOME,
+    PLAN,
     diagnose_blind,
     diagnosis_digest,
     read_outcome,
@@ -15,6 +17,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
 )
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
 from gpsim.trials.blinding.logs import even_recording
+from gpsim.trials.blinding.plan_worlds import played
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
     HASHES,
@@ -31,9 +34,11 @@ from gpsim.trials.blinding.trial_files import (
 __all__ = [
     "ANSWER",
     "DIAGNOSES",
+    "DIAGNOSIS",
     "HASHES",
     "NAME",
     "OUTCOME",
+    "PLAN",
     "PRIVATE",
     "PUBLIC",
     "Answer",
@@ -43,6 +48,7 @@ __all__ = [
     "diagnose_blind",
     "diagnosis_digest",
     "even_recording",
+    "played",
     "publish_hashes",
     "published",
     "read_outcome",

@@ -18,11 +18,12 @@ from typing import Any
 
 from gpsim.artifacts import git_commit
 from gpsim.errors import UsageError
-from gpsim.files import disk_errors, tells_of_full_disk, written_whole
+from gpsim.files import disk_errors, read_object, tells_of_full_disk, written_whole
+from gpsim.trials.blinding.plan_worlds import LIMITS
 from gpsim.trials.blinding.trial_files import HASHES, PUBLIC, published, recording_digests, recording_folders
 from gpsim.trials.robots import robot_rank
 
-DIAGNOSES, OUTCOME, DIAGNOSIS = "diagnoses", "outcome.json", "diagnosis"
+DIAGNOSES, OUTCOME, DIAGNOSIS, PLAN = "diagnoses", "outcome.json", "diagnosis", "plan"
 RECORDING = "recording"
 LIMIT = 900.0  # s after which a diagnosis is given up
 ROBOTS_LIMIT = 3600.0  # s, of a robot, which simulates for longer
@@ -65,8 +66,10 @@ def diagnose_blind(out: Path, name: str) -> dict[str, Any]:
             "seconds": round(time.monotonic() - started, 2),
             "error": _last_words(code, said),
         } | known
+        if not code and (room / RECORDING / LIMITS).is_file():
+            outcome |= _planned(room, limit)
         with disk_errors(out, "--out"):
-            _keep(outcome, room / DIAGNOSIS, target)
+            _keep(outcome, room, target)
     return outcome
 
 
@@ -81,13 +84,26 @@ def _room() -> Iterator[Path]:
         yield Path(folder)
 
 
-def _keep(outcome: dict[str, Any], diagnosis: Path, target: Path) -> None:
-    """Write how it ended, and the diagnosis if there is one, to the folder `target`, whole or not at all."""
+def _planned(room: Path, limit: float) -> dict[str, Any]:
+    """Plan the next recording where the first left something open; how that ended."""
+    if read_object(room / DIAGNOSIS / "diagnosis.json")["verdict"] != "ambiguous":
+        return {}
+    stated = read_object(room / RECORDING / LIMITS)
+    box = f"plan.box={json.dumps(stated['box']).replace(chr(34), '')}"
+    code, said = _ran(
+        room, ["plan", DIAGNOSIS, "--minutes", str(stated["minutes"]), box, "--out", PLAN], limit
+    )
+    return {"plan_exit": code, "plan_error": _last_words(code, said)}
+
+
+def _keep(outcome: dict[str, Any], room: Path, target: Path) -> None:
+    """Write how it ended, and what was made in the room, to the folder `target`, whole or not at all."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with written_whole(target) as made:
         made.mkdir()
-        if diagnosis.is_dir():
-            shutil.copytree(diagnosis, made / DIAGNOSIS)
+        for kind in (DIAGNOSIS, PLAN):
+            if (room / kind).is_dir():
+                shutil.copytree(room / kind, made / kind)
         (made / OUTCOME).write_text(json.dumps(outcome, indent=1) + "\n", encoding="utf-8")
         shutil.rmtree(target, ignore_errors=True)
 
@@ -139,9 +155,14 @@ def read_report(out: Path, name: str) -> dict[str, Any] | None:
 
 
 def _run(room: Path, limit: float) -> tuple[int, str]:
-    """Exit code and what was said on stderr; 124 when it took too long."""
+    """The diagnosis."""
     shown = [path.relative_to(room).as_posix() for path in recording_folders(room / RECORDING)]
     words = ["diagnose", *shown, "--out", DIAGNOSIS, "--cores", "1"]  # other trials have the others
+    return _ran(room, words, limit)
+
+
+def _ran(room: Path, words: list[str], limit: float) -> tuple[int, str]:
+    """Exit code and what was said on stderr; 124 when it took too long."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", COMMAND, *words],
@@ -154,5 +175,5 @@ def _run(room: Path, limit: float) -> tuple[int, str]:
             text=True,
         )
     except subprocess.TimeoutExpired:
-        return 124, f"no diagnosis within {limit:.0f} s"
+        return 124, f"no {words[0]} within {limit:.0f} s"
     return done.returncode, done.stderr

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from gpsim.errors import UsageError
-from gpsim.files import file_digest, written_whole
+from gpsim.files import file_digest, write_json, written_whole
 from gpsim.recordings import write_recording
 from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
 from gpsim.trials.blinding.machine_worlds import MachineConcealed, conceal_machine, machine_answer
+from gpsim.trials.blinding.plan_worlds import LIMITS, PlanConcealed, conceal_plan, plan_answer
 from gpsim.trials.blinding.robot_worlds import RobotConcealed, conceal_robot, robot_answer
-from gpsim.trials.drawing import machine_rank
-from gpsim.trials.robots import Files, robot_rank, whole_rank
+from gpsim.trials.drawing import machine_rank, plan_rank
+from gpsim.trials.robots import Files, robot_rank
 
 RECORDING_FILE = "recording.yaml"
 
@@ -32,7 +33,7 @@ PUBLIC, PRIVATE = "public", "private"
 ANSWER, TRUTH = "answer.json", "truth.npz"
 HASHES = "answers.sha256"
 NAME = re.compile(r"\d{4,}")  # of a trial's folder
-AnyConcealed = Concealed | RobotConcealed | MachineConcealed
+AnyConcealed = Concealed | RobotConcealed | MachineConcealed | PlanConcealed
 
 
 def trial_name(number: int) -> str:
@@ -105,7 +106,9 @@ def _hashes(path: Path) -> dict[str, str]:
 
 
 def _concealed(seed: int, number: int) -> AnyConcealed:
-    if machine_rank(number) is not None and whole_rank(number) is None:
+    if plan_rank(number) is not None:
+        return conceal_plan(seed, number)
+    if machine_rank(number) is not None:
         return conceal_machine(seed, number)
     return conceal(seed, number) if robot_rank(number) is None else conceal_robot(seed, number)
 
@@ -114,6 +117,8 @@ def _write_recordings(folder: Path, concealed: AnyConcealed) -> None:
     """One recording in the folder itself, a machine's in folders 1, 2, 3 in it."""
     if not isinstance(concealed, MachineConcealed):
         write_recording(concealed.recording, folder, "csv")
+        if isinstance(concealed, PlanConcealed):
+            write_json(folder / LIMITS, concealed.limits)
         return
     for i, recording in enumerate(concealed.recordings, 1):
         (folder / str(i)).mkdir()
@@ -124,6 +129,8 @@ def _write_recordings(folder: Path, concealed: AnyConcealed) -> None:
 def _answer(concealed: AnyConcealed, truth_digest: str) -> dict[str, Any]:
     if isinstance(concealed, MachineConcealed):
         return machine_answer(concealed, truth_digest)
+    if isinstance(concealed, PlanConcealed):
+        return plan_answer(concealed, truth_digest)
     if isinstance(concealed, RobotConcealed):
         return robot_answer(concealed, truth_digest)
     return answer_of(concealed, truth_digest)

@@ -25,6 +25,7 @@ from gpsim.trials.drawing.machine_draws import (
     machine_rank,
 )
 from gpsim.trials.drawing.nuisances import of_body, places_of, systems_of, within
+from gpsim.trials.drawing.plan_draws import PLANS_FROM, box_of, draw_plan, plan_rank, slow_waves
 from gpsim.trials.drawing.rough_draws import ROUGH_FROM, draw_rough, rank_of
 
 __all__ = [
@@ -36,19 +37,24 @@ __all__ = [
     "KINDS",
     "LONG",
     "MACHINES_FROM",
+    "PLANS_FROM",
     "ROUGH_FROM",
     "SIZE",
     "WORDS_FROM",
+    "box_of",
     "counts",
     "draw",
     "draw_machine",
+    "draw_plan",
     "draw_rough",
     "first_family",
     "kind_of",
     "machine_rank",
     "of_body",
     "places_of",
+    "plan_rank",
     "rank_of",
+    "slow_waves",
     "stratum_of",
     "systems_of",
     "within",

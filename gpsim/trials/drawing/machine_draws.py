@@ -29,7 +29,7 @@ from gpsim.trials.worlds import (
     World,
 )
 
-MACHINES_FROM = 300_000
+MACHINES_FROM, MACHINES_TO = 300_000, 400_000
 ARM = "arm"
 KINDS = (*PARTS, ARM)
 """Classes in turn; an arm needs MuJoCo, and is drawn by `robots`."""
@@ -63,7 +63,7 @@ SENSING = ("sensor_bias",)
 
 def machine_rank(number: int) -> int | None:
     """Which of the machines a trial is, from 0; None where it is none."""
-    return number - MACHINES_FROM - 1 if number > MACHINES_FROM else None
+    return number - MACHINES_FROM - 1 if MACHINES_FROM < number <= MACHINES_TO else None
 
 
 def kind_of(number: int) -> str:

@@ -23,7 +23,7 @@ from gpsim.trials.robots.models import ROBOTS, SERVOED, SERVOS, WHOLE, Robot, la
 from gpsim.trials.robots.stepped import step_of
 from gpsim.trials.worlds import Rough, TrueEffect, World, rounded
 
-WHOLE_FROM = 400_000
+WHOLE_FROM, WHOLE_TO = 400_000, 500_000
 """Whole robots' numbers begin behind it, so that all other worlds of a seed stay what they are."""
 FOURIER = "fourier"
 DRY, VISCOUS, OFFSET = (0.01, 0.06), (0.02, 0.12), (0.005, 0.03)  # of the torque
@@ -38,7 +38,7 @@ BITS, DROPPED = (13, 16), (0.005, 0.03)  # of an encoder; share of the rows
 
 def whole_rank(number: int) -> int | None:
     """Which of the whole robots a trial is, from 0; None where it is none."""
-    return number - WHOLE_FROM - 1 if number > WHOLE_FROM else None
+    return number - WHOLE_FROM - 1 if WHOLE_FROM < number <= WHOLE_TO else None
 
 
 def dealt(seed: int, rank: int) -> tuple[str, bool]:

@@ -9,10 +9,18 @@ from typing import Any
 from gpsim.diagnosis.report import contradictions
 from gpsim.files import plain, tells_of_full_disk, written_whole
 from gpsim.trials.blinding import Answer, diagnosis_digest, read_outcome, read_report, reveal
-from gpsim.trials.rivals import Listing, cached_listing, machine_listing, robot_rivals, whole_listing
+from gpsim.trials.rivals import (
+    Listing,
+    cached_listing,
+    machine_listing,
+    robot_rivals,
+    second_recordings,
+    whole_listing,
+)  # fmt: skip
 from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.curve_rules import CURVES, score_curve
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
+from gpsim.trials.scoring.plan_rules import AMBIGUOUS, PLANS, score_plan
 from gpsim.trials.scoring.rules import score
 from gpsim.trials.scoring.whole_rules import WHOLE, score_whole
 
@@ -61,6 +69,10 @@ def _judged(
         return score_whole(answer, report, found) | {"rivals": [], "sindy": None}
     if answer.content["stratum"] == CURVES:
         return score_curve(answer, report) | {"rivals": [], "sindy": None}
+    if answer.content["stratum"] == PLANS:
+        open_still = report is not None and report["verdict"] == AMBIGUOUS
+        second = second_recordings(out, name, answer) if open_still else None
+        return score_plan(answer, report, second) | {"rivals": [], "sindy": None}
     rivals = _listing(out, name, answer, outcome, report)
     return score(answer, report, rivals.rivals) | _beside(answer, rivals)
 
@@ -73,6 +85,8 @@ def _unscored(answer: Answer) -> dict[str, Any]:
         return score_whole(answer, None, None)
     if answer.content["stratum"] == CURVES:
         return score_curve(answer, None)
+    if answer.content["stratum"] == PLANS:
+        return score_plan(answer, None, None)
     return score(answer, None, [])
 
 

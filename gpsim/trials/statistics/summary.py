@@ -17,6 +17,7 @@ from gpsim.trials.statistics.group_figures import (
     rough_figures,
 )
 from gpsim.trials.statistics.intervals import interval, median_interval, rate, share_interval
+from gpsim.trials.statistics.plan_figures import plan_figures
 from gpsim.trials.statistics.whole_figures import whole_figures
 
 SCHEMA = "gpsim.prove/1"
@@ -38,7 +39,8 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     machines = [s for s in scores if s["stratum"] == "machines"]
     whole = [s for s in scores if s["stratum"] == "whole"]
     curves = [s for s in scores if s["stratum"] == "curves"]
-    special = ("rough", "machines", "whole", "curves")
+    plans = [s for s in scores if s["stratum"] == "plans"]
+    special = ("rough", "machines", "whole", "curves", "plans")
     plain = [s for s in scores if s["stratum"] not in special and "robot" not in s]
     standard = [s for s in plain if not s["long"]]
     words = [s for s in standard if s["stratum"] == "words"]
@@ -49,6 +51,7 @@ def summarise(scores: Sequence[Score]) -> dict[str, Any]:
     figures |= {"machines": machine_figures(machines)} if machines else {}
     figures |= {"whole": whole_figures(whole)} if whole else {}
     figures |= {"curves": curve_figures([s for s in curves if s["visible"]])} if curves else {}
+    figures |= {"plans": plan_figures(plans)} if plans else {}
     figures |= {"words": _words([s for s in words if s["visible"]])} if words else {}
     return {
         "schema": SCHEMA,

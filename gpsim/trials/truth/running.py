@@ -10,7 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.trials import catalogue, outside
 from gpsim.trials.truth.body import Body, Vehicle
 from gpsim.trials.truth.mujoco_body import MujocoBody
-from gpsim.trials.worlds import SYSTEMS, Run, TrueEffect, Values, World, drive, starts
+from gpsim.trials.worlds import SYSTEMS, Driving, Run, TrueEffect, Values, World, drive, starts
 
 SENSORS = catalogue.SENSORS
 REMEMBERING, DISTORTING = outside.at_site(outside.SensorWithMemory), outside.at_site(outside.Distortion)
@@ -86,11 +86,13 @@ def body_of(
     return Body(world.system, world.parameters, effects)
 
 
-def run(world: World, effects: Sequence[TrueEffect], h: float | None = None) -> Run:
-    """Drive the world; `h` is the fine step, by default the engine's own."""
+def run(
+    world: World, effects: Sequence[TrueEffect], h: float | None = None, driving: Driving | None = None
+) -> Run:
+    """Drive the world; `h` is the fine step, by default the engine's own; driving: the world's own excitation."""
     dry = any(e.family in catalogue.GRIP for e in effects)
     h = h or (FRICTION_H if world.engine == "mujoco" and dry else H)
-    n, driving, state = round(world.dt / h), drive(world), starts(world)
+    n, driving, state = round(world.dt / h), driving or drive(world), starts(world)
     names = SYSTEMS[world.system].names
     body, chain = body_of(world, effects, world.engine, h), ActuatorChain(world.system, effects)
     hidden, sensors = body.begin(state), (*effects, *world.late)

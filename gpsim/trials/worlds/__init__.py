@@ -6,7 +6,16 @@ Nothing here knows a law. `World` and `TrueEffect` decide a recording, `SYSTEMS`
 
 from gpsim.trials.worlds.closed_loop import FREE, REFERENCES
 from gpsim.trials.worlds.closed_loop import SIGNALS as CLOSED_LOOP
-from gpsim.trials.worlds.excitation import BODY_SIGNALS, GRADED_SIGNALS, VEHICLE_SIGNALS, drive, sound, starts
+from gpsim.trials.worlds.excitation import (
+    BODY_SIGNALS,
+    GRADED_SIGNALS,
+    PLAYED,
+    VEHICLE_SIGNALS,
+    Driving,
+    drive,
+    sound,
+    starts,
+)
 from gpsim.trials.worlds.scales import Dial, Scales, rounded, waves
 from gpsim.trials.worlds.systems import SYSTEMS, System, dynamics, load_on_track
 from gpsim.trials.worlds.world import (
@@ -29,11 +38,13 @@ __all__ = [
     "CLOSED_LOOP",
     "FREE",
     "GRADED_SIGNALS",
+    "PLAYED",
     "REFERENCES",
     "STRATA",
     "SYSTEMS",
     "VEHICLE_SIGNALS",
     "Dial",
+    "Driving",
     "Machine",
     "Rough",
     "Run",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -27,6 +28,8 @@ BODY_SIGNALS = ("bang_bang", "prbs", "chirp", "sines", "controller")
 VEHICLE_SIGNALS = ("sweep", "prbs", "chirp", "sines", "controller")
 GRADED_SIGNALS = ("chirp", "sines", "controller", "sweep")
 """Excitations whose commands take many values: what a dead zone or a saturation needs to be seen."""
+PLAYED = "played"
+"""By commands that were written down, from rest."""
 REACH = {"x": 0.8, "q": 0.5}  # m: how far a centring feedback lets a body go
 CARTS_PUSH = 10.0  # N
 AT_HOME = 0.05  # of the usual spread, where a machine begins that tracks a reference
@@ -64,6 +67,14 @@ class Drive:
         return np.stack([v, w], axis=1)
 
 
+class Driving(Protocol):
+    """Whatever drives a world."""
+
+    def command(self, k: int, measured: FloatArray) -> FloatArray:
+        """(E, A) what is commanded from sample k to k + 1, given the readings (E, S)."""
+        ...
+
+
 def drive(world: World) -> Drive | Tracking | Pursuit | Loop:
     """The world's excitation."""
     if world.excitation in REFERENCES:
@@ -90,6 +101,8 @@ def starts(world: World) -> FloatArray:
     """(E, S) true states at the episodes' starts, at rest."""
     rng = world.generator(2)
     out = np.zeros((world.episodes, len(SYSTEMS[world.system].state)))
+    if world.excitation == PLAYED:
+        return out
     swing = world.excitation == FREE
     if world.system == "cartpole":
         out[:, 0] = rng.uniform(-0.3, 0.3, world.episodes)

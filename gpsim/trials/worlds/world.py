@@ -98,7 +98,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
 
 """Parameters of an effect: name -> value in SI units."""
 Stratum = Literal[
-    "single", "pair", "triple", "none", "unknown", "words", "curves", "rough", "machines", "whole"
+    "single", "pair", "triple", "none", "unknown", "words", "curves", "rough", "machines", "whole", "plans"
 ]  # fmt: skip
 STRATA: tuple[Stratum, ...] = ("single", "pair", "triple", "none", "unknown", "words")
 

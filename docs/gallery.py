@@ -1,0 +1,80 @@
+"""Make docs/gallery.md and its pictures from finished diagnoses: python docs/gallery.py WORK
+
+WORK is the folder in which the commands of docs/gallery.yaml were run. What gpsim said is read from diagnosis.json,
+pictures are the diagnoses' own, made smaller. What was known and what was right is written by hand, in the YAML.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import yaml
+from PIL import Image
+
+from gpsim.diagnosis import Diagnosis
+
+DOCS = Path(__file__).resolve().parent
+FIGURE = "held_out_rollout.png"
+WIDTH, COLOURS = 640, 48  # of a picture: pixels, and of its palette
+HEAD = """# Gallery
+
+Accounts, right and wrong: of files of data/, of logs of real machines, and of concealed worlds of a proof. The pictures
+show the measurement in grey, the simulator as it was believed dashed, and the corrected one in blue. Both begin at the
+measured state, anew every second or so, in a part of the recording that nothing was fitted to. Where nothing is claimed
+there is no blue line.
+
+`python docs/gallery.py WORK` makes this page from what the commands below leave in the folder WORK. The public logs are
+not part of the project: [where they are from](../data/README.md#public-sets).
+"""
+
+
+def said(found: Diagnosis) -> str:
+    """The verdict, the claims in the account's own sentences, how many small corrections, and how much it explains."""
+    claims = [e.sentence for e in found.effects if e.role == "headline"]
+    slight = len(found.effects) - len(claims)
+    beside = f"; {slight} small correction{'s' if slight > 1 else ''} beside" if slight else ""
+    share = found.explained.rollout
+    explained = "" if share is None else f". Explained: {100 * share.share:.3g} % of the mismatch"
+    return f"`{found.verdict}`. {'; '.join(claims) or 'No effect is claimed'}{beside}{explained}."
+
+
+def picture(name: str, folder: Path) -> str:
+    """The path of a picture, made smaller, from docs/."""
+    path = DOCS / "images" / f"gallery_{name}.png"
+    with Image.open(folder / "figures" / FIGURE) as image:
+        size = (WIDTH, round(image.height * WIDTH / image.width))
+        small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+        small.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    return path.relative_to(DOCS).as_posix()
+
+
+def section(account: dict[str, str], work: Path) -> str:
+    """One account."""
+    folder = work / account["folder"]
+    path = folder / "diagnosis.json"
+    if not path.is_file():
+        sys.exit(f"error: {path}: no such diagnosis; in {work} run: {account['command']}")
+    found = Diagnosis.from_dict(json.loads(path.read_text(encoding="utf-8")), str(path))
+    return f"""## {account["title"]}
+
+    {account["command"]}
+
+![{account["title"]}: measured, base and corrected]({picture(account["name"], folder)})
+
+- **Known before:** {account["known"]}
+- **gpsim said:** {said(found)}
+- **Afterwards:** {account["right"]}
+"""
+
+
+def main() -> None:
+    """Write the page."""
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    accounts = yaml.safe_load((DOCS / "gallery.yaml").read_text(encoding="utf-8"))
+    sections = [section(account, Path(sys.argv[1])) for account in accounts]
+    (DOCS / "gallery.md").write_text("\n".join([HEAD, *sections]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

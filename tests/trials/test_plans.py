@@ -1,0 +1,108 @@
+"""Worlds for plans: recorded slowly, played again from rest, and decided by whoever tells the explanations apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from gpsim.cli.main import main
+
+from gpsim.stages.prove import numbers_of
+from gpsim.trials.blinding.plan_worlds import conceal_plan, played
+from gpsim.trials.drawing import PLANS_FROM, box_of, draw_plan, plan_rank
+from gpsim.trials.drawing.plan_draws import HIDDEN
+from gpsim.trials.rivals import PLANNED, Second, compared
+from gpsim.trials.rivals.plan_rivals import Decided
+from gpsim.trials.scoring.plan_rules import score_plan_kinds
+from gpsim.trials.statistics.plan_figures import plan_figures
+from gpsim.trials.worlds import TrueEffect
+
+
+def test_every_hidden_effect_comes_once_a_cycle_and_a_seed_gives_the_same_worlds():
+    numbers = numbers_of(0, plan=len(HIDDEN))
+    assert [plan_rank(n) for n in numbers] == list(range(len(HIDDEN)))
+    assert {draw_plan(3, n).effects[-1].family for n in numbers} == set(HIDDEN)
+    assert draw_plan(3, numbers[0]) == draw_plan(3, numbers[0])
+    assert draw_plan(4, numbers[0]) != draw_plan(3, numbers[0])
+
+
+@pytest.fixture(scope="module")
+def late():
+    """A world whose torque is late."""
+    number = next(
+        n
+        for n in range(PLANS_FROM + 1, PLANS_FROM + 9)
+        if draw_plan(3, n).effects[-1].family == "actuator_delay"
+    )
+    return conceal_plan(3, number)
+
+
+def test_the_first_recording_is_slow_and_stays_in_the_box(late):
+    (episode,) = late.recording.episodes
+    (low, high), (_, fast) = late.limits["box"].values()
+    assert low < episode.states[:, 0].min() < episode.states[:, 0].max() < high
+    assert np.abs(np.diff(episode.actions[:, 0])).max() < 0.1 * np.abs(episode.actions).max()
+    assert np.abs(late.clean.episodes[0].states[:, 1]).max() < fast
+
+
+def test_what_is_played_begins_at_rest_and_whoever_leaves_the_box_is_stopped(late):
+    still = np.zeros((40, 1))
+    hard = np.full((40, 1), 5.0 * np.abs(late.recording.episodes[0].actions).max())
+    second, left = played(late.world, np.stack([still, hard], axis=1), box_of(late.world))
+    assert left[0] == 40
+    assert 0 < left[1] < 40
+    noise = late.world.noise["theta"]
+    assert np.abs(second.episodes[0].states[:, 0]).max() < 6.0 * noise
+    other, _ = played(late.world, still[:, None], box_of(late.world))
+    assert not np.array_equal(other.episodes[0].states[:, 0], late.recording.episodes[0].states[:41, 0])
+
+
+def score(trial, seconds, left=False):
+    kinds = {
+        kind: {"nats": 1.0, "seconds": s, "left": left and kind == "chirp"}
+        for kind, s in zip((PLANNED, "chirp", "PRBS"), seconds, strict=True)
+    }
+    counts = any(s is not None for s in seconds)
+    return {
+        "trial": trial, "verdict": "ambiguous", "listed": True, "counts": counts, "kinds": kinds,
+        "right": not counts or seconds[0] is not None,
+    }  # fmt: skip
+
+
+def test_shares_are_of_worlds_that_something_resolves():
+    found = plan_figures(
+        [
+            score("a", (1.0, 4.0, 2.0)),
+            score("b", (None, None, 3.0), left=True),
+            score("c", (None, None, None)),
+        ]
+    )
+    assert (found["drawn"], found["n"], found["misses"]) == (3, 2, ["b"])
+    assert found["kinds"][PLANNED]["resolved"] == 1
+    assert found["kinds"]["chirp"]["left"] == 1
+    assert found["kinds"]["PRBS"]["median_seconds"] == 2.5
+    assert np.isinf(found["over_fixed"])  # of two worlds the plan decides one: its median is never
+
+
+def test_seconds_are_those_of_the_part_after_which_it_was_decided():
+    second = Second(20.0, True, {PLANNED: Decided(0.25, 9.0, False), "chirp": Decided(None, 1.0, True)})
+    assert score_plan_kinds(second) == {
+        PLANNED: {"nats": 9.0, "seconds": 5.0, "left": False},
+        "chirp": {"nats": 1.0, "seconds": None, "left": True},
+    }
+    assert score_plan_kinds(None) == {}
+
+
+def test_a_truth_that_no_explanation_holds_is_not_compared(late):
+    from made_posteriors import LAG_OR_DELAY, made_posterior
+
+    world = replace(late.world, effects=(TrueEffect("spring", "theta", {"stiffness": 1.0}),))
+    found = compared(world, late.limits, late.recording, made_posterior(*LAG_OR_DELAY), None)
+    assert not found.listed
+
+
+def test_robots_have_no_plans(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["gpsim", "prove", "--system", "mjcf", "--plan", "2", "--out", "x"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert "nor for plans" in capsys.readouterr().err
