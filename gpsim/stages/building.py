@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from gpsim.errors import UsageError
 from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
 from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
+from gpsim.recordings import Episode, Recording
+from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import build, choice
 from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant
 from gpsim.targets import ChangedModel, FrictionCartPole, Limo
@@ -145,3 +149,40 @@ def _positive(value: Any, where: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:
         raise UsageError(f"{where}: expected a positive number, got {value!r}")
     return float(value)
+
+
+def recording_of(
+    base: SimulatorPlant,
+    episodes: Sequence[Episode],
+    driver: str,
+    seed: int,
+    noise: Mapping[str, float] | None = None,
+) -> Recording:
+    """What was driven, in the base simulator's channels; driver: what drove it."""
+    return Recording(
+        system=base.simulator.name,
+        state=base.state,
+        action=base.action,
+        episodes=tuple(episodes),
+        dt=base.dt,
+        parameters=base.parameters,
+        integrator=base.integrator,
+        velocities="measured" if base.simulator.coordinates else None,
+        clock="episode",
+        noise=noise or {},
+        provenance={"driver": driver, "seed": seed},
+    )
+
+
+def residuals_of(base: SimulatorPlant, episodes: Sequence[Episode], rng: np.random.Generator) -> Residuals:
+    """What the base misses of episodes that were driven, none of them held out; rng shuffles the rows."""
+    recording = Recording(base.simulator.name, base.state, base.action, tuple(episodes), base.dt)
+    return build_residuals(
+        recording,
+        base.simulator,
+        base.parameters,
+        base.integrator,
+        test_fraction=0.0,
+        rng=rng,
+        learnt_from=False,
+    )
