@@ -63,7 +63,7 @@ def plan_command(
             "plan: name the DIAGNOSIS that left something open, as: gpsim plan found --minutes 2"
         )
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.plan_text import told
+    from gpsim.reports.plan_page import told
     from gpsim.stages.figures import paths_of
     from gpsim.stages.plan import plan_of, stage_for
     from gpsim.stages.stage import Request

@@ -34,7 +34,7 @@ from gpsim.reports.wording import worded
 from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
 from gpsim.stages.code import blamed
-from gpsim.stages.corrected_model import where_effects_go
+from gpsim.stages.export_diagnosis import where_effects_go
 from gpsim.stages.policy_files import write_gp
 from gpsim.stages.stage import Progress, generator, silent
 

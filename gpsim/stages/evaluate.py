@@ -46,6 +46,7 @@ from gpsim.stages.building import (
     base_plant,
     drivable,
     make_task,
+    measured_on,
     randomised_plant,
     residuals_of,
     target_plant,
@@ -55,7 +56,6 @@ from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.evaluate_robustness import robustness, what_is_open
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.stand_in import measured_on
 
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""

@@ -18,8 +18,8 @@ from gpsim.policies.export import ros_node, to_onnx
 from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
 from gpsim.settings import build
 from gpsim.simulators import SIMULATORS, Integrator, Simulator
-from gpsim.stages.corrected_model import correction_of, sentences, went
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
+from gpsim.stages.export_diagnosis import correction_of, sentences, went
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.survives import survival_lines
 from gpsim.tasks import GoalReaching

@@ -1,8 +1,11 @@
-"""export diagnosis: what was measured beside base and corrected simulator, on one clock, for Foxglove."""
+"""export diagnosis: what was measured beside base and corrected simulator, on one clock, for Foxglove.
+
+What a diagnosis of a MuJoCo model asks of that model, and where in it each effect goes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -10,14 +13,18 @@ from typing import Any
 import numpy as np
 
 from gpsim.artifacts import Artifact, read_artifact, read_timings
+from gpsim.corrected import EffectsPlant
 from gpsim.diagnosis import Diagnosis
 from gpsim.diagnosis.assessment import Alongside, alongside
+from gpsim.diagnosis.report import Estimate, NamedEffect
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Settings, read_settings
 from gpsim.errors import UsageError
 from gpsim.files import disk_errors, written_whole
+from gpsim.mjcf import Correction, MjcfSimulator, planned
 from gpsim.recordings import Recording
 from gpsim.reports.account import account_of
+from gpsim.reports.account_effects import claim_name
 from gpsim.reports.foxglove_scene import body_of
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
@@ -141,3 +148,48 @@ def _notes(
     if not drawn:
         notes.append(f"numbers only: nobody knows the shape of {simulator}, so no body is drawn")
     return notes
+
+
+DIGITS, STEP = 4, 12
+"""Of what is told, and of a control step that was taken from a log's stamps."""
+
+
+def correction_of(plant: EffectsPlant, simulator: MjcfSimulator) -> Correction:
+    """The corrected simulator as a change of its model."""
+    dt = float(f"{plant.dt:.{STEP}g}")
+    return Correction(simulator, plant.parameters, plant.terms, dt, plant.substeps, plant.youngest)
+
+
+def where_effects_go(plant: EffectsPlant, effects: Iterable[NamedEffect]) -> list[str]:
+    """A line an effect, if the simulator is a MuJoCo model; none of any other."""
+    if not isinstance(plant.simulator, MjcfSimulator) or not plant.terms:
+        return []
+    return [went(e) for e in planned(correction_of(plant, plant.simulator), sentences(effects))]
+
+
+def sentences(effects: Iterable[NamedEffect]) -> dict[tuple[str, str], str]:
+    """Of each effect, by family and place, its numbers and their intervals."""
+    return {(effect.family, effect.place): said_of(effect) for effect in effects}
+
+
+def went(effect: Mapping[str, Any]) -> str:
+    """An effect of patch.json, and the attributes it went to."""
+    there = "; ".join(effect["attributes"]) or "wrapper"
+    if effect["where"] == "attribute and wrapper":
+        there += "; wrapper"
+    reason = f" ({effect['why']})" if effect["why"] else ""
+    return f"{effect['said']} -> {'left out' if effect['where'] == 'left out' else there}{reason}"
+
+
+def said_of(effect: NamedEffect) -> str:
+    """An effect with its numbers and their intervals, for a comment."""
+    numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
+    return f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
+
+
+def _estimate(estimate: Estimate) -> str:
+    """A value, its unit, and its 90 % interval."""
+    value = f"{estimate.value:.{DIGITS}g} {estimate.unit}".removesuffix(" 1")
+    if estimate.low is None or estimate.high is None:
+        return value
+    return f"{value} ({estimate.low:.{DIGITS}g} to {estimate.high:.{DIGITS}g})"

@@ -21,8 +21,8 @@ from gpsim.errors import UsageError
 from gpsim.mjcf import open_simulator
 from gpsim.reports.diagnosis_page import page
 from gpsim.simulators import make_simulator
-from gpsim.stages.corrected_model import where_effects_go
 from gpsim.stages.export import export_corrected_model
+from gpsim.stages.export_diagnosis import where_effects_go
 
 SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))
 TERMS = (Term("coulomb_friction", "elbow", {"force": 0.05}), Term("actuator_dead_zone", "m1", {"width": 0.3}))
