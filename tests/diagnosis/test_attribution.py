@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gpsim.diagnosis.attribution import attribute, explained_by, fits_without, supported
+from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.attribution.rollout_windows import rollout_windows
 from gpsim.diagnosis.attribution.support import _hidden, _spare, holds_in_halves
-from gpsim.diagnosis.attribution.plainer import plainer
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import Settings
