@@ -26,11 +26,10 @@ from gpsim.artifacts import Artifact
 from gpsim.corrected import GpCorrection
 from gpsim.environments import collect_episodes, policy_actor, random_actor
 from gpsim.evaluation import episode_returns, nrmse
-from gpsim.recordings import Recording
-from gpsim.residuals import Residuals, build_residuals
+from gpsim.residuals import Residuals
 from gpsim.stages import build_residuals as residual_stage
 from gpsim.stages import certify, collect, fit_gp, train_gp_policy, train_source
-from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.building import base_plant, make_task, residuals_of, target_plant
 from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request
 from gpsim.stages.train_gp_policy import corrected_plant
@@ -44,16 +43,7 @@ def fresh(request: Request, by_policy: bool) -> Residuals:
         policy = train_source.STAGE.make(request.having(variant="source"))[0]
         act = policy_actor(read_policy(policy.path), rng)
     episodes = collect_episodes(target_plant(request.config), task, act, 40, rng)
-    recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
-    return build_residuals(
-        recording,
-        base.simulator,
-        base.parameters,
-        base.integrator,
-        test_fraction=0.0,
-        rng=rng,
-        learnt_from=False,
-    )
+    return residuals_of(base, episodes, rng)
 
 
 def error(request: Request, data: Residuals) -> float:

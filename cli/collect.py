@@ -11,7 +11,17 @@ from gpsim.errors import UsageError
 
 from .answers import answer, asked
 from .launching import refuse_launcher
-from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage, show, show_standing, shown_words
+from .options import (
+    ConfigDir,
+    DryRun,
+    Out,
+    ShowConfig,
+    Words,
+    configured,
+    run_stage,
+    show_standing,
+    shown_words,
+)
 from .printing import say
 from .progress import single_progress
 
@@ -34,12 +44,7 @@ def collect_command(
     dry_run: DryRun = False,
 ) -> None:
     """Record episodes of the target, or import logs of it (collect.source=my.bag)."""
-    from .configuration import resolve  # Hydra is no part of `--help`
-
-    config = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     if plan is None:
         run_stage("collect", config, tuple(words or ()), config_dir, out, dry_run)
         return

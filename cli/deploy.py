@@ -10,7 +10,7 @@ import typer
 from gpsim.errors import UsageError
 
 from .answers import answer
-from .options import ConfigDir, ShowConfig, Words, show, shown_words
+from .options import ConfigDir, ShowConfig, Words, configured, shown_words
 from .printing import say
 
 Replay = Annotated[
@@ -31,12 +31,7 @@ def deploy_command(
     It predicts each step with the simulator that correction= says, and stops where the errors are no longer usual, or
     a state leaves deploy.limits. Nothing is written. Try it on the stand-in with: gpsim evaluate deploy.safe=true
     """
-    from .configuration import resolve  # Hydra is no part of `--help`
-
-    config = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     if not replay:
         raise UsageError(
             "deploy: give --replay LOG to watch a recorded drive, or try the monitor on the stand-in with: "

@@ -15,7 +15,7 @@ from .answers import answer
 from .cores import CORES
 from .fleet import diagnose_each, refuse_several
 from .launching import refuse_launcher
-from .options import ConfigDir, DryRun, ShowConfig, show, show_standing, shown_words, split_words
+from .options import ConfigDir, DryRun, ShowConfig, configured, show_standing, shown_words, split_words
 from .pace import DIAGNOSIS, MUJOCO
 from .printing import say
 from .progress import caution, note, saying_once, single_progress, warn
@@ -99,8 +99,6 @@ def diagnose_command(
     dry_run: DryRun = False,
 ) -> None:
     """Find which physics the simulator lacks, how much of it, and whether the corrected simulator fits better."""
-    from .configuration import resolve  # Hydra is no part of `--help`
-
     recordings, settings = split_words(words or [])
     named(simulator, settings)
     own = named_effects(effects)
@@ -118,10 +116,7 @@ def diagnose_command(
         _refuse(settings)
     elif mapping is not None:
         raise UsageError("diagnose: --mapping goes with a raw log, as: gpsim diagnose my.bag --mapping FILE")
-    config = resolve(settings, config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(settings, config_dir, show_config)
 
     def read(path: Path) -> Path:
         found, rest = _raw(path, of_log, simulator, mapping, None)

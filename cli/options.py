@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,6 +36,7 @@ ShowConfig = Annotated[bool, typer.Option("--show-config", help="Print the resol
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Show what exists and what would be made, and why; write nothing.")
 ]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Write here instead of runs/<experiment>/<stage>/vNNNN.")
 ]
@@ -61,13 +62,19 @@ def refuse_unused(command: str, settings: Sequence[str], used: Sequence[str]) ->
             raise UsageError(f"{command}: {word}: not used here; settings that count: {', '.join(used)}")
 
 
-def show(config: Mapping[str, Any]) -> None:
-    """Print the resolved configuration."""
-    from .configuration import as_yaml, plain  # Hydra is no part of `--help`
+def configured(
+    words: Sequence[str] | None, config_dir: Path | None, show_config: bool = False
+) -> dict[str, Any]:
+    """The resolved configuration; with --show-config it is printed, and the command ends there."""
+    from .configuration import as_yaml, plain, resolve  # Hydra is no part of `--help`
 
+    config = resolve(words or [], config_dir)
+    if not show_config:
+        return config
     answer(config=plain(config))
     if not asked():
         typer.echo(as_yaml(config), nl=False)
+    raise typer.Exit
 
 
 def told(lines: Iterable[str]) -> list[str]:

@@ -17,8 +17,8 @@ from .options import (
     DryRun,
     Out,
     ShowConfig,
+    configured,
     refuse_unused,
-    show,
     show_standing,
     shown_words,
     split_words,
@@ -55,20 +55,15 @@ def plan_command(
     dry_run: DryRun = False,
 ) -> None:
     """Plan the next recording: safe commands under which the explanations that a diagnosis left open differ most."""
-    from .configuration import resolve  # Hydra is no part of `--help`
-
     diagnoses, settings = split_words(words or [])
     refuse_unused("plan", settings, USED)
-    config = resolve(settings, config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(settings, config_dir, show_config)
     if not diagnoses:
         raise UsageError(
             "plan: name the DIAGNOSIS that left something open, as: gpsim plan found --minutes 2"
         )
     # Imported here: scipy and matplotlib take seconds to load, and `--help` should not wait for it.
-    from gpsim.reports.plan_text import told
+    from gpsim.reports.plan_page import told
     from gpsim.stages.figures import paths_of
     from gpsim.stages.plan import plan_of, stage_for
     from gpsim.stages.stage import Request

@@ -14,6 +14,7 @@ from .answers import NAME as AS_JSON
 from .answers import answer
 from .cores import CORES
 from .launching import KEPT, LauncherWords, launcher_from_words
+from .options import Jobs
 from .printing import console, say
 from .progress import single_progress
 from .quiet import NAME as QUIET
@@ -67,7 +68,6 @@ Plans = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Worlds are drawn from it; 1 to 99 are for tuning.")]
 Out = Annotated[Path, typer.Option("--out", help="Folder of the proof; what is finished in it is kept.")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 Strata = Annotated[
     list[str] | None,
     typer.Option(

@@ -17,7 +17,7 @@ from gpsim.reports.printable import literal
 from .answers import answer, asked
 from .cores import CORES
 from .launching import launcher_of
-from .options import ConfigDir, DryRun, ShowConfig, Words, show, show_standing, shown_words, told
+from .options import ConfigDir, DryRun, Jobs, ShowConfig, Words, configured, show_standing, shown_words, told
 from .printing import console, say
 from .progress import Board, note, single_progress, warn
 
@@ -29,7 +29,6 @@ Seeds = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Repeat wit
 Reported = Annotated[
     int, typer.Option("--seeds", min=1, max=1000, help="Seeds of the finished loop: seed, seed + 1, ...")
 ]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 
 
 @run_app.callback()
@@ -47,12 +46,7 @@ def full_loop(
     dry_run: DryRun = False,
 ) -> None:
     """Run every stage and write the report; keep what exists with the same configuration and parents."""
-    from .configuration import resolve  # Hydra is no part of `--help`
-
-    config = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     if dry_run:
         show_status(config, shown_words(words, config_dir), seeds)
         return
@@ -91,12 +85,7 @@ def iterate(words: Words = None, config_dir: ConfigDir = None, show_config: Show
     rounds= says how many there are at most. It stops before where a round's policy gains no more over the best one than
     the standard error of that gain, on starts of the target that the evaluation does not use.
     """
-    from .configuration import resolve  # as in `full_loop`
-
-    config = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     from gpsim.stages import iterate as iterating
     from gpsim.stages.stage import Request
 
@@ -118,12 +107,7 @@ def status_command(
     words: Words = None, seeds: Seeds = 1, config_dir: ConfigDir = None, show_config: ShowConfig = False
 ) -> None:
     """What is there of the configured loop, what would be made, and why: the setting, parent, file or code."""
-    from .configuration import resolve  # Hydra is no part of `--help`
-
-    config = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     show_status(config, shown_words(words, config_dir), seeds)
 
 
@@ -183,12 +167,7 @@ def report_command(
 
     With --site a folder of pages instead: an index over all runs, and every report.
     """
-    from .configuration import resolve  # Hydra is no part of `--help`
-
-    config = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     if site and dry_run:
         raise UsageError(
             "report: --dry-run says what would be made in runs/; a site is a copy of what is there"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from .collect import collect_command
-from .options import ConfigDir, DryRun, Out, ShowConfig, Words, run_stage, show
+from .options import ConfigDir, DryRun, Out, ShowConfig, Words, configured, run_stage
 
 PANEL = "Stages, in order"
 STAGES = {
@@ -49,12 +49,7 @@ def _command(name: str):  # type: ignore[no-untyped-def]  # Typer reads the sign
         out: Out = None,
         dry_run: DryRun = False,
     ) -> None:
-        from .configuration import resolve  # Hydra is no part of `--help`
-
-        config = resolve(words or [], config_dir)
-        if show_config:
-            show(config)
-            return
+        config = configured(words, config_dir, show_config)
         run_stage(name, config, tuple(words or ()), config_dir, out, dry_run)
 
     return command

@@ -15,7 +15,7 @@ from gpsim.reports.printable import literal
 from .answers import answer, warned
 from .cores import CORES
 from .launching import launcher_of
-from .options import ConfigDir, DryRun, shown_words
+from .options import ConfigDir, DryRun, Jobs, shown_words
 from .printing import say
 from .progress import Board, note, warn
 
@@ -31,7 +31,6 @@ Words = Annotated[
     ),
 ]
 Of = Annotated[str, typer.Option("--of", help="The stage to run at every point, with all that it needs.")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.", show_default="cores")]
 
 
 def sweep_command(

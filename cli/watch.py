@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from . import completion
 from .answers import NO_LONGER_HOLDS, answer
-from .options import ConfigDir, ShowConfig, refuse_unused, show
+from .options import ConfigDir, ShowConfig, configured, refuse_unused
 from .printing import say
 from .progress import note
 
@@ -51,13 +51,8 @@ def watch_command(
     show_config: ShowConfig = False,
 ) -> None:
     """Say of every new recording whether an old account still holds; exit code 4 where it no longer does."""
-    from .configuration import resolve  # Hydra is no part of `--help`
-
     refuse_unused("watch", words or [], USED)
-    config: dict[str, Any] = resolve(words or [], config_dir)
-    if show_config:
-        show(config)
-        return
+    config = configured(words, config_dir, show_config)
     # Imported here: scipy takes a second to load, and `--help` should not wait for it.
     from gpsim.stages.watch import watch_of, watched
 

@@ -14,8 +14,7 @@ from torch import nn
 
 from gpsim.environments.envs import BatchedEnv
 from gpsim.policies.training import ppo
-from gpsim.policies.training.lean_ppo import ADAM_EPSILON
-from gpsim.policies.training.lean_update import Batch, Network, limit_norm, write_gradients
+from gpsim.policies.training.lean_ppo import ADAM_EPSILON, Batch, Network, limit_norm, write_gradients
 from gpsim.policies.training.settings import PpoSettings
 from gpsim.simulators import make_simulator
 from gpsim.simulators.plant import SimulatorPlant

@@ -26,10 +26,9 @@ from gpsim.artifacts.artifact import (
     read_artifact,
     read_manifest,
 )
-from gpsim.artifacts.keys import VERSION, entries, of_key
+from gpsim.artifacts.keys import VERSION, all_marked, entries, mark, marked, of_key
 from gpsim.artifacts.leftovers import sweep
 from gpsim.artifacts.locks import held
-from gpsim.artifacts.markers import all_marked, mark, marked
 from gpsim.artifacts.provenance import git_commit, package_versions
 from gpsim.artifacts.removal import needed
 from gpsim.errors import UsageError

@@ -1,4 +1,7 @@
-"""The corrected simulator: base rates plus what recordings have taught about them."""
+"""The corrected simulator: base rates plus what recordings have taught about them.
+
+A Gaussian process as one function an episode: what is not known of a machine does not change from step to step.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from gpsim.channels import FloatArray
 from gpsim.corrected.command_filter import CommandFilter, mean_rates
 from gpsim.corrected.features import Features
 from gpsim.effects import closed
-from gpsim.gp import Predictor
+from gpsim.gp import DrawnFunctions, Predictor
 from gpsim.residuals import Residuals
 from gpsim.simulators import Memory, SimulatorPlant
 
@@ -109,3 +112,21 @@ def arrived_inputs(plant: CorrectedPlant, data: Residuals) -> tuple[FloatArray, 
     states, actions = np.split(data.inputs, [len(plant.state)], axis=1)
     arrived = plant.filter.arrived(actions, data.episode, data.t, data.over_gaps)
     return np.hstack([states, arrived]), mean_rates(plant, states, arrived) - data.simulated
+
+
+@dataclass(frozen=True)
+class FunctionCorrection:
+    """Adds to the rates one of a few functions that were drawn from the posterior; every episode keeps its own."""
+
+    functions: DrawnFunctions
+    features: Features
+
+    def begin(self, count: int, rng: np.random.Generator) -> Memory:
+        """Which function each episode has."""
+        return {"function": rng.integers(0, self.functions.count, count).astype(float)}
+
+    def rates(
+        self, state: FloatArray, action: FloatArray, memory: Memory, rng: np.random.Generator
+    ) -> FloatArray:
+        """(B, R) correction of the rates."""
+        return self.functions(self.features(np.concatenate((state, action), axis=1)), memory["function"])

@@ -3,8 +3,13 @@
 from gpsim.evaluation.monitor import BETS, Monitor, MonitorSettings, Usual, one_step_errors, usual_errors
 from gpsim.evaluation.one_step import OneStep, coverage_warnings, outside_range
 from gpsim.evaluation.replay import WARM_UP, replay, windows_of
-from gpsim.evaluation.returns import episode_returns, summarise_all
-from gpsim.evaluation.robustness import mean_and_worst, robustness_lines, worst_tenth
+from gpsim.evaluation.returns import (
+    episode_returns,
+    mean_and_worst,
+    robustness_lines,
+    summarise_all,
+    worst_tenth,
+)
 from gpsim.evaluation.rollout import compare, roll_out
 from gpsim.evaluation.safe_drive import NEVER, ChangingPlant, Drives, Limits, drive
 from gpsim.evaluation.statistics import nrmse

@@ -17,8 +17,8 @@ from gpsim.recordings.guessing_time import unit_hint
 from gpsim.recordings.import_report import EpisodeCount, ImportReport
 from gpsim.recordings.mapping import ImportMapping
 from gpsim.recordings.recording import Episode, Recording
+from gpsim.recordings.soundness import unmarked_wraps
 from gpsim.recordings.sources import Inspector, NamedLog, Part, read_parts
-from gpsim.recordings.turns import unmarked_wraps
 from gpsim.recordings.values import LARGEST
 
 

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from gpsim.diagnosis import Diagnosis
-from gpsim.diagnosis.report import Form, NamedEffect
-from gpsim.reports.curve_text import extent
+from gpsim.diagnosis.report import Form, MeasuredCurve, NamedEffect
 from gpsim.reports.diagnosis_text import gate_text, listed, noun
 from gpsim.reports.quantities import certainty_text, is_open, percent, size_text, spelled
 from gpsim.reports.sheets import MISSING
@@ -58,6 +57,11 @@ def told_effects(diagnosis: Diagnosis) -> tuple[list[NamedEffect], list[NamedEff
         [effect for effect in ordered if effect.role == "headline"],
         [effect for effect in ordered if effect.role == "slight"],
     )
+
+
+def extent(curve: MeasuredCurve) -> str:
+    """From where to where it goes, for a table: `-2.9 to 3.1 N`."""
+    return f"{min(curve.values):.3g} to {max(curve.values):.3g} {curve.unit}"
 
 
 def effect_name(effect: NamedEffect) -> str:

@@ -1,6 +1,14 @@
 """Residuals: where a recording meets a simulator, what happened minus what was predicted."""
 
-from gpsim.residuals.checks import OWN_DT, check_clock, check_match, check_rates, check_varies
+from gpsim.residuals.checks import (
+    OWN_DT,
+    check_clock,
+    check_match,
+    check_rates,
+    check_varies,
+    read_table,
+    table_recording,
+)
 from gpsim.residuals.residuals import (
     Residuals,
     build_residuals,
@@ -9,7 +17,6 @@ from gpsim.residuals.residuals import (
     to_table,
 )
 from gpsim.residuals.split import SHARE, check_each_holds_out, first_held_out, held_out_names, holding_out
-from gpsim.residuals.tables import read_table, table_recording
 
 __all__ = [
     "OWN_DT",

@@ -1,18 +1,28 @@
-"""From configuration sections to the objects they describe."""
+"""From configuration sections to the objects they describe.
+
+Whether the target that is driven is another one than was recorded.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from gpsim.artifacts import MANIFEST, read_manifest
 from gpsim.errors import UsageError
 from gpsim.gymtasks import GymTask, is_gym_task
 from gpsim.mjcf import open_simulator
 from gpsim.policies import BeamSearch, balance_search
 from gpsim.policies.training.settings import PpoSettings, SacSettings
+from gpsim.recordings import Episode, Recording
+from gpsim.residuals import Residuals, build_residuals
 from gpsim.settings import build, choice
 from gpsim.simulators import INTEGRATORS, Plant, RandomisedPlant, Simulator, SimulatorPlant
+from gpsim.stages.stage import Request
 from gpsim.targets import ChangedModel, FrictionCartPole, Limo
 from gpsim.tasks import TASKS, Task
 
@@ -145,3 +155,63 @@ def _positive(value: Any, where: str) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool) or not value > 0:
         raise UsageError(f"{where}: expected a positive number, got {value!r}")
     return float(value)
+
+
+def recording_of(
+    base: SimulatorPlant,
+    episodes: Sequence[Episode],
+    driver: str,
+    seed: int,
+    noise: Mapping[str, float] | None = None,
+) -> Recording:
+    """What was driven, in the base simulator's channels; driver: what drove it."""
+    return Recording(
+        system=base.simulator.name,
+        state=base.state,
+        action=base.action,
+        episodes=tuple(episodes),
+        dt=base.dt,
+        parameters=base.parameters,
+        integrator=base.integrator,
+        velocities="measured" if base.simulator.coordinates else None,
+        clock="episode",
+        noise=noise or {},
+        provenance={"driver": driver, "seed": seed},
+    )
+
+
+def residuals_of(base: SimulatorPlant, episodes: Sequence[Episode], rng: np.random.Generator) -> Residuals:
+    """What the base misses of episodes that were driven, none of them held out; rng shuffles the rows."""
+    recording = Recording(base.simulator.name, base.state, base.action, tuple(episodes), base.dt)
+    return build_residuals(
+        recording,
+        base.simulator,
+        base.parameters,
+        base.integrator,
+        test_fraction=0.0,
+        rng=rng,
+        learnt_from=False,
+    )
+
+
+def measured_on(request: Request) -> str | None:
+    """In words what a stand-in's figures are of, where the recording is of something else; else None.
+
+    It is where logs are imported, and where `recording=` names one that was not made by driving this very stand-in.
+    """
+    given, target = request.config["recording"], request.section("target")["target"]
+    imported = request.config["collect"]["source"] is not None
+    if not drivable(request.config) or (given is None and not imported):
+        return None
+    if given is not None and _driven(Path(str(given))) == target:
+        return None
+    name = target["name"]
+    return f"the stand-in {name}, not on what was recorded; choose target=recording to judge by the recording"
+
+
+def _driven(recording: Path) -> Any:
+    """The target that gpsim drove for a recording; None where it did not."""
+    if not (recording / MANIFEST).is_file():
+        return None
+    made = read_manifest(recording)
+    return made.manifest["config"].get("target") if made.stage == "collect" else None

@@ -21,7 +21,7 @@ from gpsim.files import Json
 from gpsim.recordings import Episode, ImportReport, Recording, write_recording
 from gpsim.settings import choice, number, positive
 from gpsim.stages import collect_active, gp_settings, train_source
-from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.building import base_plant, make_task, recording_of, target_plant
 from gpsim.stages.import_log import (
     changes_of,
     logs_of,
@@ -103,19 +103,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         float(section["missing"]),
         generator(request.seed, "collect/sensors"),
     )
-    recording = Recording(
-        system=base.simulator.name,
-        state=base.state,
-        action=base.action,
-        episodes=sensed,
-        dt=base.dt,
-        parameters=base.parameters,
-        integrator=base.integrator,
-        velocities="measured" if base.simulator.coordinates else None,
-        clock="episode",
-        noise=noise,
-        provenance={"driver": driver, "seed": request.seed},
-    )
+    recording = recording_of(base, sensed, driver, request.seed, noise)
     write_recording(recording, folder)
     return {"transitions": recording.transition_count}
 

@@ -9,11 +9,10 @@ from gpsim.corrected import CorrectedPlant, Features, GpCorrection
 from gpsim.environments import ActiveSettings, Model, collect_actively
 from gpsim.errors import UsageError
 from gpsim.gp import FitSettings, Predictor, fit_outputs
-from gpsim.recordings import Episode, Recording
-from gpsim.residuals import build_residuals
+from gpsim.recordings import Episode
 from gpsim.settings import build, choice
 from gpsim.stages import gp_settings
-from gpsim.stages.building import base_plant, make_task, target_plant
+from gpsim.stages.building import base_plant, make_task, residuals_of, target_plant
 from gpsim.stages.stage import Request, generator
 
 ACTIVE = "active"
@@ -55,24 +54,7 @@ def _quick(settings: FitSettings) -> FitSettings:
 def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episode]) -> Model:
     """The corrected simulator of what was recorded so far, of a part of it drawn by seed."""
     base = base_plant(request.config)
-    recording = Recording(
-        base.simulator.name,
-        base.state,
-        base.action,
-        tuple(episodes),
-        base.dt,
-        base.parameters,
-        base.integrator,
-    )
-    residuals = build_residuals(
-        recording,
-        base.simulator,
-        base.parameters,
-        base.integrator,
-        test_fraction=0.0,
-        rng=generator(request.seed, "collect/active/order"),
-        learnt_from=False,
-    )
+    residuals = residuals_of(base, episodes, generator(request.seed, "collect/active/order"))
     features = Features.of(gp_settings.input_names(request), residuals.channels)
     rows = residuals.training_rows(settings.n_train)
     try:

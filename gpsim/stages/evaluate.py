@@ -27,8 +27,7 @@ from gpsim.evaluation import (
     summarise_all,
 )
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.recordings import Recording
-from gpsim.residuals import Residuals, build_residuals
+from gpsim.residuals import Residuals
 from gpsim.settings import positive, truth
 from gpsim.simulators import Plant
 from gpsim.stages import build_residuals as build_residuals_stage
@@ -43,13 +42,20 @@ from gpsim.stages import (
     train_gp_policy,
     train_source,
 )
-from gpsim.stages.building import base_plant, drivable, make_task, randomised_plant, target_plant
+from gpsim.stages.building import (
+    base_plant,
+    drivable,
+    make_task,
+    measured_on,
+    randomised_plant,
+    residuals_of,
+    target_plant,
+)
 from gpsim.stages.compared import TRAINED_BY, full_return, needs_diagnosis, policy_names
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.evaluate_robustness import robustness, what_is_open
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.stand_in import measured_on
 
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
@@ -203,16 +209,7 @@ def _visit(request: Request, recipe: Recipe, driver: str | None) -> Residuals:
         act = policy_actor(read_policy(recipe.parents[driver].path), None if driver == DEPLOYED else rng)
     count = positive(section["one_step_episodes"], "evaluate.one_step_episodes")
     episodes = collect_episodes(target_plant(request.config), task, act, count, rng)
-    recording = Recording(base.simulator.name, base.state, base.action, episodes, base.dt)
-    return build_residuals(
-        recording,
-        base.simulator,
-        base.parameters,
-        base.integrator,
-        test_fraction=0.0,
-        rng=rng,
-        learnt_from=False,
-    )
+    return residuals_of(base, episodes, rng)
 
 
 def _rollouts(request: Request, recipe: Recipe, folder: Path) -> dict[str, Any]:

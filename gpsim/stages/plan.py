@@ -129,8 +129,7 @@ def _plant(diagnoses: Sequence[Path]) -> EffectsPlant:
 
 
 def _write(request: Request, diagnoses: Sequence[Path], minutes: float, anew: bool, folder: Path) -> Json:
-    from gpsim.reports.plan_page import plan_page
-    from gpsim.reports.plan_text import plan_facts
+    from gpsim.reports.plan_page import plan_facts, plan_page
 
     plant, posterior = _plant(diagnoses), together([read_left_open(d) for d in diagnoses])
     section, rng = request.config["plan"], generator(request.seed, "plan")

@@ -9,9 +9,9 @@ import numpy as np
 from gpsim.artifacts import Recipe, read_artifact
 from gpsim.channels import FloatArray
 from gpsim.files import Json
-from gpsim.recordings import Episode, Recording, write_recording
+from gpsim.recordings import Episode, write_recording
 from gpsim.simulators import Plant
-from gpsim.stages.building import base_plant, target_plant
+from gpsim.stages.building import base_plant, recording_of, target_plant
 from gpsim.stages.plan import Played, read_plan
 from gpsim.stages.stage import Request, Stage, generator
 
@@ -43,18 +43,7 @@ def _write(request: Request, plan: Path, folder: Path) -> Json:
     episodes = tuple(
         _episode(target, str(i), played.start, commands, rng) for i, commands in enumerate(played.commands)
     )
-    recording = Recording(
-        system=base.simulator.name,
-        state=base.state,
-        action=base.action,
-        episodes=episodes,
-        dt=base.dt,
-        parameters=base.parameters,
-        integrator=base.integrator,
-        velocities="measured" if base.simulator.coordinates else None,
-        clock="episode",
-        provenance={"driver": "plan", "seed": request.seed},
-    )
+    recording = recording_of(base, episodes, "plan", request.seed)
     write_recording(recording, folder)
     return {"transitions": recording.transition_count}
 

@@ -17,9 +17,8 @@ from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.simulators import make_simulator
 from gpsim.stages import evaluate, full_loop, report
-from gpsim.stages.building import base_plant
+from gpsim.stages.building import base_plant, measured_on
 from gpsim.stages.stage import Request, Stage
-from gpsim.stages.stand_in import measured_on
 
 CAR = base_plant(resolve(["experiment=limo"], None))
 

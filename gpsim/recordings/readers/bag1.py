@@ -10,8 +10,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gpsim.recordings.readers.bag1_chunk import messages_in
-from gpsim.recordings.readers.bag1_index import read_index
+from gpsim.recordings.readers.bag1_index import messages_in, read_index
 from gpsim.recordings.readers.bag1_records import (
     CHUNK,
     CONNECTION,
