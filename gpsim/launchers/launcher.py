@@ -1,18 +1,12 @@
-"""Which executor, as the settings `launcher.*` say.
-
-The executor of a launcher, while it is needed.
-"""
+"""Which executor, as the settings `launcher.*` say."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gpsim.errors import UsageError
-from gpsim.launchers.running import pool_executor
-from gpsim.launchers.tasks import Executor
 from gpsim.settings import build, choice
 
 Announce = Callable[[str], None]
@@ -110,16 +104,3 @@ def require_dask(name: str) -> None:
         raise UsageError(
             f"launcher={name} needs {' and '.join(missing)}; install with: pip install 'gpsim[cluster]'"
         )
-
-
-@contextmanager
-def opened(launcher: Launcher) -> Iterator[Executor]:
-    """The launcher's executor; all that it started ends with the block."""
-    if isinstance(launcher, Local):
-        with pool_executor(launcher.processes) as pool:
-            yield pool
-        return
-    from gpsim.launchers.dask_client import dask_executor  # Dask is no part of a plain installation
-
-    with dask_executor(launcher) as executor:
-        yield executor

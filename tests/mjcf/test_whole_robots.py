@@ -100,15 +100,29 @@ def test_slopes_that_learn_from_steps_end_nearer_in_as_many(rubbing, monkeypatch
     assert learnt.objective < fit(problem, account, starts, iterations=5).objective
 
 
-def test_the_start_finds_friction_and_rotor_of_both_joints_with_their_sizes(rubbing):
-    question = rubbing[0]
+def _begun(question):
+    """What the best account of the usual machine says, its sizes by family and place."""
     path = usual_machine(question.searched, offers_of(question))
     best = path[int(np.argmax(scores(question.searched, path)))]
-    said = {(t.family, t.on): next(iter(t.values.values())) for t in best.hypothesis.terms}
+    return {(t.family, t.on): next(iter(t.values.values())) for t in best.hypothesis.terms}
+
+
+def test_the_start_finds_friction_and_rotor_of_both_joints_with_their_sizes(rubbing):
+    said = _begun(rubbing[0])
     for i, on in enumerate(("shoulder", "elbow")):
         assert said["coulomb_friction", on] == pytest.approx(DRY[i], rel=0.15)
         assert said["viscous_friction", on] == pytest.approx(VISCOUS[i], rel=0.15)
         assert said["armature", on] == pytest.approx(ROTOR[i], rel=0.15)
+
+
+def test_the_start_finds_a_mass_beside_friction_of_both_joints(rubbing):
+    question = rubbing[0]
+    wrong = dict(question.searched.parameters)
+    wrong["lower.mass"] *= 1.4
+    said = _begun(replace(question, searched=replace(question.searched, parameters=wrong)))
+    assert said["parameter_offset", "lower.mass"] == pytest.approx(1 / 1.4, rel=0.03)
+    for i, on in enumerate(("shoulder", "elbow")):
+        assert said["coulomb_friction", on] == pytest.approx(DRY[i], rel=0.15)
 
 
 def test_rows_of_joints_are_one_machine_and_a_mass_beside_two_of_them_is_not(rubbing):

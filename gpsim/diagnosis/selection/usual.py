@@ -37,6 +37,7 @@ FREE = 0.5  # nats that terms may cost together and still go at once, without a 
 NEXT = 2  # of the cheapest terms that are left out by turns when each of them costs more
 BEHIND = 100.0  # nats of evidence behind the best of the path, at which it ends
 CHEAP = 10.0  # nats that a term may cost where every fit is dear, and still go with others without a fit between them
+MASS = ".mass"  # how the parameters of a MuJoCo model end that are masses of bodies
 MISJUDGED = (
     5.0  # nats by which a fit may be worse than the quadratic model says before fewer terms are left out
 )
@@ -50,14 +51,30 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
     problem = replace(
         problem, dry_steps={}
     )  # where friction stops a body matters when accounts are compared to the end
-    path = [_full_model(problem, usual)]
+    path = _with_less(problem, _full_model(problem, usual))
+    if masses := [c for c in offers if _is_mass_of_a_small_robot(problem, c)]:
+        path += _with_less(problem, _with_masses(problem, path[0], masses))
+    for found in path:
+        problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
+    return path
+
+
+def _with_less(problem: Problem, full: Fit) -> list[Fit]:
+    """The full model, and what is left of it as terms are taken away."""
+    path = [full]
     while len(path[-1].hypothesis.terms) > 1 and _near_the_best(problem, path):
         if _dear(problem) and quadratic(problem, path[-1]).costs().min() > CHEAP:
             break  # what may be left out besides is asked where accounts are compared
         path.append(_fewer_terms(problem, path[-1]))
-    for found in path:
-        problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
     return path
+
+
+def _with_masses(problem: Problem, full: Fit, masses: Sequence[Candidate]) -> Fit:
+    """The full model, already fitted, with masses beside it: from nothing, together with friction, they lead astray."""
+    heavy = full.hypothesis
+    for c in masses:
+        heavy = child_of(heavy, c, tuple(p.none for p in c.declared))
+    return fit_order(problem, Order(heavy, full.starts, schedules.REFIT, schedules.ROUGH, near=True))
 
 
 def _near_the_best(problem: Problem, path: list[Fit]) -> bool:
@@ -72,6 +89,12 @@ def _is_usual(problem: Problem, candidate: Candidate) -> bool:
     if not effect.usual or candidate.variant:
         return False
     return not _dear(problem) or is_row(effect)
+
+
+def _is_mass_of_a_small_robot(problem: Problem, candidate: Candidate) -> bool:
+    """Whether it is the mass of a body of a MuJoCo model that has few joints: of these nothing costs much."""
+    few = len(problem.simulator.coordinates) <= problem.run.settings.closed_step.dry_joints
+    return _dear(problem) and few and candidate.place.on.endswith(MASS)
 
 
 def _full_model(problem: Problem, usual: Sequence[Candidate]) -> Fit:
