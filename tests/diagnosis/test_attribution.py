@@ -13,6 +13,7 @@ from gpsim.diagnosis.attribution.support import _hidden, _spare, holds_in_halves
 from gpsim.diagnosis.fitting import Hypothesis, fit
 from gpsim.diagnosis.report import Share
 from gpsim.diagnosis.settings import Settings
+from gpsim.diagnosis.setup import offers_of
 from gpsim.effects import Gate
 from gpsim.recordings import HeldOut
 
@@ -183,6 +184,18 @@ def test_a_region_that_hides_nothing_is_no_part_of_a_law():
     wider = plainer(question.everything, leader, attribute(question, leader, null_of(question)), ())
     assert not any(term.gate for term in wider.hypothesis.terms)
     assert supported(question, leader, null_of(question), structured=True).hypothesis.terms[-1].gate == Gate()
+
+
+@pytest.mark.parametrize(("at_rest", "plain"), [(1.0, True), (2.5, False)])
+def test_a_law_takes_its_plainer_form_where_no_rollout_misses_what_it_says_beyond(at_rest, plain):
+    """Dry friction that is hardly larger at rest is told as Coulomb friction; one that is far larger is not."""
+    law = {0: lambda q, v, normal: 0.5 * (1.0 + (at_rest - 1.0) * np.exp(-((v / 0.15) ** 2)))}
+    unnamed = {0: lambda q, v, t: 0.1 * np.sin(9.0 * q)}
+    question, leader = laws.explained_by(World("slider", forces=unnamed, grips=law), ("stribeck_friction", "q"))
+    found = attribute(question, leader, null_of(question))
+    less = plainer(question.everything, leader, found, offers_of(question))
+    assert (less is not None) == plain
+    assert less is None or [t.family for t in less.hypothesis.terms] == ["coulomb_friction"]
 
 
 def test_a_gate_beside_the_same_law_everywhere_is_kept():
