@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib.metadata
 import json
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -101,8 +101,9 @@ def numbers_of(
 
 
 def machines_numbers(machines: int) -> list[int]:
-    """The first `machines` numbers of whole machines; those of arms are left out where there is no MuJoCo."""
-    with_arms = importlib.util.find_spec("mujoco") is not None
+    """The first `machines` numbers of whole machines; those of arms are left out where what they need is missing."""
+    packages = {of.metadata["Name"] for of in importlib.metadata.distributions()}
+    with_arms = {"mujoco", "example-robot-data"} <= packages
     able = (n for n in count(MACHINES_FROM + 1) if with_arms or kind_of(n) != ARM)
     return list(islice(able, machines))
 

@@ -191,7 +191,9 @@ def test_a_law_takes_its_plainer_form_where_no_rollout_misses_what_it_says_beyon
     """Dry friction that is hardly larger at rest is told as Coulomb friction; one that is far larger is not."""
     law = {0: lambda q, v, normal: 0.5 * (1.0 + (at_rest - 1.0) * np.exp(-((v / 0.15) ** 2)))}
     unnamed = {0: lambda q, v, t: 0.1 * np.sin(9.0 * q)}
-    question, leader = laws.explained_by(World("slider", forces=unnamed, grips=law), ("stribeck_friction", "q"))
+    question, leader = laws.explained_by(
+        World("slider", forces=unnamed, grips=law), ("stribeck_friction", "q")
+    )
     found = attribute(question, leader, null_of(question))
     less = plainer(question.everything, leader, found, offers_of(question))
     assert (less is not None) == plain

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -87,12 +88,16 @@ def test_several_recordings_are_driven_in_other_ways_and_zeros_differ():
 @pytest.mark.parametrize(
     ("found", "kinds"),
     [
-        (object(), ["axis", "rig", "servo", "car", "arm", "axis"]),
-        (None, ["axis", "rig", "servo", "car", "axis", "rig"]),
+        (("mujoco", "example-robot-data"), ["axis", "rig", "servo", "car", "arm", "axis"]),
+        (("mujoco",), ["axis", "rig", "servo", "car", "axis", "rig"]),
+        ((), ["axis", "rig", "servo", "car", "axis", "rig"]),
     ],
 )
-def test_numbers_of_machines_follow_the_others_and_have_arms_where_there_is_mujoco(found, kinds, monkeypatch):
-    monkeypatch.setattr(prove.importlib.util, "find_spec", lambda name: found)
+def test_numbers_of_machines_follow_the_others_and_have_arms_where_their_models_are(
+    found, kinds, monkeypatch
+):
+    there = [SimpleNamespace(metadata={"Name": name}) for name in found]
+    monkeypatch.setattr(prove.importlib.metadata, "distributions", lambda: there)
     numbers = prove.numbers_of(2, rough=1, machines=6)
     assert numbers[:3] == [1, 2, 100_001]
     assert [kind_of(n) for n in numbers[3:]] == kinds
@@ -103,7 +108,7 @@ def test_numbers_of_machines_follow_the_others_and_have_arms_where_there_is_mujo
 def test_machines_are_counted_by_themselves():
     with pytest.raises(UsageError, match="--machines 20"):
         prove.numbers_of(1, ["machines"])
-    with pytest.raises(UsageError, match="--machines for machines"):
+    with pytest.raises(UsageError, match="of rough logs, machines"):
         prove.numbers_of(0)
 
 
