@@ -6,7 +6,7 @@ Each group has the same tables: its figures with their intervals, the same by st
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from gpsim.reports.sheets import MISSING, Cell, Sheet, fixed, row, significant
@@ -139,7 +139,7 @@ GROUPS: Mapping[str, Group] = {
             *ENDS,
         ),
         ("Whole robots: rows and bodies right by family", "right"),
-        "Whole robots",
+        "Whole robots, with intervals",
         "rows: friction and rotor of a joint, of those that make 1 % of its torque, within 15 % or the interval; "
         "bodies: by their own name, in a combination that was named, or by torques that are alike",
         with_intervals=True,
@@ -173,6 +173,19 @@ CLASSES: Mapping[str, Callable[[Json], str]] = {
     "failed": lambda b: str(b["failed"]),
     "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
 }
+DRIVES: Mapping[str, Callable[[Json], str]] = {
+    "robots": lambda b: str(b["n"]),
+    "rows of friction and rotors right %": lambda b: percent(b["rows_right"]),
+    "told by their own names %": lambda b: percent(b["rows_told"]),
+    "bodies right %": lambda b: percent(b["bodies_right"]),
+    "told and not there, a robot": lambda b: fixed(b["spurious"], 2),
+    "held-out rollouts within 1.3 %": lambda b: percent(b["rollouts_within"]),
+    "their median ratio": lambda b: significant(b["median_rollouts"]),
+    "verdict right %": lambda b: percent(b["verdict_right"]),
+    "90 % intervals cover %": lambda b: percent(b["coverage_90"]),
+    "failed": lambda b: str(b["failed"]),
+    "seconds, median": lambda b: fixed((b["seconds"] or {}).get("median")),
+}
 CLASSES_NOTE = (
     "told: effects that could be seen and make 1 % of the mismatch or stand out of the noise, by their own names or by "
     "ones that explain as much; rollouts: held-out error over that of the true model fitted to the same episodes"
@@ -188,14 +201,20 @@ def part_sheets(part: str, block: Json) -> Iterator[Sheet]:
     """The tables of one group."""
     group = GROUPS[part]
     if part == "machines":  # its figures by class of machine are what fits a terminal
-        yield classes_sheet(block)
+        yield turned_sheet(group.title, block, "class", CLASSES, CLASSES_NOTE)
         yield verdicts_sheet(group.title, block["verdicts"])
+    if part == "whole":
+        yield turned_sheet(group.title, block, "driven by", DRIVES, group.note)
     yield _figures(group, group.all_of_them, {"all": block}, group.note)
     for name, blocks in block["strata"].items():
         yield _figures(group, f"{group.title} by {name}", blocks)
     if part == "rough":
         yield verdicts_sheet(group.title, block["verdicts"])
     yield _families(group, block["families"])
+    if "joints" in block:
+        yield _families(
+            replace(group, families=(f"{group.title}: rows right by joint", "right")), block["joints"]
+        )
     if "spurious_families" in block:
         found = sorted(block["spurious_families"].items(), key=lambda item: -item[1])
         rows = tuple(row(name, str(count)) for name, count in found)
@@ -210,11 +229,13 @@ def brief_sheets(content: Json) -> list[Sheet]:
     return [*rough[-2:-1], *robots[:1], *machines[:2], *whole[:1], *curves[:1]]
 
 
-def classes_sheet(machines: Json) -> Sheet:
-    """The figures (rows) of all machines and of each class (columns)."""
-    blocks = {"all": machines, **machines["strata"]["class"]}
-    rows = tuple(row(label, *(say(block) for block in blocks.values())) for label, say in CLASSES.items())
-    return Sheet("Whole machines", ("", *blocks), rows, note=CLASSES_NOTE)
+def turned_sheet(
+    title: str, block: Json, stratum: str, figures: Mapping[str, Callable[[Json], str]], note: str
+) -> Sheet:
+    """The figures (rows) of all worlds of a group and of each value of a stratum (columns)."""
+    blocks = {"all": block, **block["strata"][stratum]}
+    rows = tuple(row(label, *(say(part) for part in blocks.values())) for label, say in figures.items())
+    return Sheet(title, ("", *blocks), rows, note=note)
 
 
 def verdicts_sheet(title: str, verdicts: Mapping[str, Json]) -> Sheet:

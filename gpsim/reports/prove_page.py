@@ -25,7 +25,8 @@ def miss_rows(scores: Sequence[Json]) -> list[dict[str, str]]:
             + (f", {', '.join(s['defects'])}" if s["defects"] else ""),
             "truth": _true_share(s) + (" + ".join(_true_effect(e) for e in s["effects"]) or "nothing"),
             "said": f"{s['verdict']}{_said_share(s)}: "
-            + (" + ".join(f"{f} on {on}" for f, on in s["said"]) or "nothing"),
+            + (" + ".join(f"{f} on {on}" for f, on in s["said"]) or "nothing")
+            + _wrong_parts(s),
             "equivalents": "; ".join(" + ".join(f"{f} on {on}" for f, on in c) for c in s["equivalents"]),
             "error": str(s["error"] or ""),
         }
@@ -43,6 +44,21 @@ def _true_share(score: Json) -> str:
     if "explained" not in score:
         return ""
     return f"{' or '.join(score['verdicts'])} (explained {score['explained']:.2f}): "
+
+
+def _wrong_parts(score: Json) -> str:
+    """Of a whole robot the rows and bodies that are wrong."""
+    wrong = [
+        part for kind in ("rows", "bodies") for part in score.get(kind, ()) if part["counts"] > part["right"]
+    ]
+    words = [f"{p['family']} on {p['on']} {_size(p)}" for p in wrong]
+    return f"; wrong: {', '.join(words)}" if words else ""
+
+
+def _size(part: Json) -> str:
+    if "told" not in part:
+        return "(body)"
+    return f"{part['value']:.4g} for {part['true']:.4g}" if part["told"] else "(not told)"
 
 
 def _said_share(score: Json) -> str:

@@ -161,6 +161,7 @@ def test_figures_of_whole_robots_stand_by_themselves_with_intervals_and_goals():
     assert block["interval_rows_right"][0] < block["rows_right"] < block["interval_rows_right"][1]
     assert (block["bodies_right"], block["rollouts_within"]) == (pytest.approx(1 / 3), pytest.approx(1 / 3))
     assert block["families"]["coulomb_friction"]["n"] == 6
+    assert block["joints"]["planar: elbow"]["right"] == 1
     assert found["all"]["n"] == 0
     goal = found["goals"]["whole.rows_right"]
     assert goal["wanted"] == ">= 0.85"
@@ -170,7 +171,9 @@ def test_figures_of_whole_robots_stand_by_themselves_with_intervals_and_goals():
     titles = [sheet.title for sheet in group_sheets(found)]
     assert {"Whole robots", "Whole robots by driven by", "Whole robots by read"} <= set(titles)
     facts = {"seed": 3, "diagnosed_under": ["abc"], "undiagnosed": [], "every_miss": miss_rows(scores)}
-    assert "3 whole robots" in record(found | facts)
+    text = record(found | facts)
+    assert "3 whole robots" in text
+    assert "wrong: coulomb_friction on shoulder (not told)" in text
     assert any(sheet.title == "Whole robots" for sheet in terminal_sheets(found))
 
 

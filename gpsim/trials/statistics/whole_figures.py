@@ -21,16 +21,22 @@ STRATA: Mapping[str, Callable[[Score], str]] = {
 
 
 def whole_figures(scores: Sequence[Score]) -> dict[str, Any]:
-    """Those of all whole robots, by strata, by family, and what was said and is not there."""
-    hits: dict[str, list[bool]] = {}
+    """Those of all whole robots, by strata, by family and by joint, and what was said and is not there."""
+    families: dict[str, list[bool]] = {}
+    joints: dict[str, list[bool]] = {}
     for row in _counting(scores, "rows", "bodies"):
-        family = row["family"] if row["family"] != "parameter_offset" else "mass of a body"
-        hits.setdefault(family, []).append(bool(row["right"]))
+        family = "mass of a body" if row["family"] == "parameter_offset" else str(row["family"])
+        families.setdefault(family, []).append(bool(row["right"]))
+    for s in scores:
+        for row in _counting([s], "rows"):
+            joint = f"{STRATA['robot'](s)}: {row['on']}"
+            joints.setdefault(joint, []).append(bool(row["right"]))
     found = Counter(family for s in scores for family, _ in s["spurious_names"])
     return {
         **whole_block(scores),
         "strata": by_strata(scores, STRATA, whole_block),
-        "families": rates_of(hits, "right"),
+        "families": rates_of(families, "right"),
+        "joints": rates_of(joints, "right"),
         "spurious_families": dict(sorted(found.items())),
         "misses": missed(scores),
     }
