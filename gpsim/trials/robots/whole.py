@@ -11,7 +11,7 @@ Sizes go by the torque T and the speed at most of each joint's drive:
   cent of T, an offset of 0.5 to 3 % of T as of drifting torque sensors and currents, commands late by 0.3 to 1.5
   samples.
 
-Half are driven by position servos. In half only positions are read, by encoders of 13 to 16 bits that lose packets.
+Half are driven by position servos. In half only positions are read, by encoders of 14 to 18 bits that lose packets.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LATE = (0.3, 1.5)  # samples
 TWO, LATE_CHANCE = 0.5, 0.5  # of two bodies that are off, of late commands
 TRANSITIONS, SECONDS, FEWEST = (3000, 5000), (6.0, 12.0), 5  # in all; of an episode; episodes
 POSITIONS, SPEEDS = (1e-4, 5e-4), (2e-3, 1e-2)  # noise, rad and rad/s (m and m/s)
-BITS, DROPPED = (13, 16), (0.005, 0.03)  # of an encoder; share of the rows
+BITS, DROPPED = (14, 18), (0.005, 0.03)  # of an encoder; share of the rows
 
 
 def whole_rank(number: int) -> int | None:
