@@ -98,6 +98,20 @@ class Place:
         """The unit of a coordinate's position; where nobody said, what usually goes with the unit of its force."""
         return self.length or ("m" if self.unit == "N" else "rad")
 
+    @property
+    def rest_position(self) -> EffectParameter:
+        """Where a spring rests, looked for within reach."""
+        reach = 5 * self.reach
+        return EffectParameter(
+            "rest_position",
+            self.position_unit,
+            self.middle - reach,
+            self.middle + reach,
+            (self.middle,),
+            0.3 * self.reach,
+            place=True,
+        )
+
 
 UNITS: Mapping[Of, Callable[[Place], float]] = {
     "1": lambda place: 1.0,

@@ -2,61 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from gpsim.channels import FloatArray
 from gpsim.diagnosis.fitting import Hypothesis, Problem
-from gpsim.diagnosis.form.basis import Basis
 from gpsim.diagnosis.form.groups import Group
 from gpsim.diagnosis.form.penalised import BAND, Curved
 from gpsim.diagnosis.form.visited import of_law, twists, visited
 from gpsim.diagnosis.form.widened import Widened
 from gpsim.diagnosis.report import Curve
 from gpsim.diagnosis.selection import LackOfFit
-from gpsim.simulators import Simulator
 
 DRAWN_POINTS = 41  # places at which a curve is drawn
-
 BESIDE = 1e-6  # of the range: a jump at 0 is drawn from there to there
 EDGE = 0.005  # of all samples on either side, beyond which nothing is drawn
 
 
 def drawn(problem: Problem, hypothesis: Hypothesis, group: Group, curve: Widened, fitted: Curved) -> Curve:
     """The curve of a group over its own input, other inputs at their medians."""
-    simulator, given = problem.simulator, {}
+    given: dict[str, float] = {}
+    channel, input_unit = group.drawn_over(problem.simulator)
     if group.of == "twist":
         v, w = twists(problem).T
         given["v"] = float(np.median(v))
         x = _places(w, around_zero=False)
         own = [np.full(len(x), given["v"]), x]
-        law = of_law(problem, hypothesis, group, tuple(own))
-        channel, unit = "w", simulator.rate.units["w"]
     else:
-        (channel,) = group.inputs(simulator)
         x = _places(visited(problem, channel), around_zero=group.of == "speed")
-        own, law = [x], of_law(problem, hypothesis, group, (x,))
-        unit = (simulator.state + simulator.action).units[channel]
+        own = [x]
+    law = of_law(problem, hypothesis, group, tuple(own))
     if curve.further is not None:
         given[curve.further] = float(np.median(visited(problem, curve.further)))
         own = [np.full(len(x), given[curve.further]), *own]
     sign = -np.sign(x) if group.dry and group.of == "speed" else np.ones(len(x))
-    quantity, unit_of_it = _quantity(simulator, group)
-    return _curve(
-        group.claims(hypothesis),
-        quantity,
-        unit_of_it,
-        channel,
-        unit,
-        x,
-        law,
-        own,
-        sign,
-        curve.basis,
-        fitted,
-        curve,
-        given,
+    quantity, unit = group.quantity(problem.simulator)
+    free, band = _free(own, curve, fitted)
+    return Curve(
+        effects=group.claims(hypothesis),
+        quantity=quantity,
+        unit=unit,
+        input=channel,
+        input_unit=input_unit,
+        at=_numbers(x),
+        law=_numbers(law),
+        given=given,
+        **_with_band(law + sign * free, band),
     )
 
 
@@ -68,57 +58,30 @@ def drawn_missing(problem: Problem, lack: LackOfFit, curve: Widened, fitted: Cur
     if curve.further is not None:
         given[curve.further] = float(np.median(visited(problem, curve.further)))
         own = [np.full(len(x), given[curve.further]), x]
-    units = (simulator.state + simulator.action).units
-    rate = simulator.rate.units[lack.rate]
-    return _curve(
-        (),
-        lack.rate,
-        rate,
-        lack.on[0],
-        units[lack.on[0]],
-        x,
-        np.zeros(len(x)),
-        own,
-        np.ones(len(x)),
-        curve.basis,
-        fitted,
-        curve,
-        given,
-    )
-
-
-def _curve(
-    claims: tuple[tuple[str, str], ...],
-    quantity: str,
-    unit: str,
-    channel: str,
-    input_unit: str,
-    x: FloatArray,
-    law: FloatArray,
-    inputs: list[FloatArray],
-    sign: FloatArray,
-    basis: Basis,
-    fitted: Curved,
-    curve: Widened,
-    given: Mapping[str, float],
-) -> Curve:
-    design = basis.design(inputs)
-    free = law + sign * (design @ fitted.theta[curve.free])
-    sd = np.sqrt(np.maximum(np.einsum("nf,fg,ng->n", design, fitted.covariance, design), 0.0))
-    known = bool(np.isfinite(sd).all())
     return Curve(
-        effects=claims,
-        quantity=quantity,
-        unit=unit,
-        input=channel,
-        input_unit=input_unit,
+        effects=(),
+        quantity=lack.rate,
+        unit=simulator.rate.units[lack.rate],
+        input=lack.on[0],
+        input_unit=(simulator.state + simulator.action).units[lack.on[0]],
         at=_numbers(x),
-        law=_numbers(law),
-        free=_numbers(free),
-        low=_numbers(free - BAND * sd) if known else (),
-        high=_numbers(free + BAND * sd) if known else (),
+        law=_numbers(np.zeros(len(x))),
         given=given,
+        **_with_band(*_free(own, curve, fitted)),
     )
+
+
+def _free(inputs: list[FloatArray], curve: Widened, fitted: Curved) -> tuple[FloatArray, FloatArray]:
+    """(N,) each: what the curve adds to the laws, and half the width of its 90 % band."""
+    design = curve.basis.design(inputs)
+    variance = np.einsum("nf,fg,ng->n", design, fitted.covariance, design)
+    return design @ fitted.theta[curve.free], BAND * np.sqrt(np.maximum(variance, 0.0))
+
+
+def _with_band(free: FloatArray, band: FloatArray) -> dict[str, tuple[float, ...]]:
+    """The curve and both edges of its band, which are left out where nobody knows them."""
+    edges = {"low": _numbers(free - band), "high": _numbers(free + band)} if np.isfinite(band).all() else {}
+    return {"free": _numbers(free), **edges}
 
 
 def _numbers(values: FloatArray) -> tuple[float, ...]:
@@ -133,16 +96,3 @@ def _places(visited: FloatArray, *, around_zero: bool) -> FloatArray:
         return x
     near = BESIDE * (high - low)
     return np.sort(np.concatenate([x[np.abs(x) > near], [-near, near]]))
-
-
-def _quantity(simulator: Simulator, group: Group) -> tuple[str, str]:
-    """What a group's curve is of, and its unit."""
-    if group.site == "force":
-        kind = "friction" if group.of == "position" and group.dry else "force"
-        (unit,) = (c.force_unit for c in simulator.coordinates if c.name == group.on)
-        return f"{kind} on {group.on}", unit
-    if group.site == "actuator":
-        return f"{group.on} at the simulator", simulator.action.units[group.on]
-    if group.site == "vehicle":
-        return group.changes, simulator.rate.units[group.changes]
-    return f"{group.on} as read", simulator.state.units[group.on]

@@ -42,6 +42,25 @@ class Group:
             return tuple(c.velocity for c in simulator.coordinates if c.name == self.on)
         return (self.on,) if self.of in ("position", "command", "reading") else ()
 
+    def quantity(self, simulator: Simulator) -> tuple[str, str]:
+        """What a curve in their place gives, and its unit."""
+        if self.site == "force":
+            kind = "friction" if self.of == "position" and self.dry else "force"
+            (unit,) = (c.force_unit for c in simulator.coordinates if c.name == self.on)
+            return f"{kind} on {self.on}", unit
+        if self.site == "actuator":
+            return f"{self.on} at the simulator", simulator.action.units[self.on]
+        if self.site == "vehicle":
+            return self.changes, simulator.rate.units[self.changes]
+        return f"{self.on} as read", simulator.state.units[self.on]
+
+    def drawn_over(self, simulator: Simulator) -> tuple[str, str]:
+        """The input over which such a curve is drawn, and its unit; of a twist the turn rate."""
+        if self.of == "twist":
+            return "w", simulator.rate.units["w"]
+        (channel,) = self.inputs(simulator)
+        return channel, (simulator.state + simulator.action).units[channel]
+
 
 def groups_of(hypothesis: Hypothesis, among: Collection[int] | None = None) -> list[Group]:
     """The groups of an explanation's terms, in their order. among: the terms that count; None: all.

@@ -167,8 +167,8 @@ def described(problem: Problem, found: Measurement, scale: float = 1.0) -> Measu
     sign = -np.sign(inputs[-1]) if group.dry else np.ones(len(inputs[-1]))
     values = sign * scale * np.array(shape.heights) + (0.0 if group.dry else _base(group, inputs))
     band = scale * (BAND * found.deviation + _between_knots(shape))
-    quantity, unit = _quantity(problem, group)
-    channel, its_unit = _input(problem, group)
+    quantity, unit = group.quantity(simulator)
+    channel, its_unit = group.drawn_over(simulator)
     second = shape.axes[0] if len(shape.axes) > 1 else None
     own = shape.axes[-1]
     return MeasuredCurve(
@@ -208,26 +208,6 @@ def _between_knots(shape: Shape) -> FloatArray:
 
 def _numbers(values: FloatArray | Axis) -> tuple[float, ...]:
     return tuple(float(f"{v:.{TOLD}g}") for v in values)
-
-
-def _quantity(problem: Problem, group: Group) -> tuple[str, str]:
-    simulator = problem.simulator
-    if group.site == "force":
-        (unit,) = (c.force_unit for c in simulator.coordinates if c.name == group.on)
-        return f"force on {group.on}", unit
-    if group.site == "actuator":
-        return f"{group.on} at the simulator", simulator.action.units[group.on]
-    if group.site == "vehicle":
-        return group.changes, simulator.rate.units[group.changes]
-    return f"{group.on} as read", simulator.state.units[group.on]
-
-
-def _input(problem: Problem, group: Group) -> tuple[str, str]:
-    simulator = problem.simulator
-    if group.of == "twist":
-        return "w", simulator.rate.units["w"]
-    (channel,) = group.inputs(simulator)
-    return channel, (simulator.state + simulator.action).units[channel]
 
 
 def _variant(group: Group) -> str:

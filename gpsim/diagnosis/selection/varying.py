@@ -36,9 +36,7 @@ A roboticist's tenth. Friction that fades with heat varies by 0.12, laws that ar
 SHARE = 0.02  # of all that is left, on squares, noise too, that a free strength takes off windows it was not fitted to
 NATS = 20.0  # that it takes off these windows; of right laws of tuning seeds 0.2 at the most
 KNOTS = 5  # of a strength along an input, at quantiles
-RESPONSE = (
-    12  # transitions of the free impulse response, beside the present one: the longest delays asked for
-)
+RESPONSE = 12  # transitions of the free impulse response, the present one besides: as late as delays may be
 BLOCKS = 8  # of neighbouring windows, each left out once
 RIDGE = 1e-3  # of what the data say of a function's values: directions that nothing determines stand still
 TINY = 1e-300

@@ -57,15 +57,7 @@ class CubicSpring(ForceEffect):
                 (0.3 * curved,),
                 0.3 * curved,
             ),
-            EffectParameter(
-                "rest_position",
-                length,
-                place.middle - 5 * place.reach,
-                place.middle + 5 * place.reach,
-                (place.middle,),
-                0.3 * place.reach,
-                place=True,
-            ),
+            place.rest_position,
         )
 
     def special_cases(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:

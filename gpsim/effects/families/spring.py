@@ -33,15 +33,7 @@ class Spring(ForceEffect):
             EffectParameter(
                 "stiffness", f"{place.unit}/{length}", 0.0, 100 * typical, (0.3 * typical,), 0.3 * typical
             ),
-            EffectParameter(
-                "rest_position",
-                length,
-                place.middle - 5 * place.reach,
-                place.middle + 5 * place.reach,
-                (place.middle,),
-                0.3 * place.reach,
-                place=True,
-            ),
+            place.rest_position,
         )
 
     def force(self, position: FloatArray, speed: FloatArray, values: Values) -> FloatArray | None:
