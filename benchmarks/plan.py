@@ -126,7 +126,7 @@ def tried(seed: int, number: int, words: Sequence[str]) -> dict[str, object]:
         )
     counts = any(k["seconds"] is not None for k in kinds.values())
     return {
-        "trial": number, "verdict": "ambiguous" if len(names) > 1 else "named", "listed": bool(kinds), "counts": counts,
+        "trial": number, "verdict": "", "open": len(names) > 1, "listed": bool(kinds), "counts": counts,
         "kinds": kinds, "right": not counts or kinds["plan"]["seconds"] is not None,
     }  # fmt: skip
 
@@ -142,7 +142,7 @@ def main() -> None:
     given = parser.parse_args()
     numbers = range(PLANS_FROM + given.first, PLANS_FROM + given.first + given.worlds)
     found = plan_figures([tried(given.seed, number, given.words) for number in numbers])
-    print(f"{found['drawn']} worlds, {found['ambiguous']} ambiguous, {found['n']} that something resolves")
+    print(f"{found['drawn']} worlds, {found['open']} left open, {found['n']} that something resolves")
     for kind, each in found["kinds"].items():
         print(
             f"{kind}: {each['resolved']} of {each['n']}, {each['median_seconds']:.3g} s, left the box {each['left']}"

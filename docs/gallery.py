@@ -12,6 +12,7 @@ import yaml
 from PIL import Image
 
 from gpsim.diagnosis import Diagnosis
+from gpsim.reports.quantities import percent
 
 DOCS = Path(__file__).resolve().parent
 FIGURE = "held_out_rollout.png"
@@ -34,8 +35,9 @@ def said(found: Diagnosis) -> str:
     slight = len(found.effects) - len(claims)
     beside = f"; {slight} small correction{'s' if slight > 1 else ''} beside" if slight else ""
     share = found.explained.rollout
-    explained = "" if share is None else f". Explained: {100 * share.share:.3g} % of the mismatch"
-    return f"`{found.verdict}`. {'; '.join(claims) or 'No effect is claimed'}{beside}{explained}."
+    explained = "" if share is None else f" Explained: {percent(share.share)} % of the mismatch."
+    told = "; ".join(claims) or "no effect is claimed"
+    return f"`{found.verdict}`. {told[:1].upper()}{told[1:]}{beside}.{explained}"
 
 
 def picture(name: str, folder: Path) -> str:

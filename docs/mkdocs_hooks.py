@@ -64,7 +64,7 @@ def pages_of(folder: str) -> list[str]:
 def navigation() -> list[dict[str, Any]]:
     """The site's table of contents."""
     folders: list[dict[str, Any]] = [{title: pages_of(name)} for name, title in FOLDERS.items()]
-    return [{"gpsim": "index.md"}, *folders, {"Results": "results.md"}]
+    return [{"gpsim": "index.md"}, *folders, {"Results": "results.md"}, {"Gallery": "gallery.md"}]
 
 
 def on_config(config: Any) -> Any:

@@ -29,5 +29,8 @@ def index_page() -> str:
     for folder, title in FOLDERS.items():
         lines = [f"- [{title_of(DOCS / name)}]({name})" for name in pages_of(folder)]
         parts.append(f"## {title}\n\n{WHAT[folder]}\n\n" + "\n".join(lines))
-    parts.append("## Results\n\n[What was measured](results.md), each figure with the command that makes it.")
+    parts.append(
+        "## Results\n\n[What was measured](results.md), each figure with the command that makes it. "
+        "[A gallery](gallery.md) of accounts, right and wrong."
+    )
     return "\n\n".join(parts) + "\n"

@@ -222,9 +222,9 @@ def plan_sheets(content: Json) -> list[Sheet]:
         for kind, k in plans["kinds"].items()
     )
     note = (
-        f"of {plans['drawn']} worlds {plans['ambiguous']} were ambiguous after a slow first recording, of "
-        f"{plans['listed']} the truth was among the explanations, and {plans['n']} were resolved by any second "
-        "recording of the same length: all explanations fitted to both, the right one ahead by odds above ten"
+        f"of {plans['drawn']} worlds a slow recording left {plans['open']} open, the truth among the explanations of "
+        f"{plans['listed']}; some second recording of the same length decided {plans['n']}: all explanations fitted to "
+        "both, the right one ahead by odds above ten"
     )
     columns = ("next recording", "resolved", "95 %", "seconds, median", "left the box")
     return [Sheet("The next recording", columns, rows, note=note)]

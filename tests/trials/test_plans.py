@@ -63,7 +63,7 @@ def score(trial, seconds, left=False):
     }
     counts = any(s is not None for s in seconds)
     return {
-        "trial": trial, "verdict": "ambiguous", "listed": True, "counts": counts, "kinds": kinds,
+        "trial": trial, "verdict": "ambiguous", "open": True, "listed": True, "counts": counts, "kinds": kinds,
         "right": not counts or seconds[0] is not None,
     }  # fmt: skip
 

@@ -86,7 +86,7 @@ def _room() -> Iterator[Path]:
 
 def _planned(room: Path, limit: float) -> dict[str, Any]:
     """Plan the next recording where the first left something open; how that ended."""
-    if read_object(room / DIAGNOSIS / "diagnosis.json")["verdict"] != "ambiguous":
+    if not read_object(room / DIAGNOSIS / "diagnosis.json")["alternatives"]:
         return {}
     stated = read_object(room / RECORDING / LIMITS)
     box = f"plan.box={json.dumps(stated['box']).replace(chr(34), '')}"

@@ -52,7 +52,7 @@ class Second:
 
 
 def second_recordings(out: Path, name: str, answer: Answer) -> Second:
-    """Of a world whose first diagnosis is ambiguous."""
+    """Of a world whose first diagnosis has rivals."""
     folder, recording = out / DIAGNOSES / name, read_recording(out / PUBLIC / name)
     planned = None
     if (folder / PLAN).is_dir():

@@ -9,7 +9,6 @@ from gpsim.trials.rivals import PLANNED, Second
 from gpsim.trials.scoring.claims import Json, claims_of
 
 PLANS = "plans"
-AMBIGUOUS = "ambiguous"
 
 
 def score_plan(answer: Answer, report: Json | None, second: Second | None) -> dict[str, Any]:
@@ -29,6 +28,7 @@ def score_plan(answer: Answer, report: Json | None, second: Second | None) -> di
         "truth": sorted(map(list, answer.claims)),
         "verdict": "failed" if report is None else str(report["verdict"]),
         "said": [] if report is None else sorted(map(list, claims_of(report["effects"]))),
+        "open": second is not None,
         "listed": second is not None and second.listed,
         "counts": counts,
         "length": None if second is None else second.seconds,

@@ -20,7 +20,7 @@ from gpsim.trials.rivals import (
 from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.curve_rules import CURVES, score_curve
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
-from gpsim.trials.scoring.plan_rules import AMBIGUOUS, PLANS, score_plan
+from gpsim.trials.scoring.plan_rules import PLANS, score_plan
 from gpsim.trials.scoring.rules import score
 from gpsim.trials.scoring.whole_rules import WHOLE, score_whole
 
@@ -70,7 +70,7 @@ def _judged(
     if answer.content["stratum"] == CURVES:
         return score_curve(answer, report) | {"rivals": [], "sindy": None}
     if answer.content["stratum"] == PLANS:
-        open_still = report is not None and report["verdict"] == AMBIGUOUS
+        open_still = report is not None and report["alternatives"]
         second = second_recordings(out, name, answer) if open_still else None
         return score_plan(answer, report, second) | {"rivals": [], "sindy": None}
     rivals = _listing(out, name, answer, outcome, report)

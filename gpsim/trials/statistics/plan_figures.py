@@ -28,7 +28,7 @@ def plan_figures(scores: Sequence[Score]) -> dict[str, Any]:
     return {
         "n": len(counting),
         "drawn": len(scores),
-        "ambiguous": sum(s["verdict"] == "ambiguous" for s in scores),
+        "open": sum(s["open"] for s in scores),
         "listed": sum(s["listed"] for s in scores),
         "kinds": kinds,
         "resolved": plan.get("share"),
