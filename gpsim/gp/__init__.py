@@ -2,8 +2,8 @@
 
 from gpsim.gp.arrays import from_arrays, to_arrays
 from gpsim.gp.chained import ChainedPredictor, ChainSettings, fit_chain
-from gpsim.gp.exact import JITTER, NotPositiveDefiniteError, PosteriorTerms, log_marginal_likelihood
-from gpsim.gp.fit_report import AtBound, FitOutcome, FitReport
+from gpsim.gp.exact import JITTER, NotPositiveDefiniteError, log_marginal_likelihood
+from gpsim.gp.fit_report import FitOutcome, FitReport
 from gpsim.gp.fitting import FitSettings, GaussianProcess, condition, fit, fit_outputs
 from gpsim.gp.functions import DrawnFunctions
 from gpsim.gp.kernels import Bounds, HyperParameters, Interval, covariance
@@ -14,7 +14,6 @@ from gpsim.gp.training_data import MOST_ROWS, Standardisation, TooManyRowsError,
 __all__ = [
     "JITTER",
     "MOST_ROWS",
-    "AtBound",
     "Bounds",
     "ChainSettings",
     "ChainedPredictor",
@@ -26,7 +25,6 @@ __all__ = [
     "HyperParameters",
     "Interval",
     "NotPositiveDefiniteError",
-    "PosteriorTerms",
     "Predictor",
     "Standardisation",
     "TooManyRowsError",

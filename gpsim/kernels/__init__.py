@@ -4,7 +4,6 @@ NumPy is the reference (`gpsim.effects.Chain`): what a chain needs that is not h
 """
 
 from gpsim.kernels.marching import (
-    Actuators,
     Commands,
     Past,
     Pushed,
@@ -19,7 +18,6 @@ from gpsim.kernels.program import Program, program_of
 from gpsim.kernels.tables import Hat
 
 __all__ = [
-    "Actuators",
     "Commands",
     "Hat",
     "Past",

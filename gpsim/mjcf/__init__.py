@@ -1,6 +1,6 @@
 """MuJoCo models as simulators: what a robot.xml, a URDF or a Gymnasium environment left out. Needs gpsim[mujoco]."""
 
-from gpsim.mjcf.exporting import Exported, export_model, files_of, planned
+from gpsim.mjcf.exporting import Exported, export_model, planned
 from gpsim.mjcf.facts import Checked, Declared, checked, declared
 from gpsim.mjcf.layout import Layout
 from gpsim.mjcf.loading import is_mujoco, new_environment, notes_of, source_of
@@ -23,7 +23,6 @@ __all__ = [
     "declared",
     "export_model",
     "files_digest",
-    "files_of",
     "in_its_columns",
     "is_mujoco",
     "load_mjcf",

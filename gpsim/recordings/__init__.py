@@ -6,16 +6,16 @@ from gpsim.recordings.episodes import LONGEST_STEP, OverGaps, gaps, pieces, step
 from gpsim.recordings.export import Predictions, start_times, write_mcap, write_table
 from gpsim.recordings.files import read_recording, write_recording
 from gpsim.recordings.guessing import Guess, System, guess
-from gpsim.recordings.import_report import EpisodeCount, ImportReport, TopicCount
+from gpsim.recordings.import_report import ImportReport, TopicCount
 from gpsim.recordings.importing import import_logs
 from gpsim.recordings.inspection import Inspection, bare_mapping, inspect_log
-from gpsim.recordings.likeness import FACTORS, NOTHING, listed
+from gpsim.recordings.likeness import listed
 from gpsim.recordings.mapping import ChannelSource, ImportMapping
 from gpsim.recordings.mapping_files import TOP_KEYS, changes_of_words, merged, parse_mapping
 from gpsim.recordings.raw import RawLog, Topic
 from gpsim.recordings.readers import open_log
 from gpsim.recordings.readers.statistics import Statistics
-from gpsim.recordings.recording import Episode, HeldOut, Recording, Source, Transitions, Velocities, evenly
+from gpsim.recordings.recording import Episode, HeldOut, Recording, Transitions, Velocities, evenly
 from gpsim.recordings.soundness import find_bad_rows
 from gpsim.recordings.sources import FolderLog, NamedLog, Opener, find_logs, is_bag_folder
 from gpsim.recordings.values import check_channels, check_name, one_line
@@ -23,13 +23,10 @@ from gpsim.recordings.velocities import finds_all
 from gpsim.recordings.yaml_data import check_bounded, parse_yaml, read_yaml
 
 __all__ = [
-    "FACTORS",
     "LONGEST_STEP",
-    "NOTHING",
     "TOP_KEYS",
     "ChannelSource",
     "Episode",
-    "EpisodeCount",
     "FolderLog",
     "Guess",
     "HeldOut",
@@ -42,7 +39,6 @@ __all__ = [
     "Predictions",
     "RawLog",
     "Recording",
-    "Source",
     "Statistics",
     "System",
     "Topic",

@@ -19,7 +19,6 @@ __all__ = [
     "loop_page",
     "loop_report",
     "plan_page",
-    "plan_text",
     "printable",
     "prove_page",
     "prove_sheets",

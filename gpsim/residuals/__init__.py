@@ -1,14 +1,6 @@
 """Residuals: where a recording meets a simulator, what happened minus what was predicted."""
 
-from gpsim.residuals.checks import (
-    OWN_DT,
-    check_clock,
-    check_match,
-    check_rates,
-    check_varies,
-    read_table,
-    table_recording,
-)
+from gpsim.residuals.checks import OWN_DT, check_clock, check_match, check_rates, read_table, table_recording
 from gpsim.residuals.residuals import (
     Residuals,
     build_residuals,
@@ -27,7 +19,6 @@ __all__ = [
     "check_each_holds_out",
     "check_match",
     "check_rates",
-    "check_varies",
     "either_wraps",
     "first_held_out",
     "from_table",

@@ -1,7 +1,7 @@
 """What is in runs/: every artifact, what rests on what, how two differ, and what may go."""
 
-from gpsim.runs.catalogue import Catalogue, Entry, Need, entry_at, read_catalogue, size_of
-from gpsim.runs.comparison import ABSENT, Difference, Making, compared, differences, nearest
+from gpsim.runs.catalogue import Catalogue, Entry, entry_at, read_catalogue, size_of
+from gpsim.runs.comparison import ABSENT, Difference, Making, compared, nearest
 from gpsim.runs.figures import figures_of
 from gpsim.runs.lineage import children, dependents, missing_parents, parents
 from gpsim.runs.naming import named
@@ -20,7 +20,6 @@ __all__ = [
     "Listing",
     "LoopStatus",
     "Making",
-    "Need",
     "Parent",
     "Removal",
     "Removed",
@@ -30,7 +29,6 @@ __all__ = [
     "collect_garbage",
     "compared",
     "dependents",
-    "differences",
     "entry_at",
     "figures_of",
     "garbage",

@@ -3,8 +3,8 @@
 They hold the physics that the simulators leave out, so nothing that explains a recording may import them.
 """
 
-from gpsim.targets.cartpole import CONTACTS, FrictionCartPole
+from gpsim.targets.cartpole import FrictionCartPole
 from gpsim.targets.limo import Limo
 from gpsim.targets.mujoco import ChangedModel
 
-__all__ = ["CONTACTS", "ChangedModel", "FrictionCartPole", "Limo"]
+__all__ = ["ChangedModel", "FrictionCartPole", "Limo"]

@@ -2,7 +2,7 @@
 
 from gpsim.tasks.balance import Balance
 from gpsim.tasks.goal import GoalReaching
-from gpsim.tasks.own import End, OwnTask, Reward, never
+from gpsim.tasks.own import OwnTask, never
 from gpsim.tasks.registry import TASKS
 from gpsim.tasks.task import Actions, Start, Task
 
@@ -10,10 +10,8 @@ __all__ = [
     "TASKS",
     "Actions",
     "Balance",
-    "End",
     "GoalReaching",
     "OwnTask",
-    "Reward",
     "Start",
     "Task",
     "never",

@@ -3,7 +3,7 @@
 from gpsim.diagnosis.assessment.alongside import Along, Alongside, alongside
 from gpsim.diagnosis.assessment.by_recording import by_recording
 from gpsim.diagnosis.assessment.combinations import combinations
-from gpsim.diagnosis.assessment.comparison import KINDS, Comparison, compare
+from gpsim.diagnosis.assessment.comparison import Comparison, compare
 from gpsim.diagnosis.assessment.estimates import Sizes, estimates
 from gpsim.diagnosis.assessment.experiment_design import tell_apart
 from gpsim.diagnosis.assessment.gated import acts_in
@@ -17,7 +17,6 @@ from gpsim.diagnosis.assessment.traces import BASE, EFFECTS, Course, Trace, Trac
 __all__ = [
     "BASE",
     "EFFECTS",
-    "KINDS",
     "SINCE_REVERSAL",
     "Along",
     "Alongside",

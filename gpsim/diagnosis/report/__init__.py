@@ -45,11 +45,10 @@ from gpsim.diagnosis.report.known_sizes import no_size, sized
 from gpsim.diagnosis.report.measured import FoundForm, MeasuredCurve, NearestLaw
 from gpsim.diagnosis.report.not_asked import NotAsked
 from gpsim.diagnosis.report.recordings import EndErrors, FromOthers, OneRecording, OwnValues
-from gpsim.diagnosis.report.score import SCORE_SCHEMA, Score, Scored
+from gpsim.diagnosis.report.score import Score, Scored
 
 __all__ = [
     "SCHEMA",
-    "SCORE_SCHEMA",
     "Alternative",
     "BlackBox",
     "BoxKind",

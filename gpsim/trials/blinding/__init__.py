@@ -15,7 +15,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
     read_outcome,
     read_report,
 )
-from gpsim.trials.blinding.concealment import Concealed, answer_of, conceal
+from gpsim.trials.blinding.concealment import answer_of, conceal
 from gpsim.trials.blinding.logs import even_recording
 from gpsim.trials.blinding.plan_worlds import played
 from gpsim.trials.blinding.trial_files import (
@@ -42,7 +42,6 @@ __all__ = [
     "PRIVATE",
     "PUBLIC",
     "Answer",
-    "Concealed",
     "answer_of",
     "conceal",
     "diagnose_blind",

@@ -5,16 +5,14 @@ what they find is kept.
 """
 
 from gpsim.trials.rivals.cache import Listing, cached_listing
-from gpsim.trials.rivals.equivalents import EQUIVALENTS_VERSION, Claims, Rival, as_hypothesis, rivals
+from gpsim.trials.rivals.equivalents import Rival, as_hypothesis, rivals
 from gpsim.trials.rivals.machine_rivals import MachineListing, Seen, machine_listing
 from gpsim.trials.rivals.plan_rivals import PLANNED, Second, compared, second_recordings
 from gpsim.trials.rivals.robot_rivals import robot_rivals
 from gpsim.trials.rivals.whole_rivals import WholeListing, whole_listing
 
 __all__ = [
-    "EQUIVALENTS_VERSION",
     "PLANNED",
-    "Claims",
     "Listing",
     "MachineListing",
     "Rival",

@@ -7,7 +7,7 @@ what each effect asks of its joint.
 """
 
 from gpsim.trials.robots.arms import arms_places, draw_arm
-from gpsim.trials.robots.asked import ROWS, Motion, body_torques, joint_torques, motion_of, of_body, shares_of
+from gpsim.trials.robots.asked import ROWS, body_torques, joint_torques, motion_of, of_body, shares_of
 from gpsim.trials.robots.draws import (
     ROBOTS_FROM,
     STRENGTHS,
@@ -18,7 +18,7 @@ from gpsim.trials.robots.draws import (
     stratum_of,
 )
 from gpsim.trials.robots.driving import sound
-from gpsim.trials.robots.models import ROBOTS, WHOLE, Layout, Robot, files_of, layout_of, robot_of, spec_of
+from gpsim.trials.robots.models import ROBOTS, WHOLE, Layout, files_of, layout_of, robot_of, spec_of
 from gpsim.trials.robots.plant import Plant, tilted
 from gpsim.trials.robots.running import SHOWS, recorded, run, shown
 from gpsim.trials.robots.stepped import Stepped, run_whole, step_of
@@ -35,9 +35,7 @@ __all__ = [
     "WHOLE_FROM",
     "Files",
     "Layout",
-    "Motion",
     "Plant",
-    "Robot",
     "Stepped",
     "arms_places",
     "body_torques",
