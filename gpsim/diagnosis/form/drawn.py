@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gpsim.channels import FloatArray
@@ -78,7 +80,7 @@ def _free(inputs: list[FloatArray], curve: Widened, fitted: Curved) -> tuple[Flo
     return design @ fitted.theta[curve.free], BAND * np.sqrt(np.maximum(variance, 0.0))
 
 
-def _with_band(free: FloatArray, band: FloatArray) -> dict[str, tuple[float, ...]]:
+def _with_band(free: FloatArray, band: FloatArray) -> dict[str, Any]:
     """The curve and both edges of its band, which are left out where nobody knows them."""
     edges = {"low": _numbers(free - band), "high": _numbers(free + band)} if np.isfinite(band).all() else {}
     return {"free": _numbers(free), **edges}
