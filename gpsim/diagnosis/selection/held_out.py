@@ -43,8 +43,8 @@ def contradicted(held_out: Problem, richer: Fit, poorer: Fit, won: float, pardon
 
 def _losses(held_out: Problem, richer: Fit, poorer: Fit) -> FloatArray:
     """(W,) nats that the richer fit loses in each window, by the noise of the poorer one."""
-    costs = (window_costs(held_out, f.residuals[None], poorer.variance)[0] for f in (richer, poorer))
-    return np.asarray(np.subtract(*costs))
+    lost, kept = (window_costs(held_out, f.residuals[None], poorer.variance)[0] for f in (richer, poorer))
+    return np.asarray(lost - kept)
 
 
 def chance_of(losses: FloatArray) -> float:
@@ -54,7 +54,7 @@ def chance_of(losses: FloatArray) -> float:
     (Kuensch 1989). 1 of fewer than two.
     """
     block = max(1, round(len(losses) ** (1 / 3)))
-    sums = np.add.reduceat(losses, np.arange(0, len(losses), block)) if len(losses) else losses
+    sums = np.array([losses[first : first + block].sum() for first in range(0, len(losses), block)])
     if len(sums) < 2:
         return 1.0
     scatter = float(sums.std(ddof=1)) / np.sqrt(len(sums))

@@ -28,6 +28,7 @@ from gpsim.diagnosis.fitting import (
     fit_order,
     quadratic,
     scores,
+    whiteness,
 )
 from gpsim.diagnosis.selection.elimination import is_row
 from gpsim.diagnosis.settings import schedules
@@ -52,7 +53,8 @@ def usual_machine(problem: Problem, offers: Sequence[Candidate]) -> list[Fit]:
         problem, dry_steps={}
     )  # where friction stops a body matters when accounts are compared to the end
     path = _with_less(problem, _full_model(problem, usual))
-    if masses := [c for c in offers if _is_mass_of_a_small_robot(problem, c)]:
+    masses = [c for c in offers if _is_mass_of_a_small_robot(problem, c)]
+    if masses and _something_is_left(problem, path):
         path += _with_less(problem, _with_masses(problem, path[0], masses))
     for found in path:
         problem.run.trace.note(found.hypothesis.names, (), True, "usual machine")
@@ -67,6 +69,12 @@ def _with_less(problem: Problem, full: Fit) -> list[Fit]:
             break  # what may be left out besides is asked where accounts are compared
         path.append(_fewer_terms(problem, path[-1]))
     return path
+
+
+def _something_is_left(problem: Problem, path: list[Fit]) -> bool:
+    """Whether the best of a path leaves more than noise."""
+    best = path[int(scores(problem, path).argmax())]
+    return whiteness(problem, best)[0] <= problem.run.settings.acceptance.structured
 
 
 def _with_masses(problem: Problem, full: Fit, masses: Sequence[Candidate]) -> Fit:
