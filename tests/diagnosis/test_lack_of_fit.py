@@ -115,7 +115,7 @@ def test_the_past_of_a_command_is_an_average_of_what_was_before():
     ages = np.arange(before + k)[::-1]
     weights = np.exp(-ages / memory)
     expected = (weights * given[: before + k]).sum() / weights.sum()
-    assert module._past(problem, 0, memory)[3, k] == pytest.approx(expected, abs=1e-6)
+    assert module.average_of(problem, 0, memory)[3, k] == pytest.approx(expected, abs=1e-6)
 
 
 def test_nothing_to_explain_beside_numerical_error_is_chance():

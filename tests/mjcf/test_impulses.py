@@ -90,19 +90,19 @@ def simulated(problem, at, directions, group):
         len(problem.simulator.state),
         lack_of_fit._probe(problem, group.rate),
     )
-    past = lack_of_fit._past(problem, group.inputs[1] - states, group.memory) if group.memory else None
+    past = lack_of_fit.average_of(problem, group.inputs[1] - states, group.memory) if group.memory else None
     out = []
     for place in np.ndindex(*(group.knots.shape[1],) * len(group.inputs)):
 
         def extra(state, action, k, place=place):
-            seen = lack_of_fit._inputs(problem, state, action)
+            seen = lack_of_fit.inputs_of(problem, state, action)
             columns = [seen[:, i] for i in group.inputs]
             if past is not None:
                 columns[1] = past[:, k]
             added = np.zeros((len(state), len(problem.simulator.rate)))
             added[:, group.rate] = push
             for column, knots, own in zip(columns, group.knots, place, strict=True):
-                added[:, group.rate] *= lack_of_fit._hat(column, knots, np.array(own))
+                added[:, group.rate] *= lack_of_fit.hat(column, knots, np.array(own))
             return added
 
         theta, spread = at.hypothesis.theta[None], at.hypothesis.spread
