@@ -24,12 +24,11 @@ from gpsim.diagnosis.setup import Question, candidates, prepare
 from gpsim.errors import UsageError
 from gpsim.simulators import make_simulator
 from gpsim.stages.plan import planned
-from gpsim.trials.blinding.plan_worlds import MINUTES, conceal_plan
-from gpsim.trials.drawing import PLANS_FROM, box_of
-from gpsim.trials.drawing.plan_draws import HIDDEN
+from gpsim.trials.blinding import MINUTES, conceal_plan
+from gpsim.trials.drawing import HIDDEN, PLANS_FROM, box_of
 from gpsim.trials.rivals import compared
-from gpsim.trials.scoring.plan_rules import score_plan_kinds
-from gpsim.trials.statistics.plan_figures import plan_figures
+from gpsim.trials.scoring import score_plan_kinds
+from gpsim.trials.statistics import plan_figures
 from gpsim.trials.worlds import World
 
 TIE = np.log(10.0)

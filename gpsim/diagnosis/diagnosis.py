@@ -43,6 +43,7 @@ from gpsim.diagnosis.selection import (
     usual_machine,
     whole_robot,
     without_idle,
+    without_outside_acts,
     without_tails,
 )
 from gpsim.diagnosis.setup import Question, offers_of, prepare
@@ -93,14 +94,12 @@ def diagnose(
     run = run or Run()
     step = _Steps(run, note)
     step("prepare", 0, "cutting windows")
-    question = prepare(recording, simulator, parameters, run)
-    offers = offers_of(question)
-    step("usual machine", 5, "asking for all that machines usually have")
-    usual = usual_machine(question.searched, offers)
-    step("search", 15)
-    found = beam_search(question.searched, offers, _scheme(recording, simulator), step.share(15, 40), usual)
-    step("refine grid", 40, "fitting the best on all windows")
-    question, found = without_tails(*refine_grid(question, found))
+    question, offers, found = _searched(recording, simulator, parameters, run, step)
+    acted = without_outside_acts(question, found.fits[0].hypothesis, recording)
+    if acted is not None:
+        step("search again", 30, "without what acted from outside")
+        question, offers, found = _searched(acted[0], simulator, parameters, run, step)
+        question = replace(question, facts=(*question.facts, acted[1]))
     step("refit", 40, "fitting the best on all windows")
     contenders = refit(question, found)
     step("stepwise", 40)
@@ -126,6 +125,21 @@ def diagnose(
     return Outcome(
         diagnosis, plant, answer.judgement, answer.comparison, question, tuple(run.trace.decisions)
     )
+
+
+def _searched(
+    recording: Recording, simulator: Simulator, parameters: Mapping[str, float], run: Run, step: _Steps
+) -> tuple[Question, list[Candidate], Found]:
+    """The question that a recording asks, what is on offer, and the best explanations of a first search."""
+    question = prepare(recording, simulator, parameters, run)
+    offers = offers_of(question)
+    step("usual machine", 5, "asking for all that machines usually have")
+    usual = usual_machine(question.searched, offers)
+    step("search", 15)
+    found = beam_search(question.searched, offers, _scheme(recording, simulator), step.share(15, 40), usual)
+    step("refine grid", 40, "fitting the best on all windows")
+    question, found = without_tails(*refine_grid(question, found))
+    return question, offers, found
 
 
 def _supported(

@@ -22,6 +22,7 @@ COUNTED: Mapping[str, tuple[str, str]] = {
     ),
 }
 MEASURED: Mapping[str, str] = {
+    "pushed": "something from outside acted{first} (a push, a bump) and was left out",
     "quantised": "{channel} is quantised{to}",
     "jitter": "{clock} jitters{by}",
     "late": "{channel} arrives late{by}",
@@ -43,6 +44,7 @@ def log_fact_text(fact: LogFact) -> str:
         clock=f"the clock of {fact.channel}" if fact.channel else "the clock",
         to=f" to {size}" if size else "",
         by=f" by {size}" if size else "",
+        first=f" from {size} on" if size else "",
     )
     return f"{said}, at {fact.count} samples" if fact.count else said
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.ndimage import binary_opening
 
 from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.settings import WindowSettings
@@ -20,6 +21,7 @@ LEAST_PART_OF_A_WINDOW = 3  # a shorter piece than one in so many parts of a win
 FEWEST_TRANSITIONS_OF_A_WINDOW = 3
 """And one with fewer than these, unless windows are as short [transitions]."""
 
+LEFT_OUT = 8  # samples in a row that count in no channel, from which on they are a gap
 SOUND = 0.5  # weight of a sample that is little more than usual noise
 SAME_STEP = 1e-6  # relative difference of two control steps that is the rounding of a file
 
@@ -194,9 +196,18 @@ def held_out_mask(recording: Recording, windows: Windows) -> BoolArray:
 
 def _pieces(episode: Episode, dt: float, held: int) -> list[tuple[int, int]]:
     """First and last sample of every stretch without a gap; sample `held` begins one."""
-    breaks = set(np.flatnonzero(gaps(episode.t, dt)).tolist())
+    breaks = set(np.flatnonzero(gaps(episode.t, dt) | _unknown(episode)).tolist())
     ends = sorted((breaks | {held - 1}) & set(range(len(episode.t) - 1)))
-    return pieces(ends, len(episode.t) - 1)
+    return [(first, last) for first, last in pieces(ends, len(episode.t) - 1) if last > first]
+
+
+def _unknown(episode: Episode) -> BoolArray:
+    """(K,) transitions in a stretch in which no sample counts in any channel: so much was left out, not repeated."""
+    if episode.weights is None:
+        return np.zeros(len(episode.t) - 1, dtype=np.bool_)
+    nothing = (episode.weights <= 0.0).all(axis=1)
+    long = binary_opening(nothing, np.ones(LEFT_OUT))
+    return np.asarray(long[:-1] | long[1:])
 
 
 def shortest(length: int) -> int:

@@ -76,7 +76,9 @@ class LogFact:
     much, in `unit`.
     """
 
-    kind: Literal["repeated", "missing", "quantised", "jitter", "outliers", "late", "drift", "touching"]
+    kind: Literal[
+        "repeated", "missing", "quantised", "jitter", "outliers", "late", "drift", "touching", "pushed"
+    ]  # fmt: skip
     channel: str = ""
     count: int = 0
     value: float | None = None

@@ -8,6 +8,7 @@ from gpsim.diagnosis.selection.grid_check import refine_grid
 from gpsim.diagnosis.selection.heavy_tails import without_tails
 from gpsim.diagnosis.selection.held_out import held_out_fit, held_out_objective
 from gpsim.diagnosis.selection.lack_of_fit import LackOfFit, lack_of_fit, lack_of_memory
+from gpsim.diagnosis.selection.outside_acts import without_outside_acts
 from gpsim.diagnosis.selection.pruning import prune_on_held_out
 from gpsim.diagnosis.selection.refit import Contenders, null_of, refit
 from gpsim.diagnosis.selection.required import required_in, without_idle
@@ -50,5 +51,6 @@ __all__ = [
     "varying",
     "whole_robot",
     "without_idle",
+    "without_outside_acts",
     "without_tails",
 ]

@@ -119,7 +119,8 @@ def _mended(episode: Episode, left_out: BoolArray, channels: tuple[Channel, ...]
         y = np.unwrap(states[kept, i]) if _angle(channel) else states[kept, i]
         between = np.interp(episode.t[~kept], episode.t[kept], y)
         states[~kept, i] = wrap_angle(between) if channel.wraps else between
-    return replace(episode, states=states, weights=(~left_out).astype(np.float64))
+    given = np.ones(left_out.shape) if episode.weights is None else episode.weights
+    return replace(episode, states=states, weights=np.where(left_out, 0.0, given))
 
 
 def _stretches(recording: Recording) -> Iterator[_Stretch]:

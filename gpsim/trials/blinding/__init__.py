@@ -17,7 +17,7 @@ from gpsim.trials.blinding.blind_diagnosis import (
 )
 from gpsim.trials.blinding.concealment import answer_of, conceal
 from gpsim.trials.blinding.logs import even_recording
-from gpsim.trials.blinding.plan_worlds import played
+from gpsim.trials.blinding.plan_worlds import MINUTES, conceal_plan, played
 from gpsim.trials.blinding.trial_files import (
     ANSWER,
     HASHES,
@@ -36,6 +36,7 @@ __all__ = [
     "DIAGNOSES",
     "DIAGNOSIS",
     "HASHES",
+    "MINUTES",
     "NAME",
     "OUTCOME",
     "PLAN",
@@ -44,6 +45,7 @@ __all__ = [
     "Answer",
     "answer_of",
     "conceal",
+    "conceal_plan",
     "diagnose_blind",
     "diagnosis_digest",
     "even_recording",

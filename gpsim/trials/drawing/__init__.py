@@ -25,7 +25,7 @@ from gpsim.trials.drawing.machine_draws import (
     machine_rank,
 )
 from gpsim.trials.drawing.nuisances import of_body, places_of, systems_of, within
-from gpsim.trials.drawing.plan_draws import PLANS_FROM, box_of, draw_plan, plan_rank, slow_waves
+from gpsim.trials.drawing.plan_draws import HIDDEN, PLANS_FROM, box_of, draw_plan, plan_rank, slow_waves
 from gpsim.trials.drawing.rough_draws import ROUGH_FROM, draw_rough, rank_of
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "COUNTS",
     "CURVES_FROM",
     "DECK_SIZE",
+    "HIDDEN",
     "KINDS",
     "LONG",
     "MACHINES_FROM",
