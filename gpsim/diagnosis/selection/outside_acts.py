@@ -66,7 +66,7 @@ def without_outside_acts(
 
 
 def _missed(problem: Problem, best: Hypothesis) -> tuple[FloatArray, IntArray]:
-    """(W,) the mean square that each window leaves, in parts of what is usual, and the sample at which it bends most."""
+    """(W,) the mean square that each window leaves, in parts of what is usual, and where it bends most."""
     windows = problem.windows
     at = fit(problem, best.frozen(), windows.measured[:, 0], iterations=schedules.SETTLE)
     counted = problem.counted & np.ones_like(at.residuals, dtype=np.bool_)
