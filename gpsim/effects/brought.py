@@ -6,6 +6,7 @@ A package names its own in the entry point group `gpsim.effects`.
 
 from __future__ import annotations
 
+import copyreg
 import hashlib
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import Any
 
 from gpsim.effects.effect import Effect
 from gpsim.effects.plain import adapted
-from gpsim.effects.registry import CATALOGUE, FAMILIES
+from gpsim.effects.registry import CATALOGUE, FAMILIES, effect_of
 from gpsim.errors import UsageError
 from gpsim.simulators import asked, module_of, said
 from gpsim.trust import check_file, consent
@@ -142,7 +143,7 @@ def _made(found: Any, reference: str) -> Effect:
     instance = asked(
         found, f"{reference.rpartition(':')[2]}()", reference, remedy="; it must be made without arguments"
     )
-    return asked(lambda: adapted(instance, reference), "its declaration", reference)
+    return asked(lambda: _adapted(instance, reference), "its declaration", reference)
 
 
 def own_effect(given: Any) -> Brought:
@@ -150,7 +151,14 @@ def own_effect(given: Any) -> Brought:
     name = given.__name__ if inspect.isclass(given) else type(given).__name__
     reference = f"{name}{HERE}"
     instance = asked(given, f"{name}()", reference) if inspect.isclass(given) else given
-    return Brought(reference, "", adapted(instance, reference))
+    return Brought(reference, "", _adapted(instance, reference))
+
+
+def _adapted(instance: Any, reference: str) -> Effect:
+    """The object as an effect. Another process knows it by its family: no module of its own has its class."""
+    found = adapted(instance, reference)
+    copyreg.pickle(type(found), lambda effect: (effect_of, (effect.family,)))
+    return found
 
 
 def installed() -> tuple[Brought, ...]:

@@ -2,6 +2,7 @@
 
 import json
 import textwrap
+from multiprocessing.reduction import ForkingPickler
 
 import numpy as np
 import pytest
@@ -242,3 +243,9 @@ def test_the_catalogue_is_not_touched(file):
     bring(read_effects(file(CABLE)))
     assert before == CATALOGUE
     assert set(FAMILIES) - set(CATALOGUE) == {"cable"}
+
+
+def test_another_process_knows_an_effect_of_ones_own_by_its_family(file):
+    bring(read_effects(file(CABLE)))
+    there = ForkingPickler.loads(ForkingPickler.dumps(FAMILIES["cable"]))
+    assert there is FAMILIES["cable"]
