@@ -91,6 +91,8 @@ def _inside_the_way(problems: Sequence[Problem], when: Sequence[IntArray]) -> li
         if n in names and not wraps
     ]
     places = [p.windows.measured[..., columns] for p in problems]
+    if not columns:
+        return [np.ones(len(x), dtype=np.bool_) for x in places]
     rows = np.concatenate([x.reshape(-1, len(columns)) for x in places])
     low, high = rows.min(axis=0), rows.max(axis=0)
     margin = AT_AN_END * (high - low)

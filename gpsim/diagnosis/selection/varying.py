@@ -39,7 +39,7 @@ KNOTS = 5  # of a strength along an input, at quantiles
 RESPONSE = 12  # transitions of the free impulse response, the present one besides: as late as delays may be
 BLOCKS = 8  # of neighbouring windows, each left out once
 RIDGE = 1e-3  # of what the data say of a function's values: directions that nothing determines stand still
-TINY = 1e-300
+TINY = 1e-300  # guards a division by inputs that stand still
 CLOCK, ELAPSED, FILTER = "time", "time in the episode", "what was commanded before"
 
 
