@@ -59,7 +59,7 @@ def plan(
         >>> diagnosis = gpsim.Diagnosis.load("found")
         >>> plan = gpsim.plan(diagnosis, 0.05, anew=True, settings={"piece": 2.0, "candidates": 8})
         >>> plan.commands.shape, plan.safety.left
-        ((100, 1), 0)
+        ((150, 1), 0)
     """
     from gpsim.stages.plan import planned  # with pages, which take a second to load
 

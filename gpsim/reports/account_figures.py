@@ -31,7 +31,7 @@ from gpsim.reports.canvas import (
     png,
     style,
 )
-from gpsim.reports.curve_text import measured_picture
+from gpsim.reports.curve_figure import measured_picture
 from gpsim.reports.diagnosis_figures import COLOURS, LINES, Picture, limits
 from gpsim.reports.diagnosis_text import listed, noun
 from gpsim.reports.quantities import percent, share_text
