@@ -39,7 +39,7 @@ from gpsim.trials.drawing import (
     WORDS_FROM,
     kind_of,
     stratum_of,
-)  # fmt: skip
+)
 from gpsim.trials.robots import ROBOTS_FROM, WHOLE_FROM
 from gpsim.trials.robots import stratum_of as robots_stratum
 from gpsim.trials.scoring import score_trial

@@ -18,6 +18,7 @@ from gpsim.channels import BoolArray, FloatArray, IntArray
 from gpsim.diagnosis.data import Windows
 from gpsim.diagnosis.fitting import Hypothesis, Problem, fit
 from gpsim.diagnosis.report import LogFact
+from gpsim.diagnosis.selection.heavy_tails import NORMAL_MEDIAN
 from gpsim.diagnosis.settings import schedules
 from gpsim.diagnosis.setup import Question
 from gpsim.recordings import Episode, Recording
@@ -30,7 +31,7 @@ ELSEWHERE = (
     0.99  # quantile of how far samples lie from those of other windows: nearer ones were met elsewhere
 )
 AT_AN_END = 0.1  # of a coordinate's way, that counts as its end
-NORMAL_MEDIAN = 0.6745  # median of a standard normal's absolute value
+SHORTEST = 4  # transitions of windows: in shorter ones nothing bends
 TINY = 1e-300  # guards a division by channels that stand still
 
 Span = tuple[int, float, float]
@@ -45,24 +46,30 @@ def without_outside_acts(
     best: the explanation that misses them. A stretch in which no sample counts is a gap (see `gpsim.diagnosis.data`).
     """
     problems = [p for p in (question.everything, question.held_out) if len(p.windows)]
+    if sum(len(p.windows) for p in problems) < FEWEST or problems[0].windows.length < SHORTEST:
+        return None
     found = [_missed(p, best) for p in problems]
     costs = [cost for cost, _ in found]
     every = np.concatenate(costs)
-    if len(every) < FEWEST:
-        return None
     far = [cost > TIMES * float(np.median(every)) for cost in costs]
+    if not _few_that_rule(costs, far):
+        return None
     inner = _inside_the_way(problems, [when for _, when in found])
-    met = _met_elsewhere(problems, far)
-    out = [f & m & i for f, m, i in zip(far, met, inner, strict=True)]
-    gone = sum(float(cost[part].sum()) for cost, part in zip(costs, out, strict=True))
-    count = sum(int(part.sum()) for part in out)
-    if not 0 < count <= max(MOST * len(every), 1.0) or gone < RULES * float(every.sum()):
+    out = [f & m & i for f, m, i in zip(far, _met_elsewhere(problems, far), inner, strict=True)]
+    if not _few_that_rule(costs, out):
         return None
     spans = [span for p, part in zip(problems, out, strict=True) for span in _spans(p.windows.take(part))]
     inside = [_inside(i, e.t, spans) for i, e in enumerate(recording.episodes)]
     episodes = tuple(_without(e, rows) for e, rows in zip(recording.episodes, inside, strict=True))
-    count, first = sum(int(rows.sum()) for rows in inside), min(begin for _, begin, _ in spans)
-    return replace(recording, episodes=episodes), LogFact("pushed", count=count, value=first, unit="s")
+    samples, first = sum(int(rows.sum()) for rows in inside), min(begin for _, begin, _ in spans)
+    return replace(recording, episodes=episodes), LogFact("pushed", count=samples, value=first, unit="s")
+
+
+def _few_that_rule(costs: Sequence[FloatArray], which: Sequence[BoolArray]) -> bool:
+    """Whether some windows, and few of them, cost most of what all cost."""
+    count, windows = sum(int(part.sum()) for part in which), sum(len(cost) for cost in costs)
+    gone = sum(float(cost[part].sum()) for cost, part in zip(costs, which, strict=True))
+    return 0 < count <= max(MOST * windows, 1.0) and gone >= RULES * sum(float(cost.sum()) for cost in costs)
 
 
 def _missed(problem: Problem, best: Hypothesis) -> tuple[FloatArray, IntArray]:
@@ -101,18 +108,20 @@ def _inside_the_way(problems: Sequence[Problem], when: Sequence[IntArray]) -> li
 
 
 def _met_elsewhere(problems: Sequence[Problem], far: Sequence[BoolArray]) -> list[BoolArray]:
-    """(W,) of each problem, whether a window's states and commands lie as near to other windows' as is usual."""
+    """(W,) of each problem, whether a window far off lies as near to others in places and commands as is usual."""
     points = [_points(p) for p in problems]
     usual = [p[~f] for p, f in zip(points, far, strict=True)]
     rows = np.concatenate([p.reshape(-1, p.shape[2]) for p in usual])
-    scale = np.maximum(rows.std(axis=0), TINY)
+    spread = rows.std(axis=0)
+    scale = np.where(spread > 0.0, spread, 1.0)
     whole = [p / scale for p in usual]
     first, second = (np.concatenate([p[k::2].reshape(-1, p.shape[2]) for p in whole]) for k in (0, 1))
     within = float(np.quantile(cKDTree(first).query(second)[0], ELSEWHERE))
     tree = cKDTree(rows / scale)
-    return [
-        np.array([np.median(tree.query(w / scale)[0]) <= within for w in p], dtype=np.bool_) for p in points
-    ]
+    out = [np.zeros(len(p), dtype=np.bool_) for p in points]
+    for met, own, f in zip(out, points, far, strict=True):
+        met[f] = [np.median(tree.query(window / scale)[0]) <= within for window in own[f]]
+    return out
 
 
 def _points(problem: Problem) -> FloatArray:

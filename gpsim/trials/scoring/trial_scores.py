@@ -16,7 +16,7 @@ from gpsim.trials.rivals import (
     robot_rivals,
     second_recordings,
     whole_listing,
-)  # fmt: skip
+)
 from gpsim.trials.scoring.claims import of_first
 from gpsim.trials.scoring.curve_rules import CURVES, score_curve
 from gpsim.trials.scoring.machine_rules import MACHINES, score_machine
