@@ -45,6 +45,16 @@ def test_most_windows_are_evenly_spread():
     assert set(some.episode) == {0, 1, 2, 3}
 
 
+def test_an_episode_of_which_something_was_left_out_stands_beside_whole_ones():
+    recording = record(World("slider"), episodes=2, steps=100)
+    first, second = recording.episodes
+    left_out = np.ones(second.states.shape)
+    left_out[50:60, 0] = 0.0
+    windows = cut(replace(recording, episodes=(first, replace(second, weights=left_out))), WindowSettings())
+    assert (windows.weights[windows.episode == 0] == 1).all()
+    assert set(np.unique(windows.weights[windows.episode == 1])) == {0.0, 1.0}
+
+
 def samples(windows: Windows) -> set[tuple[int, float]]:
     return {
         (int(e), float(t))

@@ -243,7 +243,7 @@ def _window(
     )
     t = np.concatenate([episode.t[low : high + 1], episode.t[high] + step * np.arange(1, pad + 1)])
     valid = np.arange(length + 1) <= count
-    weights = None if episode.weights is None else np.ones(measured.shape)
+    weights = None if all(e.weights is None for e in recording.episodes) else np.ones(measured.shape)
     if weights is not None and episode.weights is not None:
         weights[: count + 1] = episode.weights[low : high + 1]
     before_states, before_actions, before_t = _before(episode, low, dt, step)

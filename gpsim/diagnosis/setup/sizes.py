@@ -10,6 +10,7 @@ from gpsim.channels import FloatArray
 from gpsim.diagnosis.settings import CandidateSettings
 from gpsim.diagnosis.setup.along import pushed_back, ripples
 from gpsim.diagnosis.setup.contacts import apart
+from gpsim.diagnosis.setup.readings import stands, unread
 from gpsim.effects import Effect, Place
 from gpsim.recordings import Recording, evenly
 from gpsim.simulators import Simulator
@@ -52,6 +53,7 @@ class Sizes:
             for n, v in zip(simulator.state.names, rows.states.std(axis=0), strict=True)
         }
         self._means = dict(zip(simulator.state.names, map(float, rows.states.mean(axis=0)), strict=True))
+        self._read = dict(zip(simulator.state.names, rows.states.T, strict=True))
         clock = [t for e in recording.episodes for t in (float(e.t[0]), float(e.t[-1]))]
         self._duration = max(clock) - min(0.0, min(clock))
         rates = simulator.rates(rows.states, rows.actions, parameters)
@@ -118,7 +120,16 @@ class Sizes:
                 speed=speed,
             )
         if effect.site == "sensor" and on in self._deviations:
-            return Place(on, self._simulator.state.units[on], span=self._deviations[on], dt=self._dt)
+            read = self._read[on]
+            return Place(
+                on,
+                self._simulator.state.units[on],
+                span=self._deviations[on],
+                dt=self._dt,
+                visited=(float(read.min()), float(read.max())),
+                stands=stands(read),
+                silent=unread(read),
+            )
         if effect.site == "parameter" and on in self._simulator.parameters:
             declared = self._simulator.parameters[on]
             if declared.additive:

@@ -24,6 +24,8 @@ ACTUATORS: Mapping[str, Callable[[Values], Actuator]] = {
     **laws.ACTUATORS,
     **{family: partial(words.Driven, law) for family, law in words.at_site("actuator").items()},
 }
+LAST_SENSORS: Mapping[str, Callable[..., Any]] = words.at_site("sensor")
+"""What sensors do at last, to noise, too: laws of (values, reading)."""
 DECK = tuple(sorted(strengths.STRENGTHS))
 """The families that worlds of every stratum but `words` hold."""
 STRENGTHS: Mapping[str, Draw] = {**strengths.STRENGTHS, **{f: w.strength for f, w in WORDS.items()}}
@@ -32,6 +34,7 @@ __all__ = [
     "ACTUATORS",
     "DECK",
     "GRIP",
+    "LAST_SENSORS",
     "SENSORS",
     "SMOOTH",
     "STRENGTHS",

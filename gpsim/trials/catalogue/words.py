@@ -103,6 +103,13 @@ def _stops_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     }
 
 
+def _range_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
+    """So that the outer twentieth to quarter of the readings stand at an end."""
+    share = d.size(0.03, 0.12)
+    low, high = (float(end) for end in np.quantile(s.column(on), [share, 1.0 - share]))
+    return {"low": rounded(low), "high": rounded(high)}
+
+
 WORDS: Mapping[str, Word] = {
     "actuator_dead_band": Word(
         "actuator",
@@ -134,6 +141,16 @@ WORDS: Mapping[str, Word] = {
     ),
     "cornering_drag": Word(
         "twist", _slowed, lambda s, on, d: {"drag": rounded(d.size(0.05, 0.8))}, systems=("unicycle",)
+    ),
+    "sensor_saturation": Word(
+        "sensor",
+        lambda k, y: np.where(y > k["high"], k["high"], np.where(y < k["low"], k["low"], y)),
+        _range_strength,
+    ),
+    "sensor_dead_zone": Word(
+        "sensor",
+        lambda k, y: y * (np.abs(y) >= k["width"]),
+        lambda s, on, d: {"width": rounded(d.size(0.15, 0.6) * float(np.std(s.column(on))))},
     ),
 }
 

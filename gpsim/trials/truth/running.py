@@ -40,6 +40,15 @@ def sense(
     return np.asarray(now)
 
 
+def limited(effects: Sequence[TrueEffect], names: tuple[str, ...], readings: FloatArray) -> FloatArray:
+    """(..., S) what is written down of readings, noise included: a sensor's range and dead zone act on both."""
+    out = readings
+    for effect in (e for e in effects if e.family in catalogue.LAST_SENSORS):
+        column, out = names.index(effect.on), out.copy()
+        out[..., column] = catalogue.LAST_SENSORS[effect.family](effect.values, out[..., column])
+    return out
+
+
 ACTUATORS: Mapping[str, Callable[[Values], catalogue.Actuator]] = {
     **catalogue.ACTUATORS,
     **outside.at_site(outside.Actuator),
@@ -105,7 +114,7 @@ def run(
     with np.errstate(all="ignore"):
         for k in range(world.steps):
             clean[k], kept[k] = sense(sensors, names, fine, k * n, h), hidden
-            commands[k] = driving.command(k, clean[k] + noise[k])
+            commands[k] = driving.command(k, limited(effects, names, clean[k] + noise[k]))
             for j in range(n):
                 late = k * world.dt + j * h
                 t, wall = world.clock_offsets + late, world.offsets + late
@@ -114,7 +123,8 @@ def run(
                 fine[k * n + j + 1] = state
             state = np.nan_to_num(np.clip(state, -1e6, 1e6))
     clean[-1], kept[-1] = sense(sensors, names, fine, world.steps * n, h), hidden
-    return Run(fine, h, commands, clean, clean + noise, kept, world.clock_offsets, world.offsets)
+    perfect, measured = (limited(effects, names, readings) for readings in (clean, clean + noise))
+    return Run(fine, h, commands, perfect, measured, kept, world.clock_offsets, world.offsets)
 
 
 def noise_of(world: World) -> FloatArray:
