@@ -62,13 +62,14 @@ class Place:
 
     unit: of a force on the coordinate, of the action, channel or parameter; length: of a coordinate's position. span:
     the typical size of that quantity in the recording (for a coordinate: of the force). middle: of a coordinate's
-    positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate went;
-    turned: whether something pushed it back at either end of that; stands: whether a channel's readings stand at either
-    end; silent: the least reading of a channel that has zeros and nothing between; ripples: (period, phase) of what a scan over its
-    positions found. speed: the typical speed of a coordinate, or of the one that an action drives. dt: the recording's
-    step [s]. loaded: a normal force is known. bounds: of a parameter, as shares of what is believed, or of a difference
-    from it where that is what counts (`additive`). centre: of a body, in its frame. damping, friction: what the
-    simulator itself has of a coordinate's, which may be less in truth.
+    positions; reach: their range, or of time [s] (for actions). visited: from where to where a coordinate or a
+    channel went; turned: whether something pushed a coordinate back at either end of that; stands: whether a channel's
+    readings stand at either end; silent: the least reading of a channel that has zeros and nothing between; ripples:
+    (period, phase) of what a scan over a coordinate's positions found. speed: the typical speed of a coordinate, or of
+    the one that an action drives. dt: the recording's step [s]. loaded: a normal force is known. bounds: of a
+    parameter, as shares of what is believed, or of a difference from it where that is what counts (`additive`).
+    centre: of a body, in its frame. damping, friction: what the simulator itself has of a coordinate's, which may be
+    less in truth.
     """
 
     on: str

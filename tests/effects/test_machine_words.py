@@ -14,6 +14,7 @@ from gpsim.diagnosis import diagnose
 from gpsim.diagnosis.run import Run
 from gpsim.diagnosis.settings import Known, read_settings
 from gpsim.diagnosis.setup.along import pushed_back, ripples
+from gpsim.diagnosis.setup.readings import stands, unread
 from gpsim.effects import FAMILIES, Chain, Place, Term
 from gpsim.recordings import Episode, Recording
 from gpsim.simulators import make_simulator
@@ -145,7 +146,12 @@ def test_the_scan_finds_a_period_among_other_forces(wraps, period):
     assert np.cos(2 * np.pi * 0.1 * (1 / best - 1 / period) + phase - 1.0) > 0.8 or not wraps
 
 
-WORLDS = {"torque_speed_limit": "pendulum", "load_friction": "slider", "cornering_drag": "unicycle"}
+WORLDS = {
+    "torque_speed_limit": "pendulum",
+    "load_friction": "slider",
+    "cornering_drag": "unicycle",
+    "wheel_saturation": "unicycle",
+}
 
 
 def test_a_car_slows_down_in_a_curve_and_stays_on_its_circle():
@@ -161,6 +167,27 @@ def test_a_car_slows_down_in_a_curve_and_stays_on_its_circle():
     np.testing.assert_allclose(
         state[0], [radius * np.sin(angle), radius * (1 - np.cos(angle)), angle], atol=1e-6
     )
+
+
+def test_wheels_that_are_clipped_drive_the_circle_of_their_speeds():
+    """An outer wheel at its limit L and an inner one at r: the centre drives at (L + r) / 2 and turns at (L - r) / b."""
+    law, k = FAMILIES["wheel_saturation"], {"limit": np.full(3, 1.0), "track": np.full(3, 0.4)}
+    v, w = np.array([0.9, 0.3, -2.0]), np.array([2.0, 1.0, 0.0])
+    ahead, _, turning = law.twist(v, np.zeros(3), w, k)
+    np.testing.assert_allclose(ahead, [(1.0 + 0.5) / 2, 0.3, -1.0])
+    np.testing.assert_allclose(turning, [(1.0 - 0.5) / 0.4, 1.0, 0.0])
+
+
+def test_readings_tell_a_range_and_a_dead_zone():
+    rng = np.random.default_rng(6)
+    y = np.sin(np.linspace(0.0, 40.0, 2000)) + rng.normal(0, 0.01, 2000)
+    assert stands(y) == (False, False)
+    assert stands(np.round(y, 2)) == (False, False)  # a coarse signal turns round at its ends
+    assert stands(np.minimum(y, 0.8)) == (False, True)
+    assert stands(np.clip(y, -0.7, 0.8)) == (True, True)
+    assert stands(np.zeros(50)) == (False, False)
+    assert unread(y) == unread(np.round(y, 2)) == 0.0
+    assert 0.2 <= unread(np.where(np.abs(y) < 0.2, 0.0, y)) < 0.22
 
 
 @pytest.mark.slow
@@ -220,6 +247,7 @@ def test_a_family_is_its_own_file_its_truth_and_a_test():
     """What names it elsewhere: an export that is no matter of the law, a kind that it was before, whole machines."""
     elsewhere = {
         "mjcf/robot_template.py", "trials/outside/forces_of_position.py", "trials/drawing/machine_parts.py",
+        "trials/outside/twists.py",
     }  # fmt: skip
     room = Path(gpsim.__file__).parent
     texts = {p.relative_to(room).as_posix(): p.read_text() for p in room.rglob("*.py")}

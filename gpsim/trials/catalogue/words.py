@@ -103,6 +103,15 @@ def _stops_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     }
 
 
+def _wheels(
+    k: Values, v: FloatArray, lateral: FloatArray, w: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Each of two wheels is clipped by itself."""
+    arms = np.array([-0.5, 0.5])[:, None] * k["track"]
+    inner, outer = np.clip(v + arms * w, -k["limit"], k["limit"])
+    return (inner + outer) / 2.0, lateral, (outer - inner) / k["track"]
+
+
 def _range_strength(s: Scales, on: str, d: Dial) -> dict[str, float]:
     """So that the outer twentieth to quarter of the readings stand at an end."""
     share = d.size(0.03, 0.12)
@@ -141,6 +150,15 @@ WORDS: Mapping[str, Word] = {
     ),
     "cornering_drag": Word(
         "twist", _slowed, lambda s, on, d: {"drag": rounded(d.size(0.05, 0.8))}, systems=("unicycle",)
+    ),
+    "wheel_saturation": Word(
+        "twist",
+        _wheels,
+        lambda s, on, d: {
+            "limit": rounded(s.action("v_cmd") * (1.1 - d.size(0.1, 0.5))),
+            "track": rounded(d.any(0.2, 0.5)),
+        },
+        systems=("unicycle",),
     ),
     "sensor_saturation": Word(
         "sensor",

@@ -57,7 +57,8 @@ class WheelSpeedLimit(Twist):
     """Left and right wheel, v -+ b w, no faster than the limit: a fast curve costs speed and turn rate at once."""
 
     name = "wheel_speed_limit"
-    since = 2028
+    family = "wheel_saturation"
+    since = None
     needs_levels = True
 
     def twist(self, v: FloatArray, w: FloatArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,0 +1,44 @@
+"""A sensor's dead zone: readings smaller than the width are 0, larger ones are right.
+
+Definition: a threshold, as of a tachometer that needs a least speed. Asked where a recording has readings of exactly 0
+and none between 0 and a least one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from gpsim.effects.effect import FunctionOf, Law, SensorEffect
+from gpsim.effects.place import EffectParameter, Place
+
+
+def silent(reading: Any, width: Any) -> Any:
+    """The reading, 0 where it is small."""
+    return np.where(np.abs(reading) < width, 0.0, reading)
+
+
+class SensorDeadZone(SensorEffect):
+    """A sensor's dead zone: readings smaller than the width are 0, larger ones are right."""
+
+    family: ClassVar[str] = "sensor_dead_zone"
+    sentence: ClassVar[str] = "the sensor of {on} reads 0 below {width}"
+    function_of: ClassVar[FunctionOf] = "reading"
+    order: ClassVar[int] = 50
+    takes: ClassVar[Mapping[str, float]] = {"width": 0.0}
+    law: ClassVar[Law] = staticmethod(silent)
+
+    def parameters(self, place: Place, variant: str = "") -> tuple[EffectParameter, ...]:
+        """Width [the channel's]: up to the smallest reading that is not 0."""
+        least = place.silent or 0.1 * place.span
+        return (
+            EffectParameter(
+                "width", place.unit, 0.0, 1.05 * least, (0.99 * least,), 0.3 * least, step=0.1 * least
+            ),
+        )
+
+    def offers(self, place: Place, variant: str) -> bool:
+        """Where small readings are missing."""
+        return variant == "" and place.silent > 0.0
