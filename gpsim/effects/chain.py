@@ -352,7 +352,7 @@ class Chain:
         if self._vehicle_terms:
             rates = self._twisted(rates, values, shares)
         for i, effect in self._rate_terms:
-            added = effect.added(self.simulator, state, action, parameters, values[i])
+            added = effect.added(self.simulator, state, action, parameters, values[i], self.terms[i].on)
             rates = rates + (added * shares[i][:, None] if i in shares else added)
         return rates
 

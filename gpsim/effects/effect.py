@@ -253,7 +253,7 @@ class VehicleEffect(Effect):
 
 
 class RateEffect(Effect):
-    """What is added to the rates. No family is one: it is for what has no name."""
+    """What is added to the rates: of a measured curve, or of a state of the first order."""
 
     site: ClassVar[Site] = "rate"
     function_of: ClassVar[FunctionOf] = "nothing"
@@ -270,6 +270,7 @@ class RateEffect(Effect):
         action: FloatArray,
         parameters: Mapping[str, float | FloatArray],
         values: Values,
+        on: str = "",
     ) -> FloatArray:
         """(B, R) what comes to the rates in state (B, S) under the command (B, A) that reached the simulator."""
 

@@ -335,7 +335,7 @@ class Drift(RateEffect):
     def parameters(self, place, variant=""):
         return ()
 
-    def added(self, simulator, state, action, parameters, values):
+    def added(self, simulator, state, action, parameters, values, on):
         out = np.zeros((len(state), len(simulator.rate)))
         out[:, -1] = values["k"] * state[:, 0] + action[:, 0]
         return out

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
@@ -254,3 +255,44 @@ def test_a_family_is_its_own_file_its_truth_and_a_test():
     for family in catalogue.WORDS:
         files = {name for name, text in texts.items() if f'"{family}"' in text} - elsewhere
         assert files == {f"effects/families/{family}.py", "trials/catalogue/words.py"}
+
+
+def tank(seconds: float, rim: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A level that drains with 0.05 of itself a second, filled by steps of 20 s, and stands at its rim when full."""
+    rng, dt = np.random.default_rng(8), 1.0
+    t = np.arange(0.0, seconds + dt, dt)
+    inflow = np.repeat(rng.uniform(0.0, 1.0, len(t) // 20 + 1), 20)[: len(t) - 1]
+    level = [2.0]
+    for u in inflow:
+        x = level[-1]
+        for _ in range(1000):  # the level itself is held: no flow over a rim is modelled
+            x = min(x + dt / 1000 * (u - 0.05 * x), rim)
+        level.append(x)
+    return t, np.array(level), inflow
+
+
+def drained(state, action, p):
+    """The tank without its rim."""
+    return {"level": action["inflow"] - p["outflow"] * state["level"]}
+
+
+def test_a_vessel_that_is_full_is_said_to_overflow():
+    t, level, inflow = tank(2400.0, 12.0)
+    base = gpsim.load_simulator(
+        drained,
+        state={"level": "m"},
+        action={"inflow": "m/s"},
+        parameters={"outflow": ("1/s", 0.05, 0.0, 1.0)},
+    )
+    noisy = np.minimum(level + np.random.default_rng(9).normal(0, 0.01, len(t)), 12.0)
+    recording = gpsim.recording_from_frame(
+        pd.DataFrame({"t": t, "level": noisy, "inflow": np.append(inflow, inflow[-1])}),
+        {"level": "m", "inflow": "m/s"},
+        base,
+        dt=1.0,
+    )
+    found = gpsim.diagnose(
+        recording, base, families={"only": ["overflow", "sensor_saturation", "parameter_offset"]}
+    )
+    assert [(e.family, e.place) for e in found.effects] == [("overflow", "level")]
+    assert found.effects[0].parameters["rim"].value == pytest.approx(12.0, abs=0.02)

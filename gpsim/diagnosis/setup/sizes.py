@@ -119,7 +119,7 @@ class Sizes:
                 length=length,
                 speed=speed,
             )
-        if effect.site == "sensor" and on in self._deviations:
+        if effect.site in ("sensor", "rate") and on in self._deviations:
             read = self._read[on]
             return Place(
                 on,
