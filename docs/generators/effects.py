@@ -21,6 +21,7 @@ ACTS_ON = {
     "actuator": "an action",
     "vehicle": "`vehicle`",
     "sensor": "a measured channel",
+    "rate": "a state of the first order",
 }
 OF_MODELS = {
     "payload": "a body",
