@@ -196,7 +196,8 @@ def main() -> None:
     rows = [
         line(one, chosen.out) for one in SETS if one.mapping in chosen.only and (FOLDER / one.source).exists()
     ]
-    head = "| set | base | effects | effects + GP | PySINDy | unit | account | published |\n|---|---|---|---|---|---|---|---|"
+    names = ("set", "base", "effects", "effects + GP", "PySINDy", "unit", "account", "published")
+    head = f"| {' | '.join(names)} |\n|{'---|' * len(names)}"
     table = "\n".join([head, *rows]) + "\n"
     (chosen.out / "nonlinear.md").write_text(table)
     print(table)

@@ -43,8 +43,9 @@ COLUMNS = ("family", "acts on", "law", "parameters", "law is a function of", "ma
 TAIL = """\
 `end_stop` has one edge where a recording shows one; it and `cogging_force` are asked where a force stands out at an
 end of the way, or repeats along it. `torque_speed_limit` and `load_friction` are asked where a command is the force
-that drives a coordinate. `sensor_saturation` is asked where many readings have the lowest or the highest value of
-all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing. `payload`, `armature`, `gravity_tilt` and `joint_offset` are for
+that drives a coordinate. `sensor_saturation` and `overflow` are asked where many readings have the lowest or the
+highest value of all, `sensor_dead_zone` where many are exactly 0 and the small ones are missing; `overflow` is for
+states that are neither a coordinate nor its velocity. `payload`, `armature`, `gravity_tilt` and `joint_offset` are for
 [MuJoCo models](../how-to/mujoco.md).
 *May be limited*: the effect may act in a `region` only (while a position lies in an interval), or begin at a
 moment (`since`), or, where every episode has a clock of its own, with an episode (`since_episode`). *Law is a

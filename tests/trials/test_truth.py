@@ -13,7 +13,7 @@ from gpsim.trials.drawing import draws
 from gpsim.trials.truth import run
 from gpsim.trials.truth.body import Body
 from gpsim.trials.truth.replay import Replay
-from gpsim.trials.truth.running import H, sense
+from gpsim.trials.truth.running import H, limited, sense
 from gpsim.trials.worlds import (
     SYSTEMS,
     Dial,
@@ -69,10 +69,11 @@ def test_every_law_is_the_catalogues_though_written_twice(family, system, on):
         theirs = plant.step(theirs, driven.commands[k], memory, rng)
     picks = np.stack([np.zeros(world.episodes, dtype=np.int64), np.arange(world.episodes)])
     own = ours.states(picks, LENGTH)
-    read = sense((effect,), SYSTEMS[system].names, own[None], 0, H)
+    names = SYSTEMS[system].names
+    read = limited((effect,), names, sense((effect,), names, own[None], 0, H))
     said = plant.measure(theirs, memory, rng)
     changed = np.abs(said - driven.clean[LENGTH]).max()
-    assert np.abs(read - said).max() < 1e-2 * changed + 1e-9
+    assert np.abs(read - said).max() < 1e-2 * changed + 1e-6  # a range may leave these readings as they are
 
 
 def test_a_delayed_sensor_says_what_was():
@@ -156,7 +157,8 @@ def test_no_kind_outside_is_a_family_of_the_catalogue():
     from gpsim.effects import FAMILIES
 
     of_models = {"armature", "gravity_tilt", "joint_offset", "payload"}  # drawn for robots
-    assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models
+    of_users = {"overflow"}  # acts on simulators of the first order, which no world has
+    assert set(catalogue.STRENGTHS) == set(FAMILIES) - of_models - of_users
     assert not set(outside.KINDS) & set(FAMILIES)
     assert set(catalogue.SMOOTH) | set(catalogue.GRIP) | set(catalogue.TWIST) <= set(FAMILIES)
 
