@@ -66,10 +66,10 @@ def _play(
 ) -> None:
     refuse_launcher("collect", words)
     from gpsim.stages.figures import figures_of, paths_of
-    from gpsim.stages.play import stage_for
+    from gpsim.stages.plan import play_stage
     from gpsim.stages.stage import Request
 
-    stage = stage_for(plan)
+    stage = play_stage(plan)
     if dry_run:
         show_standing(stage, Request(config, words, out=out))
         return

@@ -38,8 +38,8 @@ def deploy_command(
             "gpsim evaluate deploy.safe=true"
         )
     # Imported here: what reads logs takes seconds to load, and `--help` should not wait for it.
-    from gpsim.stages.deploy import replay as replayed
-    from gpsim.stages.deploy import replay_lines
+    from gpsim.stages.evaluate_deployed import replay as replayed
+    from gpsim.stages.evaluate_deployed import replay_lines
     from gpsim.stages.stage import Request
 
     found = replayed(Request(config, shown_words(words, config_dir)), replay)

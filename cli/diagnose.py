@@ -204,18 +204,18 @@ def _score(
 ) -> None:
     """Print how an existing diagnosis does on another recording."""
     from gpsim.reports.statistics_text import score_lines
+    from gpsim.stages.diagnose_loop import read_score, score_stage
     from gpsim.stages.figures import paths_of, score_figures
-    from gpsim.stages.score import read_score, stage_for
     from gpsim.stages.stage import Request
 
     if recording is None:
         raise UsageError("diagnose: --score DIAGNOSIS needs the RECORDING to judge it on")
     if dry_run:
-        show_standing(stage_for(diagnosis, recording, simulator), Request(config, words, out=out))
+        show_standing(score_stage(diagnosis, recording, simulator), Request(config, words, out=out))
         return
     with single_progress("score") as progress:
         request = Request(config, words, progress, out, cores=cores or CORES)
-        artifact, existed = stage_for(diagnosis, recording, simulator).make(request)
+        artifact, existed = score_stage(diagnosis, recording, simulator).make(request)
     found = read_score(artifact.path)
     for line in score_lines(found):
         say(line)

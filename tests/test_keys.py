@@ -8,9 +8,8 @@ from gpsim.cli.configuration import resolve
 
 from gpsim.artifacts.artifact import Recipe
 from gpsim.stages import diagnose, report
-from gpsim.stages.code import IN_NUMBERS, RELEASE, SOURCES, sources_digest
 from gpsim.stages.registry import STAGES
-from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stage import IN_NUMBERS, RELEASE, SOURCES, Request, Stage, sources_digest
 
 EVERY = [
     *STAGES.values(),

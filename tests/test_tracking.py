@@ -6,7 +6,7 @@ from gpsim.cli.main import app
 from typer.testing import CliRunner
 
 from gpsim.errors import UsageError
-from gpsim.stages import full_loop, report, tracking
+from gpsim.stages import full_loop, report, train_source
 from gpsim.stages.registry import STAGES
 from gpsim.stages.stage import Request
 
@@ -72,25 +72,25 @@ def test_a_training_that_is_made_anew_has_the_events_of_the_last_try_alone(tmp_p
     config = resolve([*TINY, "track=tensorboard", f"runs_dir={tmp_path}"], None)
     request = Request(config)
     recipe = STAGES["train-source"].keyed(request)
-    folder = tracking.events_of(request, recipe, "train-source/source")
+    folder = train_source.events_of(request, recipe, "train-source/source")
     (folder / "events.out.tfevents.1.old").touch()
     (folder / "mine.txt").touch()
-    assert tracking.events_of(request, recipe, "train-source/source") == folder
+    assert train_source.events_of(request, recipe, "train-source/source") == folder
     assert [path.name for path in folder.iterdir()] == ["mine.txt"]
 
 
 def test_off_nothing_is_written_and_a_report_does_not_know(tmp_path):
     request = Request(resolve([*TINY, f"runs_dir={tmp_path}"], None))
     recipe = STAGES["train-source"].keyed(request)
-    assert tracking.events_of(request, recipe, "train-source/source") is None
-    assert tracking.remarks(request) == []
+    assert train_source.events_of(request, recipe, "train-source/source") is None
+    assert train_source.tracking_remarks(request) == []
     assert not list(tmp_path.iterdir())
     words = ("budget=smoke", "track=tensorboard")
     assert report._command(Request(resolve(words, None), words), (0,)) == "gpsim run full-loop budget=smoke"
 
 
 def test_without_the_package_one_line_says_how_to_get_it_before_anything_is_trained(tmp_path, monkeypatch):
-    monkeypatch.setattr(tracking, "find_spec", lambda name: None)
+    monkeypatch.setattr(train_source, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install 'gpsim\[tensorboard\]'"):
         trained((*TINY, "track=tensorboard"), tmp_path / "runs")
     assert not list((tmp_path / "runs").rglob("v*"))

@@ -22,7 +22,6 @@ from gpsim.mjcf import files_digest, open_simulator
 from gpsim.recordings import Recording
 from gpsim.reports.wording import worded
 from gpsim.simulators import Simulator
-from gpsim.stages.code import SOURCES
 from gpsim.stages.diagnose import FORMAT, read_corrected, read_diagnosis, read_left_open
 from gpsim.stages.diagnosis_files import (
     FIGURES,
@@ -33,6 +32,7 @@ from gpsim.stages.diagnosis_files import (
     title_of,
     write_diagnosis,
 )
+from gpsim.stages.stage import SOURCES
 
 if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gpsim.artifacts import Recipe
+from gpsim.corrected import CorrectedPlant, Features, GpCorrection
 from gpsim.environments import (
     Act,
+    ActiveSettings,
+    Model,
     as_sensed,
+    collect_actively,
     collect_episodes,
     dithered_actor,
     first_of,
@@ -18,10 +23,11 @@ from gpsim.environments import (
 )
 from gpsim.errors import UsageError
 from gpsim.files import Json
+from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.recordings import Episode, ImportReport, Recording, write_recording
-from gpsim.settings import choice, number, positive
-from gpsim.stages import collect_active, gp_settings, train_source
-from gpsim.stages.building import base_plant, make_task, recording_of, target_plant
+from gpsim.settings import build, choice, number, positive
+from gpsim.stages import gp_settings, train_source
+from gpsim.stages.building import base_plant, make_task, recording_of, residuals_of, target_plant
 from gpsim.stages.import_log import (
     changes_of,
     logs_of,
@@ -35,6 +41,63 @@ from gpsim.stages.policy_files import read_policy
 from gpsim.stages.stage import Request, Stage, generator
 from gpsim.stages.sweep import check_sweep, run_sweep, sweep_mapping
 
+ACTIVE = "active"
+ON_THE_WAY = 60  # iterations of a fit
+
+
+def active(request: Request) -> bool:
+    """Whether uncertainty drives; raises UsageError for another word."""
+    said = request.config["strategy"]
+    return said is not None and choice(said, (ACTIVE,), "strategy") == ACTIVE
+
+
+def active_settings(request: Request) -> ActiveSettings:
+    """How it is driven."""
+    return build(ActiveSettings, request.config["active"], "active")
+
+
+def drive_actively(request: Request) -> tuple[Episode, ...]:
+    """Episodes on the stand-in, driven to where the Gaussian processes of `gp` are least sure."""
+    settings, task = active_settings(request), make_task(request.config).on_target()
+    rng = generator(request.seed, "collect/active")
+    return collect_actively(
+        target_plant(request.config),
+        task,
+        lambda episodes: _fitted(request, settings, episodes),
+        settings,
+        rng,
+        request.progress,
+    )
+
+
+def _quick(settings: FitSettings) -> FitSettings:
+    """A fit on the way says where to drive next; the one that counts is fit-gp's."""
+    return replace(
+        settings, restarts=min(settings.restarts, 1), max_iterations=min(settings.max_iterations, ON_THE_WAY)
+    )
+
+
+def _fitted(request: Request, settings: ActiveSettings, episodes: Sequence[Episode]) -> Model:
+    """The corrected simulator of what was recorded so far, of a part of it drawn by seed."""
+    base = base_plant(request.config)
+    residuals = residuals_of(base, episodes, generator(request.seed, "collect/active/order"))
+    features = Features.of(gp_settings.input_names(request), residuals.channels)
+    rows = residuals.training_rows(settings.n_train)
+    try:
+        gps = fit_outputs(
+            features(residuals.inputs[rows]),
+            residuals.values[rows],
+            _quick(gp_settings.fit_settings(request)),
+            generator(request.seed, "collect/active/fit"),
+        )
+    except ValueError as error:
+        raise UsageError(f"strategy=active: no Gaussian process fits what was recorded ({error})") from error
+    predictor = Predictor(gps)
+    correction = GpCorrection(predictor, features, "mean", sample_noise=False)
+    plant = CorrectedPlant(base.simulator, base.parameters, base.integrator, base.dt, correction)
+    return Model(plant, predictor, features)
+
+
 DRIVERS = ("source", "random", "dithered", "sweep")
 
 
@@ -44,10 +107,10 @@ def recipe(request: Request) -> Recipe:
         return _import_recipe(request)
     check(request)
     driver = request.config["collect"]["policy"]
-    by_policy = driver not in ("random", "sweep") and not collect_active.active(request)
+    by_policy = driver not in ("random", "sweep") and not active(request)
     parents = {"policy": train_source.STAGE.need(request.having(variant="source"))} if by_policy else {}
     config = request.section("simulator", "target", "task", "collect")
-    if collect_active.active(request):
+    if active(request):
         config |= request.section("strategy", "active", "gp")
         return Recipe("collect", config, {}, {"seed": request.seed})
     if driver == "sweep":  # which reads what it logged through the mapping
@@ -58,7 +121,7 @@ def recipe(request: Request) -> Recipe:
 def waits_for_policy(request: Request) -> bool:
     """Whether the configuration's `collect` is driven by the source policy."""
     section = request.config["collect"]
-    if collect_active.active(request):
+    if active(request):
         return False
     return section["source"] is None and section["policy"] in ("source", "dithered")
 
@@ -72,8 +135,8 @@ def check(request: Request) -> None:
         return
     target_plant(request.config)
     _check_sensors(section)
-    if collect_active.active(request):
-        collect_active.settings_of(request)
+    if active(request):
+        active_settings(request)
         gp_settings.check(request)
     elif choice(section["policy"], DRIVERS, "collect.policy") == "sweep":
         check_sweep(request.config)
@@ -90,11 +153,11 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         write_import(recording, report, folder)
         return {"transitions": recording.transition_count}
     section: dict[str, Any] = request.config["collect"]
-    if section["policy"] == "sweep" and not collect_active.active(request):
+    if section["policy"] == "sweep" and not active(request):
         return run_sweep(request, folder)
     base = base_plant(request.config)
-    episodes, driver = _driven(request, recipe), collect_active.ACTIVE
-    if not collect_active.active(request):
+    episodes, driver = _driven(request, recipe), ACTIVE
+    if not active(request):
         driver = section["policy"]
     sensed, noise = as_sensed(
         first_of(episodes, section["transitions"]),
@@ -110,8 +173,8 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
 
 def _driven(request: Request, recipe: Recipe) -> tuple[Episode, ...]:
     """The episodes, as they truly were."""
-    if collect_active.active(request):
-        return collect_active.drive_actively(request)
+    if active(request):
+        return drive_actively(request)
     section = request.config["collect"]
     return collect_episodes(
         target_plant(request.config),

@@ -18,7 +18,6 @@ from gpsim.mjcf import files_digest, in_its_columns, open_simulator, simulator_n
 from gpsim.recordings import Recording, joined, read_recording
 from gpsim.residuals import holding_out, read_table
 from gpsim.simulators import Simulator, lives_here, source_file
-from gpsim.stages.code import SOURCES, blamed
 from gpsim.stages.diagnosis_files import (
     POSTERIOR,
     Question,
@@ -28,7 +27,7 @@ from gpsim.stages.diagnosis_files import (
     write_diagnosis,
 )
 from gpsim.stages.policy_files import read_gp
-from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stage import SOURCES, Request, Stage, blamed
 
 FILES = ("recording.yaml", "recording.csv", "recording.parquet")
 FORMAT = 1

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsim.artifacts import Mishaps
 from gpsim.channels import Channels
@@ -21,24 +21,70 @@ from gpsim.corrected import (
 )
 from gpsim.diagnosis import Diagnosis, Outcome, diagnose, left_open_data
 from gpsim.diagnosis.assessment import Course, Traces, course, traces
-from gpsim.diagnosis.report import NoGp, RemainderGp
+from gpsim.diagnosis.report import Estimate, NamedEffect, NoGp, RemainderGp
 from gpsim.diagnosis.run import Decision, Run, cores
 from gpsim.diagnosis.settings import Known, Settings
 from gpsim.diagnosis.setup import look
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain, write_json
 from gpsim.gp import Predictor
+from gpsim.mjcf import Correction, MjcfSimulator, planned
 from gpsim.recordings import Recording
+from gpsim.reports.account_effects import claim_name
 from gpsim.reports.wording import worded
 from gpsim.residuals import check_each_holds_out, check_rates
 from gpsim.simulators import Simulator, wrapping
-from gpsim.stages.code import blamed
-from gpsim.stages.corrected_model import where_effects_go
 from gpsim.stages.policy_files import write_gp
-from gpsim.stages.stage import Progress, generator, silent
+from gpsim.stages.stage import Progress, blamed, generator, silent
 
 if TYPE_CHECKING:
     from gpsim.reports.diagnosis_figures import Picture
+
+
+DIGITS, STEP = 4, 12
+"""Of what is told, and of a control step that was taken from a log's stamps."""
+
+
+def correction_of(plant: EffectsPlant, simulator: MjcfSimulator) -> Correction:
+    """The corrected simulator as a change of its model."""
+    dt = float(f"{plant.dt:.{STEP}g}")
+    return Correction(simulator, plant.parameters, plant.terms, dt, plant.substeps, plant.youngest)
+
+
+def where_effects_go(plant: EffectsPlant, effects: Iterable[NamedEffect]) -> list[str]:
+    """A line an effect, if the simulator is a MuJoCo model; none of any other."""
+    if not isinstance(plant.simulator, MjcfSimulator) or not plant.terms:
+        return []
+    return [went(e) for e in planned(correction_of(plant, plant.simulator), sentences(effects))]
+
+
+def sentences(effects: Iterable[NamedEffect]) -> dict[tuple[str, str], str]:
+    """Of each effect, by family and place, its numbers and their intervals."""
+    return {(effect.family, effect.place): said_of(effect) for effect in effects}
+
+
+def went(effect: Mapping[str, Any]) -> str:
+    """An effect of patch.json, and the attributes it went to."""
+    there = "; ".join(effect["attributes"]) or "wrapper"
+    if effect["where"] == "attribute and wrapper":
+        there += "; wrapper"
+    reason = f" ({effect['why']})" if effect["why"] else ""
+    return f"{effect['said']} -> {'left out' if effect['where'] == 'left out' else there}{reason}"
+
+
+def said_of(effect: NamedEffect) -> str:
+    """An effect with its numbers and their intervals, for a comment."""
+    numbers = (f"{name} {_estimate(estimate)}" for name, estimate in effect.parameters.items())
+    return f"{claim_name(effect.family, effect.place)}: {', '.join(numbers)}"
+
+
+def _estimate(estimate: Estimate) -> str:
+    """A value, its unit, and its 90 % interval."""
+    value = f"{estimate.value:.{DIGITS}g} {estimate.unit}".removesuffix(" 1")
+    if estimate.low is None or estimate.high is None:
+        return value
+    return f"{value} ({estimate.low:.{DIGITS}g} to {estimate.high:.{DIGITS}g})"
+
 
 TRACE, FIGURES, POSTERIOR = "trace.jsonl", "figures", "posterior.json"
 

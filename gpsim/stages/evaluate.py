@@ -37,7 +37,6 @@ from gpsim.stages import (
     evaluate_goal,
     evaluate_recording,
     fit_gp,
-    one_step,
     safety,
     train_gp_policy,
     train_source,
@@ -51,11 +50,11 @@ from gpsim.stages.building import (
     residuals_of,
     target_plant,
 )
-from gpsim.stages.compared import TRAINED_BY, full_return, needs_diagnosis, policy_names
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.evaluate_robustness import robustness, what_is_open
+from gpsim.stages.evaluate_goal import robustness, what_is_open
 from gpsim.stages.policy_files import read_policy, write_arrays
 from gpsim.stages.stage import Request, Stage, generator
+from gpsim.stages.train_gp_policy import TRAINED_BY, full_return, needs_diagnosis, policy_names
 
 DEPLOYED = "GP-Sample"
 """The policy that the thesis deploys: what it visits on the target, the recording should have covered."""
@@ -124,9 +123,9 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     )
     visited = {name: _visit(request, recipe, driver) for name, driver in drivers.items()}
     gp = recipe.parents["gp"].path
-    scores = {name: one_step.scores(request, gp, visited[name]) for name in ("policy", "random")}
+    scores = {name: evaluate_recording.scores(request, gp, visited[name]) for name in ("policy", "random")}
     residuals = build_residuals_stage.read_residuals(recipe.parents["residuals"])
-    training = one_step.training_inputs(request, residuals)
+    training = evaluate_recording.training_inputs(request, residuals)
     request.progress(1, 3, "rollouts")
     rollout = _rollouts(request, recipe, folder)
     request.progress(2, 3, "returns")
@@ -159,7 +158,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
             else {"own_simulator": _promised(request, recipe)}
         ),
         "outside_recording": {
-            name: outside_range(one_step.own_inputs(request, data), training)
+            name: outside_range(evaluate_recording.own_inputs(request, data), training)
             for name, data in visited.items()
         },
         **(robustness(request, recipe, returns) if "Posterior" in recipe.parents else {}),

@@ -15,9 +15,10 @@ from gpsim.channels import FloatArray
 from gpsim.errors import UsageError
 from gpsim.evaluation import path_length
 from gpsim.files import Json, plain, read_object, write_json
-from gpsim.recordings import Episode, Recording
+from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.reports.canvas import png
 from gpsim.reports.trip_figures import figure_deployed
+from gpsim.stages import safety
 from gpsim.stages.building import base_plant, make_task
 from gpsim.stages.import_log import changes_of, logs_of, read_logs, read_mapping, salvages, source_digests
 from gpsim.stages.stage import Request
@@ -205,3 +206,46 @@ def _goal(request: Request) -> FloatArray:
             "origin; give its edge with task.floor="
         )
     return found
+
+
+def replay(request: Request, logs: Sequence[Path]) -> Json:
+    """Of every drive in the logs when and why it would have been stopped, and what false stops were stated.
+
+    logs: raw ones, read by collect.mapping, or the folder of a recording.
+    """
+    safety.check(request)
+    recording, whole = _recorded(request, logs)
+    drives = safety.watched(request, recording, trips(recording, whole))
+    settings = safety.settings_of(request)
+    return {"drives": drives, "stated_false_stops": settings.false_stops, "minutes": settings.minutes}
+
+
+def _recorded(request: Request, logs: Sequence[Path]) -> tuple[Recording, bool]:
+    """The recording, and whether each of its logs is one drive."""
+    for log in logs:
+        if not log.exists():
+            raise UsageError(f"{log}: no such log; give a bag, a table, or the folder of a recording")
+    if len(logs) == 1 and (logs[0] / "recording.yaml").is_file():
+        return read_recording(logs[0]), False
+    section = request.config["collect"]
+    given = section["mapping"]
+    mapping = None if given is None else str(given)
+    recording, _, raw = read_logs(list(logs), mapping, changes_of(section), salvages(section))
+    return recording, (raw.get("episodes") or {}).get("by", "file") == "file"
+
+
+def replay_lines(found: Json) -> list[str]:
+    """A line a drive, and how often nothing would have been stopped."""
+    lines = [_drive_line(drive) for drive in found["drives"]]
+    stopped = sum(drive["stopped_at"] is not None for drive in found["drives"])
+    lines.append(
+        f"{stopped} of {len(found['drives'])} drives would have been stopped; stated: a false stop in "
+        f"{found['minutes']:g} minutes with a probability of {found['stated_false_stops']:g} at most"
+    )
+    return lines
+
+
+def _drive_line(drive: dict[str, Any]) -> str:
+    if drive["stopped_at"] is None:
+        return f"{drive['drive']}: {drive['seconds']:.1f} s, not stopped"
+    return f"{drive['drive']}: stopped after {drive['stopped_at']:.2f} of {drive['seconds']:.1f} s ({drive['why']})"

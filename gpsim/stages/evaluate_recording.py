@@ -10,21 +10,57 @@ from typing import Any
 import numpy as np
 
 from gpsim.artifacts import Artifact, Recipe
-from gpsim.channels import FloatArray
-from gpsim.corrected import EffectsPlant
+from gpsim.channels import BoolArray, FloatArray
+from gpsim.corrected import EffectsPlant, Features, GpCorrection, arrived_inputs
 from gpsim.diagnosis.assessment import replayed
 from gpsim.diagnosis.data import rebased
-from gpsim.evaluation import WARM_UP, compare, replay, windows_of
+from gpsim.evaluation import WARM_UP, OneStep, compare, replay, windows_of
 from gpsim.files import Json, plain, write_json
 from gpsim.recordings import Episode, Recording, read_recording
 from gpsim.residuals import Residuals, either_wraps, first_held_out, holding_out
 from gpsim.settings import positive
-from gpsim.stages import build_residuals, fit_gp, one_step
+from gpsim.stages import build_residuals, fit_gp, gp_settings, train_gp_policy
 from gpsim.stages.building import base_plant
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.policy_files import write_arrays
 from gpsim.stages.stage import Request, generator
 from gpsim.stages.train_gp_policy import simulators_of
+
+EVERY = slice(None)
+
+
+def scores(
+    request: Request, gp_folder: Path, data: Residuals, rows: BoolArray | slice = EVERY
+) -> dict[str, Any]:
+    """Rate to the scores of mean and sample on `rows` of the transitions; commands arrive from the ones before, too."""
+    plant = train_gp_policy.corrected_plant(request, gp_folder)
+    correction = plant.correction
+    assert isinstance(correction, GpCorrection)
+    inputs, late = arrived_inputs(plant, data)
+    mean, variance = correction.predictor.mean_and_variance(correction.features(inputs[rows]))
+    result = OneStep(
+        data.values[rows],
+        mean + late[rows],
+        variance,
+        correction.predictor.noise_variances,
+        data.episode[rows],
+    )
+    rng = generator(request.start_seed, "evaluate/one-step/sample")
+    return {
+        name: result.scores(i, rng, sample_noise=correction.sample_noise)
+        for i, name in enumerate(data.rate.names)
+    }
+
+
+def training_inputs(request: Request, residuals: Residuals) -> FloatArray:
+    """(N, D): the GPs' own inputs on the rows that they were conditioned on."""
+    return own_inputs(request, residuals)[fit_gp.rows_of(request, residuals)]
+
+
+def own_inputs(request: Request, data: Residuals) -> FloatArray:
+    """(N, D): the GPs' inputs of transitions."""
+    return Features.of(gp_settings.input_names(request), data.channels)(data.inputs)
+
 
 WHY = (
     "layer 3 is left out: the target is known by its logs alone, there is nothing to drive; play an exported policy on "
@@ -47,9 +83,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     held_out = bool(data.test.any())
     judged = data.take(data.test) if held_out else data
     request.progress(0, 2, "one step")
-    scores = one_step.scores(
-        request, recipe.parents["gp"].path, data, data.test if held_out else one_step.EVERY
-    )
+    one_step = scores(request, recipe.parents["gp"].path, data, data.test if held_out else EVERY)
     request.progress(1, 2, "rollouts")
     evaluation = {
         "experiment": request.config["experiment"],
@@ -59,7 +93,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         if held_out
         else "the training episodes: the recording holds nothing out",
         "not_driven": WHY,
-        "one_step": scores,
+        "one_step": one_step,
         "rollout": _rollouts(request, recipe, judged, folder),
     }
     write_json(folder / "evaluation.json", plain(evaluation))

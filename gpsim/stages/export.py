@@ -10,8 +10,11 @@ import numpy as np
 
 from gpsim.artifacts import read_artifact
 from gpsim.channels import FloatArray, wrap_angle
+from gpsim.corrected import CorrectedPlant, GpCorrection
 from gpsim.errors import UsageError
+from gpsim.evaluation import BETS, Monitor
 from gpsim.files import Json, write_json, written_whole
+from gpsim.gp import Predictor
 from gpsim.mjcf import Exported, MjcfSimulator, export_model, open_simulator
 from gpsim.policies import Policy
 from gpsim.policies.export import to_onnx
@@ -19,13 +22,66 @@ from gpsim.policies.ros_node import ros_node
 from gpsim.recordings import Episode, Predictions, Recording, read_recording, write_mcap, write_table
 from gpsim.settings import build
 from gpsim.simulators import SIMULATORS, Integrator, Simulator
-from gpsim.stages.corrected_model import correction_of, sentences, went
+from gpsim.stages import safety
 from gpsim.stages.diagnose import read_corrected, read_diagnosis
-from gpsim.stages.export_monitor import monitor_facts
-from gpsim.stages.policy_files import read_policy
+from gpsim.stages.diagnosis_files import correction_of, sentences, went
+from gpsim.stages.policy_files import read_policy, survival_lines
 from gpsim.stages.stage import Request
-from gpsim.stages.survives import survival_lines
 from gpsim.tasks import GoalReaching
+
+SCHEMA = "gpsim.monitor/1"
+POSE, TWIST = ("x", "y", "yaw"), ("v_cmd", "w_cmd")
+
+
+def monitor_facts(request: Request) -> dict[str, Any]:
+    """The monitor as configured; raises UsageError for one that a node cannot predict with."""
+    return facts_of(safety.monitor_of(request, "export"))
+
+
+def facts_of(monitor: Monitor) -> dict[str, Any]:
+    """The predictor and what is usual; raises UsageError as above."""
+    plant, usual = monitor.plant, monitor.usual
+    if (plant.state.names, plant.action.names) != (POSE, TWIST):
+        raise UsageError(
+            "--monitor: is of a vehicle in the plane that is told its speed and turn rate, no other"
+        )
+    gp = plant.correction if isinstance(plant, CorrectedPlant) else None
+    # A chain of processes is a predictor, too, but has no form of its own.
+    if (
+        not isinstance(plant, CorrectedPlant)
+        or not isinstance(gp, GpCorrection)
+        or type(gp.predictor) is not Predictor
+    ):
+        raise UsageError(
+            "--monitor: a node predicts by one Gaussian process a rate, as gp=exact has; effects and chained ones have "
+            "memories and parts that it lacks: watch its bag with gpsim deploy --replay"
+        )
+    (shift, linear, weights), features, late = gp.predictor.mean_form, gp.features, plant.filter
+    inputs = [
+        [column, item.function or "", bool(wraps) and item.function in (None, "sign")]
+        for column, item, wraps in zip(features.columns, features.items, features.wraps, strict=True)
+    ]
+    return {
+        "schema": SCHEMA,
+        "dt": plant.dt,
+        "integrator": plant.integrator,
+        "delay": list(late.delay) if late else [],
+        "lag": list(late.time_constant) if late else [],
+        "gp": {
+            "inputs": inputs,
+            "shift": shift.tolist(),
+            "linear": linear.tolist(),
+            "weights": weights.tolist(),
+        },
+        "scale": usual.scale.tolist(),
+        "usual": usual.mean,
+        "cap": monitor.settings.cap,
+        "bets": list(BETS),
+        "threshold": monitor.threshold,
+        "stated_false_stops": monitor.settings.false_stops,
+        "minutes": monitor.settings.minutes,
+    }
+
 
 NODE, MONITOR = "drive_to_goal.py", "monitor.json"
 

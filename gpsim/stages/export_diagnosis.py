@@ -21,7 +21,7 @@ from gpsim.reports.account import account_of
 from gpsim.reports.foxglove_scene import body_of
 from gpsim.residuals import first_held_out
 from gpsim.stages import diagnose
-from gpsim.stages.code import blamed
+from gpsim.stages.stage import blamed
 
 FORMATS = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 """What the extra `foxglove` brings."""

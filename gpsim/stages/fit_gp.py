@@ -14,7 +14,7 @@ from gpsim.files import Json, read_object, write_json
 from gpsim.gp import MOST_ROWS, Predictor, fit_chain, fit_outputs
 from gpsim.residuals import Residuals
 from gpsim.simulators import SimulatorPlant
-from gpsim.stages import build_residuals, observed
+from gpsim.stages import build_residuals, gp_settings
 from gpsim.stages.building import base_plant
 from gpsim.stages.gp_settings import chain_of, check, count_of, fit_settings, input_names, settle_of
 from gpsim.stages.policy_files import write_gp
@@ -24,7 +24,7 @@ from gpsim.stages.stage import Request, Stage, generator
 def recipe(request: Request) -> Recipe:
     """The residuals and the GP's settings."""
     check(request)
-    observed.settings_of(request)
+    gp_settings.observations_of(request)
     parents = {"residuals": build_residuals.STAGE.need(request)}
     return Recipe("fit-gp", request.section("gp"), parents, {"seed": request.seed})
 
@@ -32,10 +32,10 @@ def recipe(request: Request) -> Recipe:
 def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Fit and write gp.safetensors, gp.json and fit.json (likelihoods, hyper-parameters, convergence, warnings)."""
     section = request.config["gp"]
-    states = observed.settings_of(request)
+    states = gp_settings.observations_of(request)
     residuals = build_residuals.read_residuals(recipe.parents["residuals"])
     if states is not None:
-        residuals = observed.observed(request, states)
+        residuals = gp_settings.observed(request, states)
     features = Features.of(input_names(request), residuals.channels)
     base, settle, filtered = base_plant(request.config), settle_of(request), section.get("filter", False)
     count, rows = count_of(request), rows_of(request, residuals)

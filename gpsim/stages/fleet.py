@@ -14,11 +14,10 @@ from gpsim.launchers import Launcher, Update
 from gpsim.recordings import is_bag_folder
 from gpsim.reports.fleet import Deviation, Robot, deviations, headline
 from gpsim.reports.fleet_page import fleet_page
-from gpsim.stages.code import RELEASE
 from gpsim.stages.diagnose import Task, read_diagnosis
 from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
 from gpsim.stages.raw_logs import is_raw
-from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stage import RELEASE, Request, Stage
 
 STAGE_NAME, FORMAT = "fleet", 1
 FACTS, PAGE = "fleet.json", "report.html"

@@ -7,7 +7,7 @@ from gpsim.launchers import Launcher, Update
 from gpsim.recordings import read_recording
 from gpsim.residuals import check_clock
 from gpsim.settings import positive
-from gpsim.stages import build_residuals, certify, collect, evaluate, gp_settings, tracking
+from gpsim.stages import build_residuals, certify, collect, evaluate, gp_settings, train_source
 from gpsim.stages.building import (
     base_plant,
     drivable,
@@ -15,12 +15,10 @@ from gpsim.stages.building import (
     randomised_plant,
     target_plant,
 )
-from gpsim.stages.code import blamed
-from gpsim.stages.compared import DIAGNOSED, TRAINED_BY, needs_diagnosis, policy_names
 from gpsim.stages.diagnose_loop import find_diagnosis
 from gpsim.stages.jobs import Finished, Job, run_jobs
-from gpsim.stages.stage import Request
-from gpsim.stages.train_gp_policy import effects_plant
+from gpsim.stages.stage import Request, blamed
+from gpsim.stages.train_gp_policy import DIAGNOSED, TRAINED_BY, effects_plant, needs_diagnosis, policy_names
 from gpsim.stages.train_source import settings_for
 
 
@@ -41,7 +39,7 @@ def _check(request: Request) -> None:
     """Settings that are wrong are better found now than after an hour of training."""
     if request.config["deployed"] is not None:
         raise UsageError("deployed= scores logs of a policy, without a loop: gpsim evaluate deployed=...")
-    tracking.check(request)
+    train_source.tracks(request)
     base_plant(request.config)
     settings_for(request, make_task(request.config))
     evaluate.check(request)

@@ -18,10 +18,9 @@ from gpsim.reports.sweep_page import sweep_page
 from gpsim.runs import figures_of
 from gpsim.settings import choice
 from gpsim.stages import full_loop
-from gpsim.stages.code import RELEASE
 from gpsim.stages.jobs import Failed, Finished, Job, run_jobs
 from gpsim.stages.registry import STAGES
-from gpsim.stages.stage import Request, Stage
+from gpsim.stages.stage import RELEASE, Request, Stage
 
 STAGE_NAME, FORMAT = "sweep", 1
 CSV, PARQUET, PAGE = "sweep.csv", "sweep.parquet", "report.html"

@@ -11,10 +11,9 @@ from typing import Any, TypeVar
 from gpsim.artifacts import Artifact, listed_once
 from gpsim.errors import UsageError
 from gpsim.launchers import Launcher, Progress, Task, Update, run_tasks, settle
-from gpsim.stages.code import check_same_code, code_here
 from gpsim.stages.diagnose import Task as Recorded
 from gpsim.stages.diagnose import stage_for
-from gpsim.stages.stage import Request, Stage, silent
+from gpsim.stages.stage import Request, Stage, check_same_code, code_here, silent
 
 Finished = Callable[[str, Artifact, bool], None]
 """finished(job, artifact, existed)"""

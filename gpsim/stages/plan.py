@@ -19,12 +19,12 @@ from gpsim.diagnosis.run import Run, cores
 from gpsim.errors import UsageError
 from gpsim.files import Json, plain
 from gpsim.planning import STATED, Limits, Machine, Plan, PlanSettings, limits_of, make_plan
-from gpsim.recordings import read_yaml
+from gpsim.recordings import Episode, read_yaml, write_recording
 from gpsim.settings import build
-from gpsim.simulators import Simulator
-from gpsim.stages.code import SOURCES, blamed
+from gpsim.simulators import Plant, Simulator
+from gpsim.stages.building import base_plant, recording_of, target_plant
 from gpsim.stages.diagnose import read_corrected, read_diagnosis, read_left_open
-from gpsim.stages.stage import Progress, Request, Stage, generator, silent
+from gpsim.stages.stage import SOURCES, Progress, Request, Stage, blamed, generator, silent
 
 FORMAT = 1
 COMMANDS, FACTS, PAGE = "plan.csv", "plan.yaml", "report.html"
@@ -160,3 +160,46 @@ def _write(request: Request, diagnoses: Sequence[Path], minutes: float, anew: bo
 def plan_of(artifact: Artifact) -> Mapping[str, Any]:
     """What plan.yaml of a finished plan says."""
     return dict(read_yaml(artifact.path / FACTS))
+
+
+def play_stage(plan: Path) -> Stage:
+    """The stage for a finished plan; its recording is of the stage `collect`."""
+    return Stage(
+        "collect",
+        lambda request: _played_recipe(request, plan),
+        lambda request, recipe, folder: _play(request, plan, folder),
+        format=1,
+    )
+
+
+def _played_recipe(request: Request, plan: Path) -> Recipe:
+    _opened(request, plan)
+    parents = {"plan": read_artifact(plan, "plan")}
+    return Recipe("collect", request.section("simulator", "target"), parents, {"seed": request.seed})
+
+
+def _opened(request: Request, plan: Path) -> Played:
+    target = target_plant(request.config)
+    return read_plan(plan, base_plant(request.config).simulator, target.dt)
+
+
+def _play(request: Request, plan: Path, folder: Path) -> Json:
+    played, base, target = _opened(request, plan), base_plant(request.config), target_plant(request.config)
+    rng = generator(request.seed, "collect/episodes")
+    episodes = tuple(
+        _episode(target, str(i), played.start, commands, rng) for i, commands in enumerate(played.commands)
+    )
+    recording = recording_of(base, episodes, "plan", request.seed)
+    write_recording(recording, folder)
+    return {"transitions": recording.transition_count}
+
+
+def _episode(
+    target: Plant, name: str, start: FloatArray, commands: FloatArray, rng: np.random.Generator
+) -> Episode:
+    state, memory = start[None].copy(), target.begin(1, rng)
+    seen = [target.measure(state, memory, rng)[0]]
+    for command in commands:
+        state = target.step(state, command[None], memory, rng)
+        seen.append(target.measure(state, memory, rng)[0])
+    return Episode(name, target.dt * np.arange(len(commands) + 1, dtype=np.float64), np.stack(seen), commands)

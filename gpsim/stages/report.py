@@ -23,7 +23,6 @@ from gpsim.stages import (
     build_residuals,
     certify,
     collect,
-    compared,
     evaluate,
     evaluate_goal,
     fit_gp,
@@ -97,18 +96,20 @@ def gather(request: Request, seeds: tuple[int, ...]) -> LoopReport:
         starts=driven.starts,
         best_return=_best(task, driven.returns),
         earns_steps=isinstance(task, Balance),
-        own_rewards=compared.full_return(task) is None,
+        own_rewards=train_gp_policy.full_return(task) is None,
         held=getattr(training_settings(request.config), "action_repeat", 1),
         curves={
-            name: [_curve(r, name) for r in requests.values()] for name in compared.policy_names(request)
+            name: [_curve(r, name) for r in requests.values()]
+            for name in train_gp_policy.policy_names(request)
         },
         rounds={
-            name: [_rounds(r, name) for r in requests.values()] for name in compared.policy_names(request)
+            name: [_rounds(r, name) for r in requests.values()]
+            for name in train_gp_policy.policy_names(request)
         }
         if getattr(training_settings(request.config), "expert_rounds", 0)
         else {},
         slices=_slices(first),
-        named=_named(requests) if compared.needs_diagnosis(request) else {},
+        named=_named(requests) if train_gp_policy.needs_diagnosis(request) else {},
         given=_given(request),
         fits={seed: _json(fit_gp.STAGE.need(r), "fit.json") for seed, r in requests.items()},
         outside={
@@ -138,7 +139,7 @@ class Driven:
 
 def _best(task: Task, returns: Mapping[str, FloatArray]) -> float:
     """What an episode may earn, as far as anybody knows: the most that one earned where rewards are the task's own."""
-    full = compared.full_return(task)
+    full = train_gp_policy.full_return(task)
     earned = [float(np.nanmax(values)) for values in returns.values() if np.isfinite(values).any()]
     return float(full) if full is not None else max([*earned, 1.0])
 
@@ -147,7 +148,7 @@ def _driven(request: Request, evaluated: list[Artifact]) -> Driven:
     tables = [evaluate.read_returns(artifact) for artifact in evaluated]
     certified = tables[0][1]
     returns = {name: np.stack([values[name] for values, _ in tables]) for name in tables[0][0]}
-    trips, steps = _trips(request, evaluated), compared.full_return(make_task(request.config))
+    trips, steps = _trips(request, evaluated), train_gp_policy.full_return(make_task(request.config))
     return Driven(returns, start_sets(returns, certified, steps, trips.reached if trips else None), trips)
 
 
@@ -186,7 +187,7 @@ def _settings(request: Request) -> Json:
 def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int | None, Artifact]]:
     """(role, seed, artifact) of everything that the report rests on; None where the seeds share it."""
     found: list[tuple[str, int | None, Artifact]] = []
-    given, with_effects = _given(request), compared.needs_diagnosis(request)
+    given, with_effects = _given(request), train_gp_policy.needs_diagnosis(request)
     if "recording" in given:
         folder = build_residuals.recording_folder(request)
         # A folder that gpsim did not make has no manifest; its digests stand in that of the residuals.
@@ -200,8 +201,8 @@ def _artifacts(request: Request, seeds: tuple[int, ...]) -> list[tuple[str, int 
             found.append((stage.name, seed, stage.need(own)))
         if with_effects and "diagnosis" not in given:
             found.append(("diagnose", seed, find_diagnosis(own)))
-        for name in compared.policy_names(request):
-            stage, settings = compared.TRAINED_BY[name]
+        for name in train_gp_policy.policy_names(request):
+            stage, settings = train_gp_policy.TRAINED_BY[name]
             found.append((name, seed, stage.need(own.having(**settings))))
         found.append(("evaluate", seed, evaluate.STAGE.need(own)))
     if drivable(request.config):
@@ -214,13 +215,13 @@ def _made_by(role: str, seed: int | None, artifact: Artifact) -> MadeBy:
 
 
 def _curve(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
-    stage, settings = compared.TRAINED_BY[policy]
+    stage, settings = train_gp_policy.TRAINED_BY[policy]
     table = pd.read_csv(stage.need(request.having(**settings)).path / "learning_curve.csv")
     return table["steps"].to_numpy(dtype=np.float64), table["mean_return"].to_numpy(dtype=np.float64)
 
 
 def _rounds(request: Request, policy: str) -> tuple[FloatArray, FloatArray]:
-    stage, settings = compared.TRAINED_BY[policy]
+    stage, settings = train_gp_policy.TRAINED_BY[policy]
     table = pd.read_csv(stage.need(request.having(**settings)).path / "checkpoints.csv")
     return np.arange(float(len(table))), table["score"].to_numpy(dtype=np.float64)
 

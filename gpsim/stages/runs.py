@@ -41,10 +41,9 @@ from gpsim.runs import (
     remove,
     size_of,
 )
-from gpsim.stages import fleet, full_loop, grid, import_log, report, score
-from gpsim.stages.code import RELEASE
+from gpsim.stages import diagnose_loop, fleet, full_loop, grid, import_log, report
 from gpsim.stages.registry import STAGES
-from gpsim.stages.stage import LATER, NOT_MADE, NotMadeError, Request, Stage, quoted
+from gpsim.stages.stage import LATER, NOT_MADE, RELEASE, NotMadeError, Request, Stage, quoted
 
 Code = Mapping[str, tuple[int, str]]
 """Of each stage the format and the state of the code that make its artifacts today."""
@@ -53,7 +52,7 @@ Code = Mapping[str, tuple[int, str]]
 def todays_code() -> Code:
     """What makes each stage's artifacts today."""
     nowhere = Path()
-    stages = [*STAGES.values(), report.stage_for((0,)), score.stage_for(nowhere, nowhere)]
+    stages = [*STAGES.values(), report.stage_for((0,)), diagnose_loop.score_stage(nowhere, nowhere)]
     return {stage.name: (stage.format, stage.code) for stage in stages} | {
         import_log.STAGE_NAME: (1, ""),
         grid.STAGE_NAME: (grid.FORMAT, RELEASE),

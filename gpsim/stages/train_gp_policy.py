@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,19 +18,19 @@ from gpsim.corrected import (
 from gpsim.errors import UsageError
 from gpsim.files import Json
 from gpsim.gp import DrawnFunctions
+from gpsim.gymtasks import GymTask
 from gpsim.policies.training.settings import TRAINING_FORMAT
-from gpsim.settings import choice
+from gpsim.settings import choice, texts
 from gpsim.simulators import Plant, SimulatorPlant
-from gpsim.stages import fit_gp, tracking
+from gpsim.stages import fit_gp, train_source
 from gpsim.stages.build_residuals import other_settings
-from gpsim.stages.building import base_plant, make_task
-from gpsim.stages.code import IN_NUMBERS
+from gpsim.stages.building import base_plant, drivable, make_task
 from gpsim.stages.diagnose import read_corrected, read_left_open, why_no_gp
 from gpsim.stages.diagnose_loop import find_diagnosis
-from gpsim.stages.policy_files import read_filter, read_gp_correction
-from gpsim.stages.stage import Request, Stage, generator
-from gpsim.stages.survives import survival_lines, write_survives
+from gpsim.stages.policy_files import read_filter, read_gp_correction, survival_lines, write_survives
+from gpsim.stages.stage import IN_NUMBERS, Request, Stage, generator
 from gpsim.stages.train_source import train
+from gpsim.tasks import Task
 
 CORRECTIONS = ("gp", "effects", "effects+gp")
 ROBUSTNESS = ("none", "posterior")
@@ -65,7 +66,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
     plant, expected = make(request, parent), make(request.having(prediction="mean"), parent)
     purpose = {"gp": prediction, "effects": "effects", "effects+gp": f"effects+gp/{prediction}"}[correction]
     task, purpose = make_task(request.config), f"train-gp-policy/{purpose}"
-    events = tracking.events_of(request, recipe, purpose)
+    events = train_source.events_of(request, recipe, purpose)
     return train(request, plant, task, purpose, folder, expected, events)
 
 
@@ -73,7 +74,7 @@ def _train_robust(request: Request, recipe: Recipe, folder: Path) -> Json:
     """Train in draws of the posterior, and write beside the policy what it was trained to survive."""
     drawn = posterior_plant(request, recipe.parents["diagnosis"])
     purpose = f"train-gp-policy/posterior/{request.config['correction']}"
-    events = tracking.events_of(request, recipe, purpose)
+    events = train_source.events_of(request, recipe, purpose)
     made = train(request, drawn, make_task(request.config), purpose, folder, None, events)
     write_survives(folder, drawn)
     return made
@@ -116,7 +117,7 @@ def remarks(request: Request) -> list[str]:
     """Whether a Gaussian process that was asked for was left out, and where event files lie."""
     why = _left_out(request)
     said = [f"no Gaussian process beside the effects, as with correction=effects: {why}"] if why else []
-    return [*said, *tracking.remarks(request)]
+    return [*said, *train_source.tracking_remarks(request)]
 
 
 def corrected_plant(request: Request, gp_folder: Path) -> CorrectedPlant:
@@ -205,3 +206,38 @@ STAGE = Stage(
     format=TRAINING_FORMAT,
     code=IN_NUMBERS,
 )
+
+
+TRAINED_BY: Mapping[str, tuple[Stage, dict[str, str]]] = {
+    "Source": (train_source.STAGE, {"variant": "source"}),
+    "Domain randomisation": (train_source.STAGE, {"variant": "randomised"}),
+    "GP-Mean": (STAGE, {"correction": "gp", "prediction": "mean"}),
+    "GP-Sample": (STAGE, {"correction": "gp", "prediction": "sample"}),
+    "Effects": (STAGE, {"correction": "effects"}),
+    "Posterior": (STAGE, {"correction": "effects+gp", "robustness": "posterior"}),
+    "Target": (train_source.STAGE, {"variant": "target"}),
+}
+"""The policies of Table 4.4, the one of the named effects, and the stage that trains each."""
+DIAGNOSED = ("Effects", "Posterior")
+"""Policies that need a diagnosis."""
+
+
+def full_return(task: Task) -> int | None:
+    """The return that means that a start is solved; None of a task whose rewards are its own affair."""
+    return None if isinstance(task, GymTask) else task.max_steps
+
+
+def policy_names(request: Request) -> tuple[str, ...]:
+    """The policies to compare."""
+    names = texts(request.config["evaluate"]["policies"], "evaluate.policies")
+    unknown = [name for name in names if name not in TRAINED_BY]
+    if unknown or not names:
+        raise UsageError(
+            f"evaluate.policies: '{(unknown or ['nothing'])[0]}' is not one of {', '.join(TRAINED_BY)}"
+        )
+    return tuple(name for name in dict.fromkeys(names) if name != "Target" or drivable(request.config))
+
+
+def needs_diagnosis(request: Request) -> bool:
+    """Whether a policy that is compared was trained in what a diagnosis found."""
+    return not set(DIAGNOSED).isdisjoint(policy_names(request))

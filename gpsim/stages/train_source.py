@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from gpsim.artifacts import Recipe
 from gpsim.channels import FloatArray
 from gpsim.environments import BatchedEnv
 from gpsim.errors import UsageError
-from gpsim.files import Json
+from gpsim.files import Json, disk_errors
 from gpsim.policies import Expert, Policy
 from gpsim.policies.training.settings import (
     TRAINING_FORMAT,
@@ -25,7 +26,6 @@ from gpsim.policies.training.settings import (
 )
 from gpsim.settings import choice
 from gpsim.simulators import Plant
-from gpsim.stages import tracking
 from gpsim.stages.building import (
     base_plant,
     expert_search,
@@ -34,10 +34,48 @@ from gpsim.stages.building import (
     target_plant,
     training_settings,
 )
-from gpsim.stages.code import IN_NUMBERS
 from gpsim.stages.policy_files import write_checkpoints, write_curve, write_policy
-from gpsim.stages.stage import Request, Stage, derived_seed
+from gpsim.stages.stage import IN_NUMBERS, Request, Stage, derived_seed
 from gpsim.tasks import Task
+
+TRACKERS = ("tensorboard",)
+FOLDER = "tracking"
+
+
+def tracks(request: Request) -> bool:
+    """Whether trainings are tracked; raises UsageError where that is asked for and cannot be."""
+    asked = request.config["track"]
+    if asked is None:
+        return False
+    choice(asked, TRACKERS, "track")
+    if find_spec("tensorboard") is None:
+        raise UsageError("track=tensorboard: TensorBoard is not installed; pip install 'gpsim[tensorboard]'")
+    return True
+
+
+def events_of(request: Request, recipe: Recipe, purpose: str) -> Path | None:
+    """An empty folder for the event files of one training, or None; those of an earlier try at it are removed.
+
+    It is named by the recipe: <runs_dir>/<experiment>/tracking/train-source-source-seed0-1f0c9ab2.
+    """
+    if not tracks(request):
+        return None
+    name = f"{purpose.replace('/', '-')}-seed{request.seed}-{recipe.key[:8]}"
+    folder = request.store.root / request.store.experiment / FOLDER / name
+    with disk_errors(folder):
+        for earlier in folder.rglob("events.out.tfevents.*"):
+            earlier.unlink()
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def tracking_remarks(request: Request) -> list[str]:
+    """Where event files lie and how they are looked at."""
+    if not tracks(request):
+        return []
+    place = request.store.root / request.store.experiment / FOLDER
+    return [f"event files of what was trained: tensorboard --logdir {place}"]
+
 
 VARIANTS = ("source", "randomised", "target")
 # Environment steps that a round of expert iteration takes as long as: a scale for the progress.
@@ -65,7 +103,7 @@ def write(request: Request, recipe: Recipe, folder: Path) -> Json:
         task = task.on_target()
     model = base_plant(request.config) if variant == "randomised" else None  # the middle of what is drawn
     purpose = f"train-source/{variant}"
-    events = tracking.events_of(request, recipe, purpose)
+    events = events_of(request, recipe, purpose)
     return train(request, plants[variant](request.config), task, purpose, folder, model, events)
 
 
@@ -164,7 +202,7 @@ STAGE = Stage(
     "train-source",
     recipe,
     write,
-    remarks=tracking.remarks,
+    remarks=tracking_remarks,
     format=TRAINING_FORMAT,
     code=IN_NUMBERS,
 )

@@ -17,9 +17,9 @@ from gpsim.errors import NoDiagnosis, UsageError
 from gpsim.files import disk_errors, file_digest, plain
 from gpsim.settings import build
 from gpsim.simulators import Simulator
-from gpsim.stages.code import blamed
 from gpsim.stages.diagnose import Task, open_recording, read_corrected, read_left_open
 from gpsim.stages.fleet import recordings_in
+from gpsim.stages.stage import blamed
 from gpsim.watching import Account, Alarm, Monitor, Stretch, WatchSettings, looked_at
 
 SCHEMA = "gpsim.watch/1"

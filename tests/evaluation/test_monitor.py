@@ -18,7 +18,7 @@ from gpsim.files import write_json
 from gpsim.recordings import Episode, Recording
 from gpsim.recordings.files import write_recording
 from gpsim.simulators import SimulatorPlant, make_simulator
-from gpsim.stages import deploy, safety
+from gpsim.stages import evaluate_deployed, safety
 from gpsim.stages.stage import Request
 from gpsim.targets import FrictionCartPole
 from gpsim.tasks import Balance
@@ -187,16 +187,16 @@ def test_recorded_drives_are_watched_as_they_would_have_been(tmp_path):
     known = drives_of(pole(0.9), ["a", "b", "c"], tmp_path / "known")
     words = [f"diagnosis={found_friction(tmp_path)}", f"recording={known}", "deploy.limits=null"]
     asked = Request(resolve(words, None), tuple(words))
-    same = deploy.replay(asked, [drives_of(pole(0.9), ["d"], tmp_path / "same")])
+    same = evaluate_deployed.replay(asked, [drives_of(pole(0.9), ["d"], tmp_path / "same")])
     assert same["drives"] == [{"drive": "d", "seconds": pytest.approx(1.2), "stopped_at": None, "why": None}]
-    other = deploy.replay(asked, [drives_of(pole(0.5), ["e"], tmp_path / "other")])
+    other = evaluate_deployed.replay(asked, [drives_of(pole(0.5), ["e"], tmp_path / "other")])
     assert other["drives"][0]["why"] == "the simulator no longer predicts it"
     assert 0.0 < other["drives"][0]["stopped_at"] < 0.6
-    lines = deploy.replay_lines(other)
+    lines = evaluate_deployed.replay_lines(other)
     assert lines[0].startswith("e: stopped after 0.")
     assert lines[1].startswith("1 of 1 drives would have been stopped; stated: a false stop in 10 minutes")
     tight = asked.having(deploy={**asked.config["deploy"], "limits": {"x_dot": 0.1}})
-    assert deploy.replay(tight, [tmp_path / "same"])["drives"][0]["why"] == "limit"
+    assert evaluate_deployed.replay(tight, [tmp_path / "same"])["drives"][0]["why"] == "limit"
     assert json.loads(json.dumps(other)) == other
 
 
@@ -232,4 +232,4 @@ def test_every_experiment_has_a_change_that_can_be_concealed(experiment):
 
 def test_a_log_that_is_not_there_is_one_line(tmp_path):
     with pytest.raises(UsageError, match="no such log"):
-        deploy.replay(Request(resolve([], None)), [tmp_path / "no.bag"])
+        evaluate_deployed.replay(Request(resolve([], None)), [tmp_path / "no.bag"])

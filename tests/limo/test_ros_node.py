@@ -16,7 +16,7 @@ from gpsim.gp import FitSettings, Predictor, fit_outputs
 from gpsim.policies.policy import Policy
 from gpsim.policies.ros_node import ros_node
 from gpsim.simulators import SimulatorPlant, make_simulator
-from gpsim.stages.export_monitor import facts_of
+from gpsim.stages.export import facts_of
 
 UNICYCLE = make_simulator("unicycle")
 POLICY = Policy({}, np.ones(2, np.float32), np.array([[0.0, -1.0], [0.5, 1.0]], np.float32))

@@ -21,7 +21,7 @@ from gpsim.errors import UsageError
 from gpsim.mjcf import open_simulator
 from gpsim.reports.diagnosis_page import page
 from gpsim.simulators import make_simulator
-from gpsim.stages.corrected_model import where_effects_go
+from gpsim.stages.diagnosis_files import where_effects_go
 from gpsim.stages.export import export_corrected_model
 
 SCHEMA = json.loads((files("gpsim.cli") / "schema.json").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ import pytest
 
 from gpsim.errors import Terminated, UsageError
 from gpsim.simulators import make_simulator
-from gpsim.stages.code import blamed
+from gpsim.stages.stage import blamed
 from gpsim.workers import WorkerDiedError
 
 pytestmark = pytest.mark.usefixtures("own_files")
